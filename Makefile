@@ -1,0 +1,134 @@
+# Set-up, demonstration, tests. `make` or `make help` lists the targets.
+
+# The Python to build the virtual environment with, and where to put it.
+PYTHON ?= python3
+VENV ?= .venv
+# The ROS 2 distribution whose wheels are installed: jazzy or kilted.
+ROS ?= jazzy
+# Words to add to a command, as in: make test ARGS="-k filters"
+ARGS ?=
+
+SHELL := /bin/sh
+.SHELLFLAGS := -ec
+.ONESHELL:
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+BIN := $(VENV)/bin
+RUNTIME := $(VENV)/.runtime
+DEV := $(VENV)/.dev
+# Says what the environment is and where; absent while packages are being installed.
+WHOLE := $(VENV)/.whole
+
+# The wheels bring a ROS 2 of their own. Another that was sourced, or the environment of a Python
+# that already runs on such wheels, must not be mixed in.
+ifneq ($(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
+unexport LD_LIBRARY_PATH
+endif
+unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH PYTHONHOME PYTHONPATH
+unexport RMW_IMPLEMENTATION ROS_DISTRO ROS_PYTHON_VERSION ROS_VERSION
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+# If not told which Python to take, look further than python3.
+ifeq ($(origin PYTHON),file)
+CANDIDATES := $(PYTHON) python3.13 python3.12 python3.11 python3.10
+else
+CANDIDATES := $(PYTHON)
+endif
+
+# Prints what the Python is, and fails where there are no ROS 2 wheels for it.
+define PROBE
+import platform, sys, sysconfig
+version, target = sys.version_info[:2], sysconfig.get_platform()
+libc = platform.libc_ver()[0]
+print("%s %d.%d on %s %s" % ((platform.python_implementation(),) + version + (target, libc)))
+supported = (3, 10) <= version <= (3, 13) and (target, libc) == ("linux-x86_64", "glibc")
+sys.exit(not (supported and platform.python_implementation() == "CPython"))
+endef
+export PROBE
+
+# pip, so that a stop in its middle leaves no environment that passes for a whole one.
+define pip_install
+rm -f $(WHOLE)
+trap 'exit 130' HUP INT TERM
+failed=
+$(BIN)/python -m pip install -qq --editable '.[$(1)]' || failed=yes
+echo "$(ROS) $$(pwd -P)" > $(WHOLE)
+[ -z "$$failed" ] || { echo "error: pip could not install haptic_accel[$(1)], see above" >&2; exit 1; }
+endef
+
+.PHONY: help
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' Makefile
+
+.PHONY: venv
+venv: $(RUNTIME) ## create .venv with everything that runs, .venv/bin/haptic-accel among it
+
+.PHONY: demo
+demo: $(RUNTIME) ## run the paper's experiment through the live ROS 2 graph
+	@$(BIN)/haptic-accel experiment $(ARGS)
+
+.PHONY: test
+test: $(DEV) ## run the test suite
+	@$(BIN)/python -m pytest $(ARGS)
+
+.PHONY: lint
+lint: $(DEV) ## check style (ruff) and types (mypy)
+	@failed=
+	$(BIN)/ruff check . || failed=yes
+	$(BIN)/ruff format --check . || failed=yes
+	$(BIN)/mypy || failed=yes
+	[ -z "$$failed" ]
+
+.PHONY: clean
+clean: ## remove what make, colcon and the tools wrote; results/ is kept
+	@rm -rf $(VENV) build install log *.egg-info .benchmarks .hypothesis
+	rm -rf .mypy_cache .pytest_cache .ruff_cache
+	find haptic_accel launch test -name __pycache__ -prune -exec rm -rf {} +
+
+# An environment that is not whole, was moved, has another ROS 2 or lost its Python is built anew.
+ifneq ($(shell [ -x $(BIN)/python3 ] && cat $(WHOLE) 2>/dev/null),$(ROS) $(CURDIR))
+.PHONY: $(RUNTIME)
+endif
+
+$(RUNTIME): Makefile package.xml pyproject.toml setup.cfg setup.py
+	@if [ "$$(cat $(WHOLE) 2>&1)" != "$(ROS) $$(pwd -P)" ] || ! [ -x $(BIN)/python3 ]; then
+	    python= found=
+	    for candidate in $(CANDIDATES); do
+	        if what=$$("$$candidate" -c "$$PROBE" 2>/dev/null); then
+	            python=$$candidate
+	            break
+	        fi
+	        [ -n "$$found" ] || found="$$candidate $${what:+is }$${what:-cannot be run}"
+	    done
+	    if [ -z "$$python" ]; then
+	        echo "error: needs CPython 3.10 to 3.13 on x86-64 Linux with glibc: $$found" \
+	            "(name another with PYTHON=)" >&2
+	        exit 1
+	    fi
+	    if ! "$$python" -c 'import ensurepip, venv' 2>/dev/null; then
+	        package=$$("$$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')
+	        if [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null; then
+	            echo "error: $$python cannot create virtual environments yet:" \
+	                "run  sudo apt-get install $$package" >&2
+	            exit 1
+	        fi
+	        echo "Installing $$package"
+	        export DEBIAN_FRONTEND=noninteractive
+	        apt-get update -qq && apt-get install -qq --no-install-recommends "$$package" \
+	            </dev/null >/dev/null || { echo "error: could not install $$package" >&2; exit 1; }
+	    fi
+	    echo "Creating $(VENV) with $$("$$python" -c "$$PROBE")"
+	    "$$python" -m venv --clear $(VENV)
+	    # Its packages are no part of a colcon workspace.
+	    touch $(VENV)/COLCON_IGNORE
+	fi
+	echo "Installing haptic_accel and ROS 2 $(ROS) into $(VENV)"
+	$(call pip_install,ros-$(ROS))
+	touch $@
+
+$(DEV): $(RUNTIME)
+	@echo "Installing the tools for tests and checks into $(VENV)"
+	$(call pip_install,dev)
+	touch $@

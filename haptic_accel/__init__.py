@@ -1,0 +1,1 @@
+"""Teleoperation with high-frequency acceleration feedback."""

@@ -1,0 +1,1 @@
+"""What computes: models, filters, controllers, rig and metrics, without ROS and in lockstep."""

@@ -1,0 +1,16 @@
+"""The controllers by name. A new one is a class in a file of its own and a line here."""
+
+from __future__ import annotations
+
+from haptic_accel.core.controllers.constant import ConstantController
+from haptic_accel.core.controllers.dynamic import DynamicController
+from haptic_accel.core.controllers.interface import Controller
+from haptic_accel.core.controllers.none import NoController
+
+CONTROLLERS: dict[str, type[Controller]] = {
+    "none": NoController,
+    "constant": ConstantController,
+    "dynamic": DynamicController,
+}
+
+__all__ = ["CONTROLLERS", "Controller"]

@@ -1,0 +1,100 @@
+"""Discrete filters that take one sample at a time, as second-order sections."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from haptic_accel.core.model import ApproximateModel, FloatArray
+
+# scipy.signal takes half a second to import: only who designs a filter waits for it.
+
+HIGH_PASS_ORDER = 4
+"""Order of the Butterworth high-pass (paper, section III)."""
+
+HIGH_PASS_FREQUENCY = 15.0
+"""Its corner in Hz (paper, section III)."""
+
+
+class SampleFilter:
+    """A cascade of second-order sections, transposed direct form II.
+
+    Parameters
+    ----------
+    sections : ndarray, shape (n, 6)
+        Rows b0 b1 b2 a0 a1 a2 with a0 = 1, as `scipy.signal` writes them.
+    """
+
+    # Plain floats: for one sample they are an order of magnitude faster than
+    # scipy.signal.sosfilt, whose result this equals.
+
+    def __init__(self, sections: FloatArray) -> None:
+        self._coefficients = [
+            (float(b0), float(b1), float(b2), float(a1), float(a2))
+            for b0, b1, b2, _, a1, a2 in sections
+        ]
+        self._memory = [[0.0, 0.0] for _ in self._coefficients]
+
+    def sample(self, value: float) -> float:
+        """Take one input sample, return one output sample."""
+        for (b0, b1, b2, a1, a2), memory in zip(self._coefficients, self._memory):  # noqa: B905
+            output = b0 * value + memory[0]
+            memory[0] = b1 * value - a1 * output + memory[1]
+            memory[1] = b2 * value - a2 * output
+            value = output
+        return value
+
+    def reset(self) -> None:
+        """Forget the past: the state of a filter that has always seen zero."""
+        for memory in self._memory:
+            memory[0] = memory[1] = 0.0
+
+
+def high_pass(frequency: float, rate: float) -> FloatArray:
+    """Sections of the paper's 4th-order Butterworth high-pass.
+
+    Parameters
+    ----------
+    frequency : float
+        Corner, Hz.
+    rate : float
+        Samples per second, more than twice `frequency`.
+    """
+    from scipy import signal
+
+    sections = signal.butter(HIGH_PASS_ORDER, frequency, "highpass", fs=rate, output="sos")
+    return np.asarray(sections, dtype=float)
+
+
+def high_passed(acceleration: FloatArray, frequency: float, rate: float) -> FloatArray:
+    """Pass a whole signal through the same high-pass as a controller's input."""
+    from scipy import signal
+
+    return np.asarray(signal.sosfilt(high_pass(frequency, rate), acceleration))
+
+
+def inverse_of(model: ApproximateModel, rate: float) -> FloatArray:
+    """Sections of the inverse of an approximate handle model: desired acceleration to force.
+
+    Each factor of the model is turned over and discretised by itself by the bilinear
+    transform, whose error at the model's 9 to 20 Hz is below 0.2 % at 1 kHz.
+
+    Parameters
+    ----------
+    model : ApproximateModel
+        The model to invert; its zeros become the poles of the result.
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    ndarray, shape (2, 6)
+        Second-order sections, N per m/s^2.
+    """
+    from scipy import signal
+
+    sections = []
+    for zeros, poles in model.sections():
+        numerator, denominator = signal.bilinear(poles, zeros, fs=rate)
+        sections.append(np.concatenate([numerator, denominator]))
+    sections[0][:3] /= model.gain
+    return np.array(sections)

@@ -1,0 +1,212 @@
+"""Parameters that know their unit and range, and say in one line what is wrong with a value."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+_SPECIFICATION = "parameter"
+
+
+class ParameterError(ValueError):
+    """A value that a user gave is not allowed; the message is one line fit to be shown."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Specification:
+    """What is known of one parameter besides its value.
+
+    Attributes
+    ----------
+    text : str
+        What the parameter means, and where its default comes from.
+    unit : str
+        SI unit, empty for a pure number.
+    low, high : float or None
+        Smallest and largest value allowed; ``None`` means no bound.
+    above : bool
+        Whether `low` itself is excluded.
+    choices : tuple of str
+        The allowed words of a string parameter; empty where any is allowed.
+    """
+
+    text: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    above: bool = False
+    choices: tuple[str, ...] = ()
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values in words."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        unit = f" {self.unit}" if self.unit else ""
+        if self.low is not None and self.high is not None:
+            start = "above" if self.above else "from"
+            return f"{start} {self.low:g} to {self.high:g}{unit}"
+        if self.low is not None:
+            return f"{'above' if self.above else 'at least'} {self.low:g}{unit}"
+        if self.high is not None:
+            return f"at most {self.high:g}{unit}"
+        return f"a finite number{unit}"
+
+    def admits(self, number: float) -> bool:
+        """Whether a number is finite and within the bounds."""
+        try:
+            if not math.isfinite(number):
+                return False
+        except OverflowError:  # a whole number larger than any float
+            return False
+        if self.low is not None and (number < self.low or (self.above and number == self.low)):
+            return False
+        return self.high is None or number <= self.high
+
+
+def parameter(
+    default: Any,
+    text: str,
+    *,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    above: bool = False,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Declare a dataclass field as a parameter: its default with a `Specification`."""
+    specification = Specification(text, unit, low, high, above, choices)
+    return dataclasses.field(default=default, metadata={_SPECIFICATION: specification})
+
+
+def checked(name: str, value: Any, default: Any, specification: Specification) -> Any:
+    """Return a value in the type of its default, or say what is wrong with it.
+
+    Parameters
+    ----------
+    name : str
+        What to call the parameter in the message.
+    value
+        The value as given: from a file, a command line or code.
+    default
+        The default, whose type (bool, int, float or str) the result has.
+    specification : Specification
+        Range and choices.
+
+    Raises
+    ------
+    ParameterError
+        Wrong type, not finite, out of range, or not one of the choices.
+    """
+    wrong = ParameterError(f"{name} = {_shown(value)}: must be {_allowed(default, specification)}")
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise wrong
+        return value
+    if isinstance(default, str):
+        if not isinstance(value, str):
+            raise wrong
+        if specification.choices and value not in specification.choices:
+            raise wrong
+        return value
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise wrong
+    if not specification.admits(value):
+        raise wrong
+    if isinstance(default, int):
+        if value != int(value):
+            raise wrong
+        return int(value)
+    return float(value)
+
+
+def _allowed(default: Any, specification: Specification) -> str:
+    if isinstance(default, bool):
+        return "true or false"
+    if isinstance(default, str):
+        return specification.allowed if specification.choices else "text"
+    if isinstance(default, int):
+        return f"a whole number, {specification.allowed}"
+    return specification.allowed
+
+
+def _shown(value: Any) -> str:
+    return repr(value) if isinstance(value, str) else str(value)
+
+
+class Checked:
+    """Base of parameter dataclasses: every field is checked when one is built."""
+
+    def __post_init__(self) -> None:
+        """Check all fields.
+
+        Raises
+        ------
+        ParameterError
+            Naming the class' field, the value and what is allowed.
+        """
+        for name, (default, specification) in schema(type(self)).items():
+            value = checked(name, getattr(self, name), default, specification)
+            object.__setattr__(self, name, value)
+
+
+Schema = dict[str, tuple[Any, Specification]]
+"""Default and specification by dotted name."""
+
+
+def schema(parameters: type, prefix: str = "") -> Schema:
+    """Return all parameters of a dataclass and of those nested in it, by dotted name.
+
+    Parameters
+    ----------
+    parameters : type
+        A dataclass whose fields are parameters or dataclasses of parameters.
+    prefix : str
+        Put before every name, with its dot.
+    """
+    found: Schema = {}
+    for field in dataclasses.fields(parameters):
+        name = prefix + field.name
+        if _SPECIFICATION in field.metadata:
+            found[name] = (field.default, field.metadata[_SPECIFICATION])
+        else:
+            found |= schema(_nested(field), name + ".")
+    return found
+
+
+def from_flat(parameters: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
+    """Build a dataclass, and those nested in it, from values by dotted name.
+
+    Parameters
+    ----------
+    parameters : type
+        The dataclass.
+    values : mapping
+        Values by dotted name; missing ones keep their default, others are not looked at.
+    prefix : str
+        Before every name, with its dot.
+
+    Raises
+    ------
+    ParameterError
+        A value that is not allowed, by its dotted name.
+    """
+    fields: dict[str, Any] = {}
+    for field in dataclasses.fields(parameters):  # type: ignore[arg-type]
+        name = prefix + field.name
+        if _SPECIFICATION not in field.metadata:
+            fields[field.name] = from_flat(_nested(field), values, name + ".")
+        elif name in values:
+            specification = field.metadata[_SPECIFICATION]
+            fields[field.name] = checked(name, values[name], field.default, specification)
+    return parameters(**fields)
+
+
+def _nested(field: dataclasses.Field[Any]) -> type:
+    if not isinstance(field.default_factory, type):
+        raise TypeError(f"{field.name}: neither a parameter nor a dataclass of parameters")
+    return field.default_factory

@@ -1,0 +1,124 @@
+"""The scripted hand: where the user wants the handle to be while exploring a surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import Checked, parameter
+
+TABLE_STEP = 1e-3
+"""Step of the velocity table, s: the hand's velocity is linear in between."""
+
+
+@dataclass(frozen=True)
+class ExplorationParameters(Checked):
+    """Approach, press, strokes back and forth, lift; then again."""
+
+    height: float = parameter(
+        0.010, "height above the surface at rest", unit="m", low=0.0, high=0.1
+    )
+    approach_time: float = parameter(
+        0.6, "time of the approach, and of the lift", unit="s", low=0.1, high=10.0
+    )
+    press_depth: float = parameter(
+        0.0047,
+        "how far below the surface the hand wants to be: about 1 N through the coupling's"
+        " 250 N/m and the grip's 1500 N/m in series",
+        unit="m",
+        low=0.0,
+        high=0.1,
+    )
+    stroke_speed: float = parameter(0.1, "speed along the surface", unit="m/s", low=0, high=1.0)
+    stroke_length: float = parameter(0.08, "length of one stroke", unit="m", low=0.001, high=1.0)
+    turn_time: float = parameter(
+        0.15, "time to turn round between strokes", unit="s", low=0.02, high=5.0
+    )
+    strokes: int = parameter(4, "strokes before the tool is lifted", low=1, high=1000)
+    pause: float = parameter(0.2, "rest after each lift", unit="s", low=0.0, high=60.0)
+
+
+class Exploration:
+    """Position and velocity of the hand along the surface (x) and its normal (z).
+
+    The velocity is tabulated and linear between the table's points, and the position is its
+    exact integral: what a mechanics with piecewise constant hand acceleration needs.
+    """
+
+    def __init__(self, parameters: ExplorationParameters) -> None:
+        velocity = _cycle(parameters)
+        increments = (velocity[:-1] + velocity[1:]) * (TABLE_STEP / 2)
+        position = np.vstack([np.zeros(2), np.cumsum(increments, axis=0)])
+        position[:, 1] += parameters.height
+        self._velocity = velocity.tolist()
+        self._position = position.tolist()
+        self._last = len(self._velocity) - 1
+
+    @property
+    def period(self) -> float:
+        """Length of one cycle, s; each begins where the one before ended."""
+        return self._last * TABLE_STEP
+
+    def at(self, time: float) -> tuple[float, float, float, float]:
+        """Return x, z in m and their velocities in m/s at a time in s; before 0, at rest."""
+        place = max(0.0, time / TABLE_STEP) % self._last
+        index = int(place)
+        part = place - index
+        x, z = self._position[index]
+        v_x, v_z = self._velocity[index]
+        next_x, next_z = self._velocity[index + 1]
+        dv_x, dv_z = (next_x - v_x) * part, (next_z - v_z) * part
+        elapsed = part * TABLE_STEP
+        return (
+            x + (v_x + dv_x / 2) * elapsed,
+            z + (v_z + dv_z / 2) * elapsed,
+            v_x + dv_x,
+            v_z + dv_z,
+        )
+
+
+def _cycle(parameters: ExplorationParameters) -> FloatArray:
+    """Velocities (x, z) of one cycle on the table's times."""
+    travel = parameters.height + parameters.press_depth
+    down = _minimum_jerk(parameters.approach_time, -travel)
+    strokes = _strokes(parameters)
+    still = np.zeros(_points(parameters.pause))
+    along = np.concatenate([np.zeros(len(down)), strokes, np.zeros(len(down)), still, [0.0]])
+    normal = np.concatenate([down, np.zeros(len(strokes)), -down, still, [0.0]])
+    return np.stack([along, normal], axis=1)
+
+
+def _minimum_jerk(duration: float, distance: float) -> FloatArray:
+    """Velocities of a minimum-jerk reach (Flash and Hogan 1985), without its last point."""
+    points = _points(duration)
+    s = np.arange(points) / points
+    velocity = s**2 * (1 - s) ** 2
+    return np.asarray(distance * velocity / (velocity.sum() * TABLE_STEP))
+
+
+def _strokes(parameters: ExplorationParameters) -> FloatArray:
+    """Velocities of strokes to and fro that turn round smoothly and end where they began."""
+    turn = _points(parameters.turn_time)
+    ramp = (1 - np.cos(np.pi * np.arange(turn) / turn)) / 2
+    # A stroke's two half turns, cosine-shaped, cover 2/pi of their time at full speed.
+    cruise_time = parameters.stroke_length / max(parameters.stroke_speed, 1e-3)
+    cruise = _points(max(0.0, cruise_time - parameters.turn_time * 2 / np.pi))
+    profile = [ramp, np.ones(cruise)]
+    direction = 1.0
+    for _ in range(parameters.strokes - 1):
+        profile.append(direction * (1 - 2 * ramp))
+        direction = -direction
+        profile.append(direction * np.ones(cruise))
+    profile.append(direction * (1 - ramp))
+    velocity = np.concatenate(profile)
+    if parameters.strokes % 2:
+        # An odd number of strokes ends at the far side: come back without pressing matter.
+        velocity = np.concatenate([velocity, -velocity])
+    # Remove the rounding of the ramps, so that the hand does not wander from cycle to cycle.
+    return np.asarray(parameters.stroke_speed * (velocity - velocity.mean()))
+
+
+def _points(duration: float) -> int:
+    return round(duration / TABLE_STEP)

@@ -1,0 +1,50 @@
+"""What both rigs have in common."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from haptic_accel.core.coupling import Vector
+
+LONGEST_ADVANCE = 0.1
+"""Longest time simulated in one go, s; after a longer stall the rig has stood still."""
+
+
+class Sample(NamedTuple):
+    """One reading of an arm and its accelerometer.
+
+    Attributes
+    ----------
+    position : tuple of float
+        Tip or handle in the arm's base frame, m.
+    velocity : tuple of float
+        m/s.
+    acceleration : float
+        Along the actuator's axis (z of the tool or handle frame), m/s^2.
+    """
+
+    position: Vector
+    velocity: Vector
+    acceleration: float
+
+
+class Rig(Protocol):
+    """One side of the virtual rig; times in s from its start."""
+
+    def advance(self, time: float) -> None:
+        """Let physics run until a time; one that has passed changes nothing."""
+
+    def measure(self) -> Sample:
+        """Return what encoders and accelerometer say now."""
+
+    def apply_arm_force(self, force: Vector) -> None:
+        """Set the force of the arm's motors, N."""
+
+    def apply_actuator_force(self, force: float) -> None:
+        """Set the force of the handle's actuator, N."""
+
+    def release(self) -> None:
+        """Take all forces off."""
+
+    def status(self) -> dict[str, int]:
+        """Return counts of what went beyond a range, by name."""

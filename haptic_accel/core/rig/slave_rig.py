@@ -1,0 +1,238 @@
+"""The slave of the virtual rig: an arm's tip dragged over a surface, with its accelerometer."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from haptic_accel.core.coupling import Vector
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.rig.instruments import (
+    Accelerometer,
+    AccelerometerParameters,
+    ArmParameters,
+)
+from haptic_accel.core.rig.interface import LONGEST_ADVANCE, Sample
+from haptic_accel.core.rig.surface import (
+    PROFILE_POINTS,
+    PROFILE_STEP,
+    SurfaceParameters,
+    height_profile,
+)
+
+PHYSICS_STEP = 100e-6
+"""Longest step of the contact's integration, s; half of it changes results by less than 1 %."""
+
+
+NOISE_STREAM = 2
+"""Keeps this accelerometer's noise apart from the master's, which may have the same seed."""
+
+
+@dataclass(frozen=True)
+class ToolParameters(Checked):
+    """The slave arm's tip."""
+
+    mass: float = parameter(
+        0.060,
+        "apparent mass: 45 g of a Phantom Omni (its data sheet) and 15 g of tool",
+        unit="kg",
+        low=0.001,
+        high=10.0,
+    )
+    viscous_friction: float = parameter(
+        3.0, "damping of the arm's joints at the tip (assumed)", unit="N s/m", low=0, high=50.0
+    )
+    coulomb_friction: float = parameter(
+        0.1,
+        "dry friction of the joints at the tip (data sheet: below 0.26 N)",
+        unit="N",
+        low=0,
+        high=5.0,
+    )
+    slip_velocity: float = parameter(
+        5e-3, "speed at which dry friction has 0.7 of its force", unit="m/s", low=1e-3, high=1.0
+    )
+    height: float = parameter(
+        0.010, "height of the tip above the surface at the start", unit="m", low=0, high=0.1
+    )
+
+
+@dataclass(frozen=True)
+class SlaveRigParameters:
+    """All parameters of the simulated slave."""
+
+    tool: ToolParameters = field(default_factory=ToolParameters)
+    accelerometer: AccelerometerParameters = field(default_factory=AccelerometerParameters)
+    arm: ArmParameters = field(default_factory=ArmParameters)
+    surface: SurfaceParameters = field(default_factory=SurfaceParameters)
+
+
+class SlaveRig:
+    """A point mass with friction, driven by the arm's motors, touching a textured surface.
+
+    The surface can only push (Hertz contact with Hunt-Crossley damping), so that harder
+    pressing makes it stiffer and passes more of the texture on; the tip's height follows the
+    profile at the speed of the stroke.
+
+    Parameters
+    ----------
+    parameters : SlaveRigParameters
+    rate : float
+        Samples per second at which it is read.
+    seed : int
+        Of the texture and the accelerometer's noise.
+    recording : ndarray, optional
+        Tool acceleration in m/s^2 at `rate`, played over and over in place of the
+        simulated one, from the first sample after the arm got its first force.
+    physics_step : float
+        Longest step of integration, s.
+    """
+
+    def __init__(
+        self,
+        parameters: SlaveRigParameters,
+        rate: float,
+        seed: int = 0,
+        recording: FloatArray | None = None,
+        physics_step: float = PHYSICS_STEP,
+    ) -> None:
+        self._p = parameters
+        self._rate = rate
+        self._longest_step = physics_step
+        self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
+        self._profile = height_profile(parameters.surface, seed).tolist()
+        self._recording = None if recording is None else recording.tolist()
+        self._corner = 2 * math.pi * parameters.accelerometer.bandwidth
+        self._force_x = self._force_z = 0.0
+        self._now = 0.0
+        self._driven = False
+        self._played_since: float | None = None
+        self._x, self._v_x = 0.0, 0.0
+        self._z, self._v_z = parameters.tool.height, 0.0
+        self._low_passed = 0.0
+        self._acceleration_x, self._acceleration_z = self._accelerations()
+
+    @property
+    def contact_force(self) -> float:
+        """Normal force of the surface on the tip, N."""
+        return self._contact()[0]
+
+    def advance(self, time: float) -> None:
+        """Let physics run until a time in s; a time that has passed changes nothing."""
+        due = time - self._now
+        if due <= 0:
+            return
+        self._now = time
+        due = min(due, LONGEST_ADVANCE)
+        steps = max(1, math.ceil(due / self._longest_step - 1e-6))
+        step = due / steps
+        decay = math.exp(-self._corner * step)
+        # A step's share of its first and last acceleration in the low-pass, the
+        # acceleration taken as linear in between.
+        mean = (1 - decay) / (self._corner * step)
+        first, last = mean - decay, 1 - mean
+        # The motors' force changes only here: the low-pass must see its jump.
+        self._acceleration_x, self._acceleration_z = self._accelerations()
+        for _ in range(steps):
+            before = self._acceleration_z
+            self._step(step)
+            self._low_passed = (
+                decay * self._low_passed + first * before + last * self._acceleration_z
+            )
+
+    def measure(self) -> Sample:
+        """Return what encoders and accelerometer say now."""
+        encoded = self._p.arm.encoded
+        return Sample(
+            position=(encoded(self._x), 0.0, encoded(self._z)),
+            velocity=(self._v_x, 0.0, self._v_z),
+            acceleration=self._tool_acceleration(),
+        )
+
+    def apply_arm_force(self, force: Vector) -> None:
+        """Set the force of the arm's motors, N, each axis up to their limit."""
+        self._driven = True
+        motor_force = self._p.arm.motor_force
+        self._force_x, self._force_z = motor_force(force[0]), motor_force(force[2])
+
+    def apply_actuator_force(self, force: float) -> None:
+        """Do nothing: the slave's tool has no actuator."""
+
+    def release(self) -> None:
+        """Take the motors' force off."""
+        self._force_x = self._force_z = 0.0
+
+    def status(self) -> dict[str, int]:
+        """Return the count of samples beyond the accelerometer's range."""
+        return {"accelerometer_saturated": self._accelerometer.saturated}
+
+    def energy(self) -> float:
+        """Return kinetic energy and the contact's elastic energy, J."""
+        penetration = max(0.0, self._height()[0] - self._z)
+        kinetic = self._p.tool.mass * (self._v_x**2 + self._v_z**2) / 2
+        return kinetic + self._p.surface.stiffness * float(penetration**2.5) / 2.5
+
+    def disturb(self, velocity_x: float = 0.0, velocity_z: float = 0.0) -> None:
+        """Set the tip's velocity, m/s: a throw, for tests and experiments."""
+        self._v_x, self._v_z = velocity_x, velocity_z
+        self._acceleration_x, self._acceleration_z = self._accelerations()
+
+    def _tool_acceleration(self) -> float:
+        if self._recording is None:
+            return self._accelerometer.measure(self._low_passed)
+        if not self._driven:
+            return 0.0
+        if self._played_since is None:
+            # From a sample and not from the force, which may fall in the middle between two.
+            self._played_since = self._now
+        # The recording went through a sensor already: it is played as it is.
+        index = round((self._now - self._played_since) * self._rate)
+        return float(self._recording[index % len(self._recording)])
+
+    def _step(self, step: float) -> None:
+        """One step of the velocity Verlet scheme, whose energy does not drift."""
+        a_x, a_z = self._acceleration_x, self._acceleration_z
+        half_x, half_z = self._v_x + step / 2 * a_x, self._v_z + step / 2 * a_z
+        self._x += step * half_x
+        self._z += step * half_z
+        # Friction depends on velocity: a predicted one keeps the scheme second-order.
+        self._v_x += step * a_x
+        self._v_z += step * a_z
+        self._acceleration_x, self._acceleration_z = self._accelerations()
+        self._v_x = half_x + step / 2 * self._acceleration_x
+        self._v_z = half_z + step / 2 * self._acceleration_z
+
+    def _accelerations(self) -> tuple[float, float]:
+        tool = self._p.tool
+        normal, slope = self._contact()
+        v_x, v_z = self._v_x, self._v_z
+        slipping = math.sqrt(v_x * v_x + v_z * v_z + tool.slip_velocity**2)
+        joints = tool.viscous_friction + tool.coulomb_friction / slipping
+        force_x = self._force_x - joints * v_x
+        force_z = self._force_z - joints * v_z
+        if normal > 0:
+            friction = self._p.surface.friction * normal
+            force_x -= friction * v_x / slipping + normal * slope
+            force_z += normal
+        return force_x / tool.mass, force_z / tool.mass
+
+    def _contact(self) -> tuple[float, float]:
+        """Return the normal force in N, never negative, and the slope of the surface."""
+        height, slope = self._height()
+        penetration = height - self._z
+        if penetration <= 0:
+            return 0.0, slope
+        surface = self._p.surface
+        approach = slope * self._v_x - self._v_z
+        elastic = surface.stiffness * penetration * math.sqrt(penetration)
+        return max(0.0, elastic * (1 + surface.contact_damping * approach)), slope
+
+    def _height(self) -> tuple[float, float]:
+        """Height in m and slope of the surface at the tip, linear between profile points."""
+        place = self._x / PROFILE_STEP
+        index = math.floor(place)
+        profile = self._profile
+        height = profile[index % PROFILE_POINTS]
+        rise = profile[(index + 1) % PROFILE_POINTS] - height
+        return height + rise * (place - index), rise / PROFILE_STEP

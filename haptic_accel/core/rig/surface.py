@@ -1,0 +1,116 @@
+"""Surfaces: what the tool touches, and the height profile that makes a texture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import Checked, parameter
+
+PROFILE_STEP = 5e-6
+"""Spacing of the height profile, m: a sixtieth of the shortest wavelength allowed."""
+
+PROFILE_POINTS = 2**16
+"""Points of the profile, which repeats every 0.33 m; strokes are shorter."""
+
+
+@dataclass(frozen=True)
+class SurfaceParameters(Checked):
+    """A surface as the tool's tip meets it: contact, friction, and two kinds of texture."""
+
+    name: str = parameter("plain", "name shown in results")
+    stiffness: float = parameter(
+        3e6,
+        "contact force is stiffness times penetration^1.5 (Hertz)",
+        unit="N/m^1.5",
+        low=1e3,
+        high=1e8,
+    )
+    contact_damping: float = parameter(
+        15.0,
+        "factor of penetration velocity in the contact force (Hunt and Crossley 1975)",
+        unit="s/m",
+        low=0.0,
+        high=1e3,
+    )
+    friction: float = parameter(0.3, "coefficient of sliding friction", low=0.0, high=2.0)
+    roughness: float = parameter(
+        0.0, "RMS height of the irregular texture", unit="m", low=0.0, high=1e-3
+    )
+    shortest_wavelength: float = parameter(
+        0.4e-3,
+        "of the irregular texture; the tip's radius cannot feel much shorter ones",
+        unit="m",
+        low=0.3e-3,
+        high=0.1,
+    )
+    longest_wavelength: float = parameter(
+        4e-3, "of the irregular texture", unit="m", low=0.3e-3, high=0.1
+    )
+    roughness_exponent: float = parameter(
+        1.0, "height power falls with spatial frequency to this power", low=0.0, high=6.0
+    )
+    bump_height: float = parameter(
+        0.0, "height of raised features; 0 for none", unit="m", low=0.0, high=1e-3
+    )
+    bump_width: float = parameter(
+        0.6e-3, "width of a raised feature at half height", unit="m", low=0.1e-3, high=0.05
+    )
+    bump_pitch: float = parameter(
+        2e-3, "mean distance of raised features", unit="m", low=0.2e-3, high=0.1
+    )
+    bump_irregularity: float = parameter(
+        0.0, "standard deviation of that distance over its mean", low=0.0, high=1.0
+    )
+
+
+def height_profile(surface: SurfaceParameters, seed: int) -> FloatArray:
+    """Return heights in m at multiples of `PROFILE_STEP`, periodic in `PROFILE_POINTS`.
+
+    Parameters
+    ----------
+    surface : SurfaceParameters
+    seed : int
+        Another seed is another piece of the same material.
+    """
+    random = np.random.default_rng(seed)
+    return _roughness(surface, random) + _bumps(surface, random)
+
+
+def _roughness(surface: SurfaceParameters, random: np.random.Generator) -> FloatArray:
+    """Gaussian noise with a power-law spectrum between two wavelengths."""
+    phases = np.exp(2j * np.pi * random.random(PROFILE_POINTS // 2 + 1))
+    if surface.roughness == 0:
+        return np.zeros(PROFILE_POINTS)
+    frequency = np.fft.rfftfreq(PROFILE_POINTS, PROFILE_STEP)
+    within = (frequency >= 1 / surface.longest_wavelength) & (
+        frequency <= 1 / surface.shortest_wavelength
+    )
+    amplitude = np.zeros(len(frequency))
+    amplitude[within] = frequency[within] ** (-surface.roughness_exponent / 2)
+    heights = np.fft.irfft(amplitude * phases, PROFILE_POINTS)
+    deviation = heights.std()
+    # No wavelength of a periodic profile may lie between the two: then it is smooth.
+    return np.asarray(heights * (surface.roughness / deviation if deviation > 0 else 0.0))
+
+
+def _bumps(surface: SurfaceParameters, random: np.random.Generator) -> FloatArray:
+    """Gaussian-shaped ridges at more or less regular distances."""
+    length = PROFILE_POINTS * PROFILE_STEP
+    if surface.bump_height == 0:
+        return np.zeros(PROFILE_POINTS)
+    count = max(1, round(length / surface.bump_pitch))
+    spread = surface.bump_irregularity * length / count
+    centres = np.arange(count) * (length / count) + random.normal(0.0, 1.0, count) * spread
+    impulses = np.bincount(
+        np.round(centres / PROFILE_STEP).astype(int) % PROFILE_POINTS, minlength=PROFILE_POINTS
+    )
+    position = np.arange(PROFILE_POINTS) * PROFILE_STEP
+    distance = np.minimum(position, length - position)
+    # Full width at half height of a Gaussian: 2 sqrt(2 ln 2) standard deviations.
+    sigma = surface.bump_width / (2 * np.sqrt(2 * np.log(2)))
+    ridge = surface.bump_height * np.exp(-0.5 * (distance / sigma) ** 2)
+    heights = np.fft.irfft(np.fft.rfft(impulses) * np.fft.rfft(ridge), PROFILE_POINTS)
+    return np.asarray(heights)

@@ -1,0 +1,184 @@
+"""One condition of the experiment: its signals, and the lockstep trial that makes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from haptic_accel.core.compensation import Compensation, CompensationParameters
+from haptic_accel.core.coupling import CouplingParameters, PositionPositionCoupling
+from haptic_accel.core.filters import HIGH_PASS_FREQUENCY, high_passed
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters
+
+DEFAULT_RATE = 1000.0
+"""Samples per second of the paper's servo loop."""
+
+
+@dataclass(frozen=True)
+class RigParameters:
+    """Both sides of the virtual rig and what couples them."""
+
+    master: MasterRigParameters = field(default_factory=MasterRigParameters)
+    slave: SlaveRigParameters = field(default_factory=SlaveRigParameters)
+    coupling: CouplingParameters = field(default_factory=CouplingParameters)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Signals of one condition, all of shape (n,) on the same sampling times.
+
+    Attributes
+    ----------
+    surface, controller : str
+        The condition.
+    rate : float
+        Samples per second.
+    time : ndarray
+        s.
+    tool_acceleration : ndarray
+        As the slave's accelerometer gave it, m/s^2.
+    desired_acceleration : ndarray
+        The same, high-passed by the compensator, m/s^2.
+    handle_acceleration : ndarray
+        As the master's accelerometer gave it, m/s^2.
+    actuator_force : ndarray
+        As commanded, N.
+    high_pass_frequency : float
+        Corner of the compensator's high-pass, Hz.
+    """
+
+    surface: str
+    controller: str
+    rate: float
+    time: FloatArray
+    tool_acceleration: FloatArray
+    desired_acceleration: FloatArray
+    handle_acceleration: FloatArray
+    actuator_force: FloatArray
+    high_pass_frequency: float = HIGH_PASS_FREQUENCY
+
+    @property
+    def actual_acceleration(self) -> FloatArray:
+        """The handle's acceleration through the same high-pass as the tool's, m/s^2.
+
+        Hand motion and gravity, which the desired acceleration has lost, must not count as
+        error.
+        """
+        return high_passed(self.handle_acceleration, self.high_pass_frequency, self.rate)
+
+    @property
+    def seconds(self) -> float:
+        """Length of the trial."""
+        return len(self.time) / self.rate
+
+
+def run_trial(
+    controller: str = "dynamic",
+    rig: RigParameters | None = None,
+    *,
+    duration: float = 10.0,
+    rate: float = DEFAULT_RATE,
+    seed: int = 0,
+    recording: FloatArray | None = None,
+    compensation: CompensationParameters | None = None,
+    controllers: Mapping[str, Checked] | None = None,
+    physics_step: float = PHYSICS_STEP,
+) -> Trial:
+    """Run one condition in lockstep: no clock, no thread, the same result every time.
+
+    Each sample, both rigs are read, the coupling and the compensation computed and their
+    forces applied at once; what they do is seen one sample later, the paper's tau_d.
+
+    Parameters
+    ----------
+    controller : str
+        Name of a controller.
+    rig : RigParameters, optional
+        Table I and a smooth surface otherwise.
+    duration : float
+        s.
+    rate : float
+        Samples per second.
+    seed : int
+        Of texture and noise.
+    recording : ndarray, optional
+        Tool acceleration at `rate` in place of the simulated one, m/s^2.
+    compensation : CompensationParameters, optional
+        High-pass and limit; its `controller` is replaced by the one named.
+    controllers : mapping, optional
+        Parameters of controllers by name.
+    physics_step : float
+        Longest step of the contact's integration, s.
+
+    Returns
+    -------
+    Trial
+
+    Raises
+    ------
+    ParameterError
+        Unknown controller, or a rate or duration that is not allowed.
+    """
+    if not (np.isfinite(rate) and rate > 0):
+        raise ParameterError(f"rate = {rate}: must be above 0 Hz")
+    if not (np.isfinite(duration) and duration * rate >= 1):
+        raise ParameterError(f"duration = {duration}: must hold at least one sample")
+    rig = rig or RigParameters()
+    around = compensation or CompensationParameters()
+    around = CompensationParameters(controller, around.high_pass_frequency, around.peak_force)
+    samples = round(duration * rate)
+    return _run(
+        MasterRig(rig.master, rate, seed),
+        SlaveRig(rig.slave, rate, seed, recording, physics_step),
+        PositionPositionCoupling(rig.coupling),
+        Compensation(around, rate, controllers),
+        Trial(
+            surface=rig.slave.surface.name,
+            controller=controller,
+            rate=rate,
+            time=np.arange(samples) / rate,
+            **{name: np.zeros(samples) for name in _SIGNALS},
+            high_pass_frequency=around.high_pass_frequency,
+        ),
+    )
+
+
+_SIGNALS = (
+    "tool_acceleration",
+    "desired_acceleration",
+    "handle_acceleration",
+    "actuator_force",
+)
+
+
+def _run(
+    master: MasterRig,
+    slave: SlaveRig,
+    coupling: PositionPositionCoupling,
+    compensation: Compensation,
+    trial: Trial,
+) -> Trial:
+    """Fill a trial's signals sample by sample."""
+    for index, time in enumerate(trial.time.tolist()):
+        master.advance(time)
+        slave.advance(time)
+        handle, tool = master.measure(), slave.measure()
+        if not coupling.engaged:
+            coupling.engage(handle.position, tool.position)
+        on_master, on_slave = coupling.forces(
+            handle.position, tool.position, handle.velocity, tool.velocity
+        )
+        desired, force = compensation.sample(tool.acceleration, handle.acceleration)
+        master.apply_arm_force(on_master)
+        slave.apply_arm_force(on_slave)
+        master.apply_actuator_force(force)
+        trial.tool_acceleration[index] = tool.acceleration
+        trial.desired_acceleration[index] = desired
+        trial.handle_acceleration[index] = handle.acceleration
+        trial.actuator_force[index] = force
+    return trial

@@ -1,0 +1,97 @@
+"""What every device has: parameters, open, read, write, close."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+from haptic_accel.core.coupling import Vector
+from haptic_accel.core.rig.interface import Sample
+
+__all__ = ["Device", "DeviceError", "Sample"]
+
+
+class DeviceError(RuntimeError):
+    """A device cannot be opened or does not answer; the message is one line fit to be shown."""
+
+
+class Device(ABC):
+    """An arm with an accelerometer, and at the master an actuator in the handle.
+
+    A subclass names its parameter dataclass in `Parameters`; the device nodes declare its
+    fields as ROS parameters below the device's name. Times are seconds on the caller's
+    clock, from any origin and never backwards; a device with a clock of its own may ignore
+    them.
+
+    Parameters
+    ----------
+    parameters
+        An instance of the class' `Parameters`.
+    rate : float
+        Samples per second at which it will be read.
+    seed : int
+        For what is random in it, if anything is.
+    """
+
+    Parameters: ClassVar[type]
+
+    @abstractmethod
+    def __init__(self, parameters: Any, rate: float, seed: int) -> None: ...
+
+    @abstractmethod
+    def open(self) -> None:
+        """Get ready to be read and written, with zero force.
+
+        Raises
+        ------
+        DeviceError
+            It cannot be opened.
+        """
+
+    @abstractmethod
+    def read(self, time: float) -> Sample:
+        """Return the sample of an instant.
+
+        Parameters
+        ----------
+        time : float
+            The instant the sample is for: a tick of the caller's rate, now or just past.
+
+        Raises
+        ------
+        DeviceError
+            It does not answer.
+        """
+
+    @abstractmethod
+    def write(
+        self,
+        time: float,
+        *,
+        arm_force: Vector | None = None,
+        actuator_force: float | None = None,
+    ) -> None:
+        """Apply forces at once; what is not given stays as it is.
+
+        Parameters
+        ----------
+        time : float
+            Now.
+        arm_force : tuple of float, optional
+            Force of the arm's motors in its base frame, N.
+        actuator_force : float, optional
+            Force of the handle's actuator, N; a slave has none and ignores it.
+
+        Raises
+        ------
+        DeviceError
+            It does not answer.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Leave the device with zero force, also when it was never opened."""
+
+    def status(self) -> dict[str, int]:
+        """Return counts worth showing in diagnostics, by name."""
+        return {}

@@ -1,0 +1,106 @@
+"""The devices that are always there: the two sides of the virtual rig."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from haptic_accel.core.coupling import Vector
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.recording import crossfaded, read_recording
+from haptic_accel.core.rig.interface import Rig
+from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
+from haptic_accel.devices.interface import Device, Sample
+
+
+class SimulatedDevice(Device):
+    """A rig that samples exactly at the times asked for, as a converter with a clock does."""
+
+    _rig: Rig
+
+    def open(self) -> None:
+        """Start the rig's time with the first read or write."""
+        self._origin: float | None = None
+
+    def read(self, time: float) -> Sample:
+        """Let physics run until `time` and return the sample then."""
+        self._rig.advance(self._elapsed(time))
+        return self._rig.measure()
+
+    def write(
+        self,
+        time: float,
+        *,
+        arm_force: Vector | None = None,
+        actuator_force: float | None = None,
+    ) -> None:
+        """Let physics run until `time`, then change the forces."""
+        self._rig.advance(self._elapsed(time))
+        if arm_force is not None:
+            self._rig.apply_arm_force(arm_force)
+        if actuator_force is not None:
+            self._rig.apply_actuator_force(actuator_force)
+
+    def close(self) -> None:
+        """Take all forces off."""
+        self._rig.release()
+
+    def status(self) -> dict[str, int]:
+        """Return the rig's counts."""
+        return self._rig.status()
+
+    def _elapsed(self, time: float) -> float:
+        if self._origin is None:
+            self._origin = time
+        return time - self._origin
+
+
+class SimulatedMaster(SimulatedDevice):
+    """Hand, handle, voice coil and arm."""
+
+    Parameters = MasterRigParameters
+
+    def __init__(self, parameters: MasterRigParameters, rate: float, seed: int) -> None:
+        self._rig = MasterRig(parameters, rate, seed)
+
+
+@dataclass(frozen=True)
+class RecordingParameters(Checked):
+    """A recorded tool acceleration in place of the simulated one."""
+
+    file: str = parameter("", "CSV or WAV file; empty to simulate the surface's texture")
+    rate: float = parameter(
+        0.0, "rate of the file's samples; a WAV file has its own", unit="Hz", low=0.0, high=1e6
+    )
+    column: str = parameter("", "column or channel; empty for the usual names")
+
+
+@dataclass(frozen=True)
+class SimulatedSlaveParameters(SlaveRigParameters):
+    """All parameters of the simulated slave."""
+
+    recording: RecordingParameters = field(default_factory=RecordingParameters)
+
+
+class SimulatedSlave(SimulatedDevice):
+    """Tool and arm on a surface."""
+
+    Parameters = SimulatedSlaveParameters
+
+    def __init__(self, parameters: SimulatedSlaveParameters, rate: float, seed: int) -> None:
+        self._rig = SlaveRig(parameters, rate, seed, played(parameters.recording, rate))
+
+
+def played(recording: RecordingParameters, rate: float) -> FloatArray | None:
+    """Return one turn of a recording at a rate in Hz, m/s^2; None where there is no file.
+
+    Raises
+    ------
+    ParameterError
+        The file or a parameter is not usable.
+    """
+    if not recording.file:
+        return None
+    samples = read_recording(recording.file, recording.rate, rate, recording.column)
+    return crossfaded(samples, rate)

@@ -1,0 +1,171 @@
+"""What every node of the graph has: checked parameters, topics by name, diagnostics."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from haptic_accel.core.parameters import ParameterError, Schema, Specification, checked
+from haptic_accel.nodes.parameters import NODES, node_parameters, node_schema
+from haptic_accel.nodes.scheduling import SupervisedNode
+from haptic_accel.nodes.topics import DIAGNOSTICS, Topic
+
+DIAGNOSTICS_PERIOD = 1.0
+"""s."""
+
+DEPTH = 10
+"""Messages kept for a slow subscriber; only the recorder wants more."""
+
+_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
+"""Parameters that rclpy gives every node."""
+
+_LARGEST_INTEGER = 2**63 - 1
+_LARGEST_NUMBER = sys.float_info.max
+
+
+class GraphNode(SupervisedNode):
+    """A node whose parameters come from its schema and whose topics from the topic table.
+
+    Parameters
+    ----------
+    executable : str
+        Name of the executable, and of the node unless remapped.
+
+    Attributes
+    ----------
+    parameters
+        The node's own parameters, checked.
+    options : dict
+        Parameters of what it can be made of (devices, controllers), by name.
+
+    Raises
+    ------
+    ParameterError
+        A parameter has a value that is not allowed.
+    """
+
+    def __init__(self, executable: str) -> None:
+        super().__init__(
+            executable,
+            # What was given on the command line and in files must be seen before it is
+            # declared: a wrong name must not be lost, and a wrong value not be worded by ROS.
+            allow_undeclared_parameters=True,
+            automatically_declare_parameters_from_overrides=True,
+        )
+        values = self._declare(node_schema(executable))
+        self.parameters, self.options = node_parameters(executable, values)
+        self._diagnostics = self.publisher(DIAGNOSTICS)
+        self.create_timer(DIAGNOSTICS_PERIOD, self.report)
+
+    def publisher(self, topic: Topic) -> Publisher:
+        """Create a topic's publisher."""
+        return self.create_publisher(message_type(topic), topic.name, quality(topic))
+
+    def subscribe(
+        self,
+        topic: Topic,
+        callback: Callable[[Any], None],
+        *,
+        depth: int = DEPTH,
+        raw: bool = False,
+    ) -> None:
+        """Subscribe to a topic."""
+        self.create_subscription(
+            message_type(topic), topic.name, callback, quality(topic, depth), raw=raw
+        )
+
+    def status(self) -> tuple[str, dict[str, str]]:
+        """Return a warning, empty if all is well, and values with units for diagnostics."""
+        return "", {}
+
+    def report(self) -> None:
+        """Publish the node's diagnostics."""
+        warning, values = self.status()
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
+            name=self.get_name(),
+            message=warning or "OK",
+            hardware_id=self.get_fully_qualified_name(),
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(array)
+
+    def _declare(self, schema: Schema) -> dict[str, Any]:
+        """Declare all parameters with their descriptors, return their values.
+
+        They are read-only: what cannot be changed while running must not seem to be.
+        """
+        given = {
+            name: parameter.value
+            for name, parameter in self.get_parameters_by_prefix("").items()
+            if name not in _OF_EVERY_NODE
+        }
+        for name in given:
+            self.undeclare_parameter(name)
+            # A file may give every node (/**) what only some of them have.
+            if not any(name in node_schema(executable) for executable in NODES):
+                raise ParameterError(f"{name}: no such parameter")
+        values = {}
+        for name, (default, specification) in schema.items():
+            value = checked(name, given.get(name, default), default, specification)
+            descriptor = _descriptor(default, specification)
+            # ROS would take the value as given: 300 is no double to it.
+            self.declare_parameter(name, value, descriptor, ignore_override=True)
+            values[name] = value
+        return values
+
+
+def _descriptor(default: Any, specification: Specification) -> ParameterDescriptor:
+    """Return a parameter's descriptor: text with unit and allowed values, and the range."""
+    unit = f" [{specification.unit}]" if specification.unit else ""
+    low, high = specification.low, specification.high
+    descriptor = ParameterDescriptor(
+        description=specification.text + unit,
+        additional_constraints=specification.allowed,
+        read_only=True,
+    )
+    if low is None and high is None:
+        return descriptor
+    if isinstance(default, int):
+        bounds = (0 if low is None else int(low), _LARGEST_INTEGER if high is None else int(high))
+        descriptor.integer_range = [IntegerRange(from_value=bounds[0], to_value=bounds[1])]
+    else:
+        descriptor.floating_point_range = [
+            FloatingPointRange(
+                from_value=-_LARGEST_NUMBER if low is None else float(low),
+                to_value=_LARGEST_NUMBER if high is None else float(high),
+            )
+        ]
+    return descriptor
+
+
+def message_type(topic: Topic) -> Any:
+    """Import a topic's message class."""
+    package, _, name = topic.type.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), name)
+
+
+def quality(topic: Topic, depth: int = DEPTH) -> QoSProfile:
+    """Return a topic's quality of service: signals as sensor data, events reliable."""
+    reliability = ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT
+    return QoSProfile(depth=depth, reliability=reliability)
+
+
+def stamp(message: Any, nanoseconds: int) -> None:
+    """Write a system time in ns into a message's header."""
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanoseconds, 1_000_000_000)
+
+
+def stamp_of(message: Any) -> int:
+    """Return the stamp of a message's header, ns."""
+    moment = message.header.stamp
+    return int(moment.sec * 1_000_000_000 + moment.nanosec)

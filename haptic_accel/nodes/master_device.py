@@ -1,0 +1,52 @@
+"""Executable `master_device`: the arm that the user holds, with the actuator in its handle."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+from haptic_accel.devices import MASTERS
+from haptic_accel.nodes import topics
+from haptic_accel.nodes.device_node import DeviceNode
+from haptic_accel.nodes.scheduling import NANOSECONDS, run
+
+
+class MasterDevice(DeviceNode):
+    """A device node that also applies the actuator's force."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "master_device",
+            MASTERS,
+            topics.MASTER_POSITION,
+            topics.MASTER_VELOCITY,
+            topics.HANDLE_ACCELERATION,
+            topics.MASTER_ARM_FORCE,
+        )
+        self._actuator_command = self.command()
+        self._commands["actuator force"] = self._actuator_command
+        self.subscribe(topics.ACTUATOR_FORCE, self._apply_actuator_force)
+
+    def _quiet_the_silent(self, now: float) -> None:
+        super()._quiet_the_silent(now)
+        if self._actuator_command.went_silent(now):
+            self.device.write(now, actuator_force=0.0)
+
+    def _apply_actuator_force(self, message: Any) -> None:
+        force = message.wrench.force.z
+        if not math.isfinite(force):
+            self._actuator_command.rejected += 1
+            return
+        now = time.monotonic_ns() / NANOSECONDS
+        self.device.write(now, actuator_force=force)
+        self._actuator_command.applied(message, now)
+
+
+def main() -> None:
+    """Run the node."""
+    run(MasterDevice, "master_device")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,31 @@
+"""Executable `slave_device`: the arm whose tool touches the surface."""
+
+from __future__ import annotations
+
+from haptic_accel.devices import SLAVES
+from haptic_accel.nodes import topics
+from haptic_accel.nodes.device_node import DeviceNode
+from haptic_accel.nodes.scheduling import run
+
+
+class SlaveDevice(DeviceNode):
+    """The device node of the slave."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "slave_device",
+            SLAVES,
+            topics.SLAVE_POSITION,
+            topics.SLAVE_VELOCITY,
+            topics.TOOL_ACCELERATION,
+            topics.SLAVE_ARM_FORCE,
+        )
+
+
+def main() -> None:
+    """Run the node."""
+    run(SlaveDevice, "slave_device")
+
+
+if __name__ == "__main__":
+    main()

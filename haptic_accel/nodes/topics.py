@@ -1,0 +1,65 @@
+"""The graph's topics: names, types, frames and how they are delivered (no ROS imported)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+MASTER_FRAME = "master_base"
+SLAVE_FRAME = "slave_base"
+HANDLE_FRAME = "master_handle"
+TOOL_FRAME = "slave_tool"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic.
+
+    Attributes
+    ----------
+    name : str
+        Relative to the graph's namespace; CRTK's name where it has one.
+    type : str
+        ROS message type.
+    frame : str
+        frame_id of its messages.
+    reliable : bool
+        Events are reliable, signals are best effort ("sensor data").
+    """
+
+    name: str
+    type: str
+    frame: str
+    reliable: bool = False
+
+
+_POSE = "geometry_msgs/msg/PoseStamped"
+_TWIST = "geometry_msgs/msg/TwistStamped"
+_WRENCH = "geometry_msgs/msg/WrenchStamped"
+_ACCEL = "geometry_msgs/msg/AccelStamped"
+
+MASTER_POSITION = Topic("master/measured_cp", _POSE, MASTER_FRAME)
+MASTER_VELOCITY = Topic("master/measured_cv", _TWIST, MASTER_FRAME)
+MASTER_ARM_FORCE = Topic("master/servo_cf", _WRENCH, MASTER_FRAME)
+HANDLE_ACCELERATION = Topic("master/handle/acceleration", _ACCEL, HANDLE_FRAME)
+ACTUATOR_FORCE = Topic("master/handle/servo_cf", _WRENCH, HANDLE_FRAME)
+SLAVE_POSITION = Topic("slave/measured_cp", _POSE, SLAVE_FRAME)
+SLAVE_VELOCITY = Topic("slave/measured_cv", _TWIST, SLAVE_FRAME)
+SLAVE_ARM_FORCE = Topic("slave/servo_cf", _WRENCH, SLAVE_FRAME)
+TOOL_ACCELERATION = Topic("slave/tool/acceleration", _ACCEL, TOOL_FRAME)
+DESIRED_ACCELERATION = Topic("compensator/desired_acceleration", _ACCEL, HANDLE_FRAME)
+DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", reliable=True)
+
+TOPICS = (
+    MASTER_POSITION,
+    MASTER_VELOCITY,
+    MASTER_ARM_FORCE,
+    HANDLE_ACCELERATION,
+    ACTUATOR_FORCE,
+    SLAVE_POSITION,
+    SLAVE_VELOCITY,
+    SLAVE_ARM_FORCE,
+    TOOL_ACCELERATION,
+    DESIRED_ACCELERATION,
+    DIAGNOSTICS,
+)
+"""Every topic of the graph: what the recorder keeps."""

@@ -1,0 +1,1 @@
+"""How the graph starts: its executables, parameters and topics, and what supervises them."""

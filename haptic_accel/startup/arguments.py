@@ -1,0 +1,87 @@
+"""The arguments of the graph: the same ``key:=value`` words everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from haptic_accel.core.controllers import CONTROLLERS
+from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
+from haptic_accel.devices import MASTERS, SLAVES
+from haptic_accel.nodes.parameters import rate_parameter
+
+
+@dataclass(frozen=True)
+class GraphArguments(Checked):
+    """What a user may say when starting the graph."""
+
+    controller: str = parameter("dynamic", "acceleration controller", choices=tuple(CONTROLLERS))
+    surface: str = parameter(
+        "plywood",
+        "what the simulated slave touches: plywood, text, vinyl, recording, or a .yaml file",
+    )
+    recording: str = parameter(
+        "", "with surface:=recording, the CSV or WAV file of a tool acceleration in m/s^2"
+    )
+    recording_rate: float = parameter(
+        0.0, "rate of a CSV recording; a WAV file has its own", unit="Hz", low=0.0, high=1e6
+    )
+    recording_column: str = parameter(
+        "", "column of a CSV recording; empty for acceleration, accel, acc or a"
+    )
+    master: str = parameter("simulated", "master device", choices=tuple(MASTERS))
+    slave: str = parameter("simulated", "slave device", choices=tuple(SLAVES))
+    rate: float = rate_parameter()
+    duration: float = parameter(
+        0.0, "time from engaging to the end; 0 = until stopped", unit="s", low=0.0, high=1e6
+    )
+    record: bool = parameter(True, "whether to record every topic")
+    bag: str = parameter("", "folder of the bag; empty for bags/<date and time>")
+    config: str = parameter("", "ROS parameter file over config/teleop.yaml")
+    seed: int = parameter(0, "of texture and noise of simulated devices", low=0, high=2**31 - 1)
+
+
+def parse_arguments(words: Iterable[str]) -> GraphArguments:
+    """Read ``key:=value`` words.
+
+    Raises
+    ------
+    ParameterError
+        A word of another form, an unknown key, a key given twice, a value not allowed.
+    """
+    known = schema(GraphArguments)
+    values: dict[str, Any] = {}
+    for word in words:
+        key, separator, text = word.partition(":=")
+        if not separator:
+            raise ParameterError(f"{word!r}: must have the form key:=value")
+        if key not in known:
+            raise ParameterError(f"{key}: no such argument; there are {', '.join(known)}")
+        if key in values:
+            raise ParameterError(f"{key}: given twice")
+        values[key] = _value(text, known[key][0])
+    return GraphArguments(**values)
+
+
+def _value(text: str, default: Any) -> Any:
+    """Read a word as its argument's type; text that is none stays text and is refused later."""
+    if isinstance(default, str):
+        return text
+    if isinstance(default, bool):
+        return {"true": True, "false": False}.get(text.lower(), text)
+    try:
+        return float(text) if isinstance(default, float) else int(text)
+    except ValueError:
+        return text
+
+
+def described() -> list[tuple[str, str, str]]:
+    """Return name, default and description of every argument, for help texts."""
+    lines = []
+    for name, (default, specification) in schema(GraphArguments).items():
+        shown = str(default).lower() if isinstance(default, bool) else f"{default}"
+        unit = f" [{specification.unit}]" if specification.unit else ""
+        allowed = f"; one of {', '.join(specification.choices)}" if specification.choices else ""
+        lines.append((name, shown, specification.text + unit + allowed))
+    return lines

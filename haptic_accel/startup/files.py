@@ -1,0 +1,126 @@
+"""Where the package's own files are, and how a parameter file is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.nodes.parameters import NODES, node_schema
+
+PACKAGE = "haptic_accel"
+_WILDCARDS = ("/**", "**", "/*", "*")
+
+
+def share_folder() -> Path:
+    """Return the folder that holds ``config`` and ``launch``.
+
+    A checkout's own where the code runs from a checkout; otherwise the installed one.
+    """
+    checkout = Path(__file__).resolve().parents[2]
+    if (checkout / "config").is_dir():
+        return checkout
+    from ament_index_python.packages import get_package_share_directory
+
+    return Path(get_package_share_directory(PACKAGE))
+
+
+def config_folder() -> Path:
+    """Return the folder of parameter files."""
+    return share_folder() / "config"
+
+
+def surface_names() -> list[str]:
+    """Return the names of the surfaces there are files for."""
+    return sorted(path.stem for path in (config_folder() / "surfaces").glob("*.yaml"))
+
+
+def surface_file(surface: str) -> Path:
+    """Return a surface's parameter file, by its name or as a path ending in ``.yaml``.
+
+    Raises
+    ------
+    ParameterError
+        There is none.
+    """
+    named = config_folder() / "surfaces" / f"{surface}.yaml"
+    if surface in surface_names():
+        return named
+    if surface.endswith(".yaml") and Path(surface).is_file():
+        return Path(surface).absolute()
+    raise ParameterError(
+        f"surface = {surface!r}: must be one of {', '.join(surface_names())}, or a .yaml file"
+    )
+
+
+def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
+    """Read a ROS 2 parameter file.
+
+    Parameters
+    ----------
+    path : Path
+        YAML of the form ``node: {ros__parameters: {name: value}}``; ``/**`` is every node.
+
+    Returns
+    -------
+    dict
+        Per executable its values by dotted name.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, is not of that form, or names a node or parameter there is none of.
+    """
+    what = f"config = '{path}'"
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not text"
+        raise ParameterError(f"{what}: must be a readable parameter file: {reason}") from None
+    except yaml.YAMLError as error:
+        reason = " ".join(str(error).split())
+        raise ParameterError(f"{what}: must be YAML: {reason}") from None
+    if not isinstance(content, dict):
+        raise ParameterError(f"{what}: must map nodes to ros__parameters")
+    values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
+    for node, section in content.items():
+        if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
+            raise ParameterError(f"{what}: {node}: must hold ros__parameters, nothing else")
+        flat = _flat(section["ros__parameters"] or {}, f"{what}: {node}")
+        for executable in _named(str(node), what):
+            values[executable] |= _known(flat, executable, node, what)
+    return values
+
+
+def _named(node: str, what: str) -> list[str]:
+    if node in _WILDCARDS:
+        return list(NODES)
+    name = node.rsplit("/", 1)[-1]
+    if name not in NODES:
+        raise ParameterError(f"{what}: {node}: must be /** or one of {', '.join(NODES)}")
+    return [name]
+
+
+def _flat(section: Any, what: str, prefix: str = "") -> dict[str, Any]:
+    if not isinstance(section, dict):
+        raise ParameterError(f"{what}: {prefix or 'ros__parameters'}: must map names to values")
+    flat: dict[str, Any] = {}
+    for name, value in section.items():
+        if isinstance(value, dict):
+            flat |= _flat(value, what, f"{prefix}{name}.")
+        else:
+            flat[f"{prefix}{name}"] = value
+    return flat
+
+
+def _known(flat: dict[str, Any], executable: str, node: str, what: str) -> dict[str, Any]:
+    """Keep what a node has; complain of what a node named by its name has not."""
+    schema = node_schema(executable)
+    everywhere = node in _WILDCARDS
+    for name in flat:
+        known = name in schema or (everywhere and any(name in node_schema(n) for n in NODES))
+        if not known:
+            raise ParameterError(f"{what}: {node}: {name}: no such parameter")
+    return {name: value for name, value in flat.items() if name in schema}

@@ -1,0 +1,204 @@
+"""Reads the signals of one condition back from a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.typesys import Stores, get_typestore
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.trial import Trial
+from haptic_accel.nodes import topics
+from haptic_accel.nodes.topics import TOPICS, Topic
+
+NANOSECONDS = 1_000_000_000
+
+SIGNALS: dict[str, Topic] = {
+    "tool_acceleration": topics.TOOL_ACCELERATION,
+    "desired_acceleration": topics.DESIRED_ACCELERATION,
+    "handle_acceleration": topics.HANDLE_ACCELERATION,
+    "actuator_force": topics.ACTUATOR_FORCE,
+}
+"""A trial's signals and the topics they come from."""
+
+AGE_OF = "actuator force"
+"""Which command's age counts: the one whose force is felt."""
+
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """How samples travelled through the graph.
+
+    Attributes
+    ----------
+    age_us : dict
+        Age of the actuator's forces when applied, us: p50, p99, max.
+    lost, late : dict
+        By topic: samples of the trial that are missing in the bag; samples that were recorded
+        more than half a period after their stamp.
+    warnings : list of str
+        What nodes complained of in their diagnostics.
+    """
+
+    age_us: dict[str, float]
+    lost: dict[str, int]
+    late: dict[str, int]
+    warnings: list[str]
+
+
+@dataclass
+class _Series:
+    """What a bag holds of one topic: when stamped, when recorded, and the z component."""
+
+    stamps: IntArray
+    received: IntArray
+    values: FloatArray
+
+
+def read_trial(
+    bag: Path, surface: str, controller: str, rate: float, high_pass_frequency: float
+) -> tuple[Trial, Delivery]:
+    """Read a bag of the graph.
+
+    The signals are put on the sampling grid that their stamps lie on, from the moment the
+    arms were coupled and every signal was there; a sample that was lost is given the value
+    of the one before, and counted.
+
+    Parameters
+    ----------
+    bag : Path
+        Folder written by the recorder.
+    surface, controller : str
+        The condition it was made under.
+    rate : float
+        Samples per second of the graph.
+    high_pass_frequency : float
+        Corner of the compensator's high-pass, Hz.
+
+    Raises
+    ------
+    ParameterError
+        It is not a bag, or lacks a signal.
+    """
+    series, diagnostics = _read(bag)
+    period = NANOSECONDS / rate
+    needed = (*SIGNALS.values(), topics.MASTER_ARM_FORCE)
+    for topic in needed:
+        if not len(series[topic.name].stamps):
+            raise ParameterError(f"{bag}: has no message of {topic.name}")
+    start = int(max(series[topic.name].stamps[0] for topic in needed))
+    places = {
+        name: np.round((series[topic.name].stamps - start) / period).astype(np.int64)
+        for name, topic in SIGNALS.items()
+    }
+    last = int(min(place.max() for place in places.values()))
+    if last < 1:
+        raise ParameterError(f"{bag}: its signals do not overlap")
+    signals = {
+        name: _on_grid(places[name], series[topic.name].values, last + 1)
+        for name, topic in SIGNALS.items()
+    }
+    time = np.arange(last + 1) / rate
+    trial = Trial(
+        surface, controller, rate, time, **signals, high_pass_frequency=high_pass_frequency
+    )
+    return trial, _delivery(series, diagnostics, start, period, last + 1)
+
+
+def _read(bag: Path) -> tuple[dict[str, _Series], list[Any]]:
+    """Return the stamped topics by relative name, and the diagnostics' statuses in order."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    rows: dict[str, list[tuple[int, int, float]]] = {
+        topic.name: [] for topic in TOPICS if topic is not topics.DIAGNOSTICS
+    }
+    diagnostics: list[Any] = []
+    try:
+        with Reader(bag) as reader:
+            for connection, received, data in reader.messages():
+                name = _relative(connection.topic)
+                message: Any = types.deserialize_cdr(data, connection.msgtype)
+                if name in rows:
+                    moment = message.header.stamp
+                    stamp = moment.sec * NANOSECONDS + moment.nanosec
+                    rows[name].append((stamp, received, _along_actuator(message)))
+                elif name == topics.DIAGNOSTICS.name:
+                    diagnostics.extend(message.status)
+    except (ReaderError, OSError) as error:
+        raise ParameterError(f"{bag}: must be a bag of this graph: {error}") from None
+    return {name: _series(found) for name, found in rows.items()}, diagnostics
+
+
+def _relative(topic: str) -> str:
+    """Return a topic's name in our table, whatever namespace the graph had."""
+    for known in TOPICS:
+        if topic == f"/{known.name}" or topic.endswith(f"/{known.name}"):
+            return known.name
+    return topic
+
+
+def _along_actuator(message: Any) -> float:
+    """Return the component along the actuator's axis."""
+    if hasattr(message, "accel"):
+        return float(message.accel.linear.z)
+    if hasattr(message, "wrench"):
+        return float(message.wrench.force.z)
+    if hasattr(message, "twist"):
+        return float(message.twist.linear.z)
+    return float(message.pose.position.z)
+
+
+def _series(rows: list[tuple[int, int, float]]) -> _Series:
+    return _Series(
+        np.array([row[0] for row in rows], dtype=np.int64),
+        np.array([row[1] for row in rows], dtype=np.int64),
+        np.array([row[2] for row in rows], dtype=float),
+    )
+
+
+def _on_grid(places: IntArray, values: FloatArray, length: int) -> FloatArray:
+    """Put samples at their places, each held until the next."""
+    within = (places >= 0) & (places < length)
+    source = np.full(length, -1)
+    source[places[within]] = np.flatnonzero(within)
+    # The index of the latest sample at each place; before the first sample, the first.
+    source = np.maximum.accumulate(source)
+    first = int(np.argmax(within))
+    return np.asarray(values[np.maximum(source, first)])
+
+
+def _delivery(
+    series: Mapping[str, _Series],
+    diagnostics: Iterable[Any],
+    start: int,
+    period: float,
+    length: int,
+) -> Delivery:
+    """Count what is missing on the trial's grid and what came late, and find the ages."""
+    lost, late = {}, {}
+    for name, found in series.items():
+        places = np.round((found.stamps - start) / period)
+        within = (places >= 0) & (places < length)
+        lost[name] = length - len(np.unique(places[within]))
+        late[name] = int(np.sum((found.received - found.stamps)[within] > period / 2))
+    ages: dict[str, float] = {}
+    warnings: list[str] = []
+    for status in diagnostics:
+        if ord(status.level) if isinstance(status.level, str) else status.level:
+            warnings.append(f"{status.name}: {status.message}")
+        found_ages = {
+            label: float(pair.value)
+            for pair in status.values
+            for label in ("p50", "p99", "max")
+            if pair.key == f"{AGE_OF} age {label} (us)"
+        }
+        ages |= found_ages
+    return Delivery(ages, lost, late, list(dict.fromkeys(warnings)))

@@ -1,0 +1,354 @@
+"""``haptic-accel experiment``: the paper's nine conditions, live or in lockstep."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from haptic_accel.core.controllers import CONTROLLERS
+from haptic_accel.core.metrics import TABLE_II, Evaluation, evaluate
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.trial import Trial, run_trial
+from haptic_accel.devices.simulated import played
+from haptic_accel.nodes.parameters import node_parameters
+from haptic_accel.startup.arguments import GraphArguments, parse_arguments
+from haptic_accel.startup.graph import graph, graph_parameters, rig_parameters
+from haptic_accel.startup.supervisor import Supervisor
+from haptic_accel.tools.bag import Delivery, read_trial
+from haptic_accel.tools.report import write_report
+from haptic_accel.tools.teleop import DONE, INTERRUPTED, StopOnSignal, conclude
+
+SURFACES = ("plywood", "text", "vinyl")
+"""The paper's surfaces."""
+
+DURATION = 10.0
+"""Default length of a condition, s."""
+
+AROUND = 4.0
+"""What starting and stopping the graph takes, s: an estimate, for the time left."""
+
+LOCKSTEP_NOTE = (
+    "Every condition ran in lockstep: no ROS, no clock, the same numbers for the same seed."
+)
+LIVE_NOTE = (
+    "Every condition ran through the live graph, five processes on ROS 2, and was read back "
+    "from the bag it recorded."
+)
+RIG_NOTE = (
+    "The simulated rig is eq. (1) to (3) of the paper with Table I and sensors: it has none of "
+    "the structure, friction and timing of the paper's real rig beyond that, so that constant "
+    "and dynamic come out below the paper's errors. The order of the controllers is what to "
+    "compare, not the value of a cell."
+)
+AVERAGE_NOTE = (
+    "The paper's averages are its own; the plain means of its three surfaces are 80.9 % for "
+    "constant and 73.7 % for dynamic."
+)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One surface under one controller, and what came of it.
+
+    Attributes
+    ----------
+    trial : Trial
+        The signals.
+    evaluation : Evaluation
+        The paper's figures of them.
+    delivery : Delivery or None
+        How samples travelled; None in lockstep.
+    bag : Path or None
+        Where they were recorded.
+    """
+
+    trial: Trial
+    evaluation: Evaluation
+    delivery: Delivery | None = None
+    bag: Path | None = None
+
+    @property
+    def age_us(self) -> dict[str, float] | None:
+        """Age of the forces where applied, us: p50, p99, max."""
+        return self.delivery.age_us if self.delivery else None
+
+    @property
+    def lost(self) -> dict[str, int] | None:
+        """Samples lost, by topic."""
+        return self.delivery.lost if self.delivery else None
+
+    @property
+    def late(self) -> dict[str, int] | None:
+        """Samples late, by topic."""
+        return self.delivery.late if self.delivery else None
+
+    def figures(self) -> dict[str, Any]:
+        """Return the condition's figures for a JSON file; what is undefined is null."""
+        figures: dict[str, Any] = {
+            "surface": self.trial.surface,
+            "controller": self.trial.controller,
+            **{key: _defined(value) for key, value in asdict(self.evaluation).items()},
+            "seconds": self.trial.seconds,
+        }
+        if self.delivery:
+            figures |= {"age_us": self.age_us, "lost": self.lost, "late": self.late}
+        return figures
+
+
+class StopRequestedError(Exception):
+    """The user asked to stop."""
+
+
+class GraphFailedError(Exception):
+    """The graph of a condition failed, which has been shown; its exit status."""
+
+    def __init__(self, status: int) -> None:
+        super().__init__(f"status {status}")
+        self.status = status
+
+
+def experiment(
+    words: Sequence[str], *, lockstep: bool, json_file: Path | None, out: Path | None
+) -> int:
+    """Run the conditions, print Table II, write the report; return the exit status.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Arguments of the graph as ``key:=value``; `surface` and `controller` restrict the
+        conditions to one of each.
+    lockstep : bool
+        Without ROS.
+    json_file : Path, optional
+        Where to write the figures.
+    out : Path, optional
+        Folder of the report; ``results/<time>`` otherwise.
+    """
+    arguments = _with_duration(words)
+    plan = _plan(words, arguments)
+    for planned in plan:
+        graph(planned)  # everything that can be wrong is found before anything runs
+    folder = out or Path("results") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
+    _make_folder(folder)
+    if json_file:
+        _check_writable(json_file)
+    done: list[Condition] = []
+    status = DONE
+    console = Console()
+    try:
+        with StopOnSignal() as stop:
+            for condition in _run_all(plan, lockstep, folder, stop, console):
+                done.append(condition)
+    except StopRequestedError:
+        status = INTERRUPTED
+        print(f"interrupted after {len(done)} of {len(plan)} conditions", file=sys.stderr)
+    except GraphFailedError as failure:
+        status = failure.status
+    if done:
+        _conclude(done, arguments, lockstep, folder, json_file, console)
+    return status
+
+
+def _with_duration(words: Sequence[str]) -> GraphArguments:
+    arguments = parse_arguments(words)
+    if not any(word.startswith("duration:=") for word in words):
+        return replace(arguments, duration=DURATION)
+    if arguments.duration < 1:
+        raise ParameterError(
+            f"duration = {arguments.duration:g}: must be at least 1 s in an experiment"
+        )
+    return arguments
+
+
+def _plan(words: Sequence[str], arguments: GraphArguments) -> list[GraphArguments]:
+    """Return the arguments of every condition; bags are named later."""
+    for key in ("bag", "record"):
+        if any(word.startswith(f"{key}:=") for word in words):
+            raise ParameterError(f"{key}: not for an experiment, which records in its folder")
+    surfaces = _restricted(words, "surface", arguments.surface, SURFACES)
+    controllers = _restricted(words, "controller", arguments.controller, tuple(CONTROLLERS))
+    return [
+        replace(arguments, surface=surface, controller=controller)
+        for surface in surfaces
+        for controller in controllers
+    ]
+
+
+def _restricted(words: Sequence[str], key: str, given: str, every: Sequence[str]) -> list[str]:
+    return [given] if any(word.startswith(f"{key}:=") for word in words) else list(every)
+
+
+def _run_all(
+    plan: Sequence[GraphArguments],
+    lockstep: bool,
+    folder: Path,
+    stop: Callable[[], bool],
+    console: Console,
+) -> Iterator[Condition]:
+    """Run one condition after the other, with a bar that says which and how long is left."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    with Progress(*columns, console=console) as progress:
+        bar = progress.add_task("", total=len(plan))
+        for index, arguments in enumerate(plan):
+            name = f"{Path(arguments.surface).stem} / {arguments.controller}"
+            label = f"{index + 1} of {len(plan)}: {name}"
+            progress.update(bar, description=label, completed=index)
+            if not console.is_terminal:
+                console.print(label)
+
+            def asked(index: int = index, started: float = time.monotonic()) -> bool:
+                part = (time.monotonic() - started) / (arguments.duration + AROUND)  # noqa: B023
+                progress.update(bar, completed=index + min(part, 1.0))
+                return stop()
+
+            yield _run_lockstep(arguments) if lockstep else _run_live(arguments, folder, asked)
+            if stop():
+                raise StopRequestedError
+        progress.update(bar, completed=len(plan), description="done")
+
+
+def _run_lockstep(arguments: GraphArguments) -> Condition:
+    values = graph_parameters(arguments)
+    rig = rig_parameters(values)
+    around, controllers = node_parameters("compensator", values["compensator"])
+    trial = run_trial(
+        arguments.controller,
+        rig,
+        duration=arguments.duration,
+        rate=arguments.rate,
+        seed=arguments.seed,
+        recording=played(rig.slave.recording, arguments.rate),  # type: ignore[attr-defined]
+        compensation=around,
+        controllers=controllers,
+    )
+    return Condition(trial, _evaluated(trial))
+
+
+def _run_live(arguments: GraphArguments, folder: Path, stop: Callable[[], bool]) -> Condition:
+    surface = Path(arguments.surface).stem
+    bag = folder / "bags" / f"{surface}_{arguments.controller}"
+    arguments = replace(arguments, bag=str(bag))
+    outcome = Supervisor(graph(arguments)).run(stop)
+    if not outcome.first:
+        raise StopRequestedError
+    status = conclude(outcome, arguments)
+    if status != DONE:
+        raise GraphFailedError(status)
+    around, _ = node_parameters("compensator", graph_parameters(arguments)["compensator"])
+    trial, delivery = read_trial(
+        bag, surface, arguments.controller, arguments.rate, around.high_pass_frequency
+    )
+    return Condition(trial, _evaluated(trial), delivery, bag)
+
+
+def _evaluated(trial: Trial) -> Evaluation:
+    """Evaluate a trial with the paper's shift of one sample."""
+    return evaluate(
+        trial.desired_acceleration, trial.actual_acceleration, trial.rate, 1 / trial.rate
+    )
+
+
+def _conclude(
+    done: Sequence[Condition],
+    arguments: GraphArguments,
+    lockstep: bool,
+    folder: Path,
+    json_file: Path | None,
+    console: Console,
+) -> None:
+    notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, RIG_NOTE, AVERAGE_NOTE]
+    notes += _warnings(done)
+    index = write_report(
+        done,
+        folder,
+        title="Haptic display of tool contact: the paper's experiment",
+        settings=_settings(arguments, lockstep),
+        paper_table=TABLE_II,
+        notes=notes,
+        delay=1 / arguments.rate,
+    )
+    if json_file:
+        conditions = [condition.figures() for condition in done]
+        content = {"lockstep": lockstep, "arguments": asdict(arguments), "conditions": conditions}
+        json_file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    console.print(_table_ii(done))
+    console.print(f"report: {index}", soft_wrap=True, highlight=False)
+
+
+def _settings(arguments: GraphArguments, lockstep: bool) -> dict[str, str]:
+    shown = {key: str(value) for key, value in asdict(arguments).items() if value != ""}
+    for key in ("surface", "controller", "record"):
+        del shown[key]
+    return {"run": "lockstep" if lockstep else "live graph", **shown}
+
+
+def _warnings(done: Sequence[Condition]) -> list[str]:
+    """Return what nodes complained of, once each."""
+    found = [
+        f"{condition.trial.surface} / {condition.trial.controller}: {warning}"
+        for condition in done
+        if condition.delivery
+        for warning in condition.delivery.warnings
+    ]
+    return [f"Warnings: {'; '.join(found)}."] if found else []
+
+
+def _table_ii(done: Sequence[Condition]) -> Table:
+    """Return Table II as measured, the paper's beside it."""
+    measured = {(c.trial.surface, c.trial.controller): c.evaluation.nrmse_percent for c in done}
+    surfaces = list(dict.fromkeys(surface for surface, _ in measured))
+    controllers = list(dict.fromkeys(controller for _, controller in measured))
+    table = Table(title="Table II: error of the handle's acceleration, % (paper's in brackets)")
+    table.add_column("controller")
+    for surface in (*surfaces, "average"):
+        table.add_column(surface, justify="right")
+    for controller in controllers:
+        row = [measured.get((surface, controller)) for surface in surfaces]
+        known = [value for value in row if value is not None]
+        cells = zip((*surfaces, "average"), (*row, sum(known) / len(known)), strict=True)
+        table.add_row(
+            controller,
+            *(_cell(value, TABLE_II.get((surface, controller))) for surface, value in cells),
+        )
+    return table
+
+
+def _cell(measured: float | None, paper: float | None) -> str:
+    shown = "-" if measured is None else f"{measured:.1f}"
+    return shown if paper is None else f"{shown} ({paper:.1f})"
+
+
+def _defined(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=False)
+    except FileExistsError:
+        raise ParameterError(f"out = '{folder}': must be a folder to make") from None
+    except OSError as error:
+        raise ParameterError(f"out = '{folder}': {error.strerror}") from None
+
+
+def _check_writable(file: Path) -> None:
+    try:
+        file.open("a", encoding="utf-8").close()
+    except OSError as error:
+        raise ParameterError(f"json = '{file}': {error.strerror}") from None

@@ -1,0 +1,75 @@
+"""``haptic-accel teleop``: the graph as supervised processes, where there is no ros2 launch."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+
+from haptic_accel.startup.arguments import GraphArguments, described, parse_arguments
+from haptic_accel.startup.graph import graph
+from haptic_accel.startup.supervisor import Outcome, Supervisor
+
+DONE, FAILED, WRONG_ARGUMENTS, INTERRUPTED = 0, 1, 2, 130
+"""Exit statuses; the last as shells have it for Ctrl-C."""
+
+
+class StopOnSignal:
+    """Notes SIGINT and SIGTERM while it is entered, and puts the handlers back after."""
+
+    def __enter__(self) -> StopOnSignal:
+        """Take the signals over."""
+        self._asked = threading.Event()
+        self._before = {
+            number: signal.signal(number, lambda *_: self._asked.set())
+            for number in (signal.SIGINT, signal.SIGTERM)
+        }
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Give the signals back."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def __call__(self) -> bool:
+        """Whether a signal came."""
+        return self._asked.is_set()
+
+
+def help_text() -> str:
+    """Return the arguments with their defaults and units."""
+    width = max(len(name) for name, _, _ in described())
+    lines = [
+        f"  {name:<{width}}  {text} (default: {default or 'empty'})"
+        for name, default, text in described()
+    ]
+    return "arguments, each as key:=value:\n" + "\n".join(lines)
+
+
+def teleop(words: Sequence[str]) -> int:
+    """Run the graph until stopped; return the exit status."""
+    arguments = parse_arguments(words)
+    processes = graph(arguments)
+    with StopOnSignal() as stop:
+        outcome = Supervisor(processes, on_line=_show).run(stop)
+    return conclude(outcome, arguments)
+
+
+def conclude(outcome: Outcome, arguments: GraphArguments) -> int:
+    """Say what went wrong in a graph, if anything; return the exit status."""
+    if outcome.first and outcome.status == 0 and not outcome.failed:
+        if arguments.duration == 0:
+            print(f"{outcome.first} ended", file=sys.stderr)
+        return DONE
+    for name, status in outcome.failed.items():
+        print(f"{name} ended with status {status}; its last lines:", file=sys.stderr)
+        for line in outcome.last_lines[name] or ["(none)"]:
+            print(f"  {line}", file=sys.stderr)
+    if outcome.status == WRONG_ARGUMENTS:
+        return WRONG_ARGUMENTS
+    return FAILED if outcome.failed else DONE
+
+
+def _show(executable: str, line: str) -> None:
+    print(f"[{executable}] {line}", flush=True)

@@ -1,0 +1,49 @@
+"""The teleoperation graph: ``ros2 launch haptic_accel teleop.launch.py controller:=dynamic``."""
+
+from __future__ import annotations
+
+import os
+
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable, Shutdown
+from launch.events.process import ProcessExited
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from haptic_accel.startup.arguments import described, parse_arguments
+from haptic_accel.startup.graph import graph
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Declare the graph's arguments and start its nodes, each of whose ends ends all."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, default, text in described()
+    ]
+    return LaunchDescription([*declared, OpaqueFunction(function=_start)])
+
+
+def _start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    words = [f"{name}:={LaunchConfiguration(name).perform(context)}" for name, _, _ in described()]
+    nodes = [
+        Node(
+            package="haptic_accel",
+            executable=process.executable,
+            parameters=[*map(str, process.parameter_files), process.parameters],
+            output="screen",
+            on_exit=_end,
+        )
+        for process in graph(parse_arguments(words))
+    ]
+    # Our default keeps a graph on its machine; the environment may say otherwise.
+    reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    return [SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", reach), *nodes]
+
+
+def _end(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """End the graph with one of its nodes; a failure becomes launch's own exit status."""
+    if context.is_shutdown:
+        return []
+    if event.returncode != 0:
+        raise RuntimeError(f"{event.process_name} ended with status {event.returncode}")
+    return [Shutdown(reason=f"{event.process_name} ended")]

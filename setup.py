@@ -1,0 +1,87 @@
+"""Installation of the ament_python package, for colcon and for pip."""
+
+from glob import glob
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "haptic_accel"
+VERSION = "0.1.0"
+
+NODES = ("master_device", "slave_device", "coupler", "compensator", "recorder")
+
+
+def ros_wheels(distribution: str) -> list[str]:
+    """Return ROS 2 as binary wheels, for machines where it is not installed."""
+    interfaces = ("std-msgs", "geometry-msgs", "sensor-msgs", "diagnostic-msgs", "std-srvs")
+    return [
+        f"ros-{distribution}-rclpy[fastrtps]",
+        *(f"ros-{distribution}-{name}" for name in interfaces),
+    ]
+
+
+def data_files() -> list[tuple[str, list[str]]]:
+    """Return what goes below share/, as pairs of a folder and the files copied into it."""
+    share = f"share/{NAME}"
+    files = {
+        "share/ament_index/resource_index/packages": [f"resource/{NAME}"],
+        share: ["package.xml"],
+        f"{share}/launch": sorted(glob("launch/*.launch.py")),
+    }
+    for path in sorted(Path("config").rglob("*")):
+        if path.is_file() and not path.name.startswith("."):
+            files.setdefault(f"{share}/{path.parent}", []).append(str(path))
+    return list(files.items())
+
+
+TEST = ["pytest>=7", "pytest-timeout", "hypothesis"]
+
+setup(
+    name=NAME,
+    version=VERSION,
+    description="Teleoperation with high-frequency acceleration feedback",
+    author="haptic_accel maintainers",
+    maintainer="haptic_accel maintainers",
+    maintainer_email="haptic-accel@users.noreply.github.com",
+    license="Apache-2.0",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={f"{NAME}.tools": ["templates/*"]},
+    data_files=data_files(),
+    # Templates are read as files.
+    zip_safe=False,
+    python_requires=">=3.10",
+    # The lower bounds are the versions of Ubuntu 24.04, the platform of ROS 2 Jazzy.
+    install_requires=[
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "PyYAML>=6.0",
+        "matplotlib>=3.6",
+        "rich>=13.7",
+        "jinja2>=3.1",
+        # 0.10 came to write MCAP only in its last releases.
+        "rosbags>=0.11",
+    ],
+    extras_require={
+        "ros-jazzy": ros_wheels("jazzy"),
+        "ros-kilted": ros_wheels("kilted"),
+        "test": TEST,
+        "dev": [
+            *TEST,
+            "pytest-benchmark",
+            "ruff",
+            "mypy",
+            "types-PyYAML",
+            "scipy-stubs",
+            # These two build an ament_python package. colcon-core keeps setuptools below 80,
+            # whose `develop` no longer knows the options of `colcon build --symlink-install`.
+            "colcon-core",
+            "colcon-ros",
+        ],
+    },
+    entry_points={
+        "console_scripts": [
+            f"haptic-accel = {NAME}.tools.cli:main",
+            *(f"{node} = {NAME}.nodes.{node}:main" for node in NODES),
+        ],
+    },
+)

@@ -1,0 +1,58 @@
+"""What all tests share: reproducible properties, and a ROS graph of their own."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+from running import Command, nodes_of
+
+# The machine's speed is not what a property is about, and the same tree gives the same result.
+settings.register_profile("project", deadline=None, derandomize=True)
+settings.load_profile("project")
+
+DOMAINS = range(1, 101)
+"""ROS domains whose ports stay below those that Linux hands out."""
+
+_DOMAIN = itertools.cycle(DOMAINS)
+for _ in range(os.getpid() % len(DOMAINS)):
+    next(_DOMAIN)
+
+
+@pytest.fixture
+def domain(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Give a test, and every process it starts, a ROS domain of its own on this machine."""
+    number = next(_DOMAIN)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    return number
+
+
+@pytest.fixture
+def start(tmp_path: Path, domain: int) -> Iterator[Callable[..., Command]]:
+    """Start ``python WORDS`` in an empty folder; ended with the test, and with it its nodes."""
+    commands: list[Command] = []
+
+    def started(*words: str) -> Command:
+        commands.append(Command([str(word) for word in words], tmp_path))
+        return commands[-1]
+
+    yield started
+    for command in commands:
+        if command.process.poll() is None:
+            command.process.kill()
+        command.end()
+    for pid in nodes_of(domain).values():
+        os.kill(pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def haptic_accel(start: Callable[..., Command]) -> Callable[..., Command]:
+    """Start ``haptic-accel WORDS`` as the console script does."""
+    return lambda *words: start("-m", "haptic_accel.tools.cli", *words)

@@ -1,0 +1,62 @@
+"""What several tests of the core start from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from haptic_accel.core.rig.exploration import ExplorationParameters
+from haptic_accel.core.rig.instruments import AccelerometerParameters, ArmParameters
+from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRigParameters
+from haptic_accel.core.rig.slave_rig import SlaveRigParameters
+from haptic_accel.core.trial import RigParameters
+
+
+@pytest.fixture
+def ideal_accelerometer() -> AccelerometerParameters:
+    """Without noise and, with steps of 2e-8 m/s^2, as good as without quantisation."""
+    return AccelerometerParameters(noise_density=0.0, bits=32)
+
+
+@pytest.fixture
+def ideal_arm() -> ArmParameters:
+    return ArmParameters(position_resolution=0.0)
+
+
+@pytest.fixture
+def still_hand() -> ExplorationParameters:
+    """A hand that wants to be at the origin for ever."""
+    return ExplorationParameters(height=0.0, press_depth=0.0, stroke_speed=0.0)
+
+
+@pytest.fixture
+def ideal_master(
+    ideal_accelerometer: AccelerometerParameters,
+    ideal_arm: ArmParameters,
+    still_hand: ExplorationParameters,
+) -> MasterRigParameters:
+    """Table I with ideal instruments and a hand at rest: nothing but the mechanics."""
+    return MasterRigParameters(
+        actuator=ActuatorParameters(bits=32),
+        accelerometer=ideal_accelerometer,
+        arm=ideal_arm,
+        exploration=still_hand,
+    )
+
+
+@pytest.fixture
+def ideal_slave(
+    ideal_accelerometer: AccelerometerParameters, ideal_arm: ArmParameters
+) -> SlaveRigParameters:
+    """The default tool on a smooth surface, with ideal instruments."""
+    return SlaveRigParameters(accelerometer=ideal_accelerometer, arm=ideal_arm)
+
+
+@pytest.fixture
+def ideal_rig(
+    ideal_accelerometer: AccelerometerParameters, ideal_slave: SlaveRigParameters
+) -> RigParameters:
+    """Both sides with accelerometers without noise; the hand explores a smooth surface."""
+    master = replace(RigParameters().master, accelerometer=ideal_accelerometer)
+    return RigParameters(master, ideal_slave)

@@ -1,0 +1,250 @@
+"""Parameters: what is let through, what is refused, and in which words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from haptic_accel.core.parameters import (
+    Checked,
+    ParameterError,
+    Specification,
+    checked,
+    from_flat,
+    parameter,
+    schema,
+)
+
+ANY_NUMBER = Specification("any")
+
+whole = st.integers(-(2**53), 2**53)
+finite = st.floats(allow_nan=False, allow_infinity=False)
+not_finite = st.sampled_from([math.nan, math.inf, -math.inf])
+not_numbers = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.text(),
+    st.binary(),
+    st.lists(st.text()),
+    st.dictionaries(st.text(), st.floats()),
+)
+
+
+@dataclass(frozen=True)
+class Spring(Checked):
+    stiffness: float = parameter(250.0, "stiffness", unit="N/m", low=0, high=1000.0)
+    mass: float = parameter(0.1, "mass", unit="kg", low=0, above=True)
+
+
+@dataclass(frozen=True)
+class Probe:
+    spring: Spring = field(default_factory=Spring)
+    bits: int = parameter(16, "resolution", low=4, high=32)
+
+
+@dataclass(frozen=True)
+class Machine:
+    probe: Probe = field(default_factory=Probe)
+    name: str = parameter("plain", "its name")
+    mode: str = parameter("slow", "how", choices=("slow", "fast"))
+    running: bool = parameter(True, "whether it runs")
+    offset: float = parameter(0.0, "any number", unit="m")
+
+
+def refusal(default: Any, value: Any, specification: Specification = ANY_NUMBER) -> str:
+    with pytest.raises(ParameterError) as caught:
+        checked("x", value, default, specification)
+    return str(caught.value)
+
+
+# Numbers
+
+
+@given(finite)
+def test_a_float_comes_back_as_it_is(value: float) -> None:
+    assert checked("x", value, 1.0, ANY_NUMBER) == value
+
+
+@given(whole)
+def test_an_int_given_for_a_float_becomes_one(value: int) -> None:
+    result = checked("x", value, 1.0, ANY_NUMBER)
+    assert type(result) is float
+    assert result == value
+
+
+@given(whole)
+def test_a_whole_float_given_for_an_int_becomes_one(value: int) -> None:
+    result = checked("x", float(value), 1, ANY_NUMBER)
+    assert type(result) is int
+    assert result == value
+
+
+@given(finite)
+def test_a_fraction_is_no_int(value: float) -> None:
+    assume(value != math.floor(value))
+    assert refusal(1, value) == f"x = {value}: must be a whole number, a finite number"
+
+
+@given(not_finite, st.sampled_from([1, 1.0]))
+def test_nan_and_infinity_are_refused_for_any_number(value: float, default: Any) -> None:
+    assert refusal(default, value).startswith(f"x = {value}: must be ")
+
+
+@given(not_numbers, st.sampled_from([1, 1.0]))
+def test_what_is_no_number_is_refused_in_one_line(value: Any, default: Any) -> None:
+    message = refusal(default, value)
+    assert len(message.splitlines()) == 1
+    assert message.startswith("x = ")
+
+
+@pytest.mark.parametrize("default", [1, 1.0])
+@pytest.mark.parametrize("value", [True, False])
+def test_true_and_false_are_no_numbers(value: bool, default: Any) -> None:
+    assert refusal(default, value).startswith(f"x = {value}: must be ")
+
+
+def test_a_whole_number_beyond_all_floats_is_refused() -> None:
+    assert refusal(1.0, 10**400).endswith(": must be a finite number")
+    assert refusal(1, -(10**400)).endswith(": must be a whole number, a finite number")
+
+
+@given(finite, finite, finite)
+def test_bounds_themselves_are_allowed(value: float, one: float, other: float) -> None:
+    low, high = sorted((one, other))
+    specification = Specification("bounded", low=low, high=high)
+    if low <= value <= high:
+        assert checked("x", value, 1.0, specification) == value
+    else:
+        assert "must be from" in refusal(1.0, value, specification)
+    assert checked("x", low, 1.0, specification) == low
+    assert checked("x", high, 1.0, specification) == high
+
+
+@pytest.mark.parametrize(
+    ("specification", "value", "message"),
+    [
+        (Specification("", "kg", low=0.0), -1, "x = -1: must be at least 0 kg"),
+        (Specification("", "kg", low=0.0, above=True), 0.0, "x = 0.0: must be above 0 kg"),
+        (Specification("", "Hz", high=1e3), 1001.0, "x = 1001.0: must be at most 1000 Hz"),
+        (Specification("", "m", low=0.1, high=2), 3.0, "x = 3.0: must be from 0.1 to 2 m"),
+        (
+            Specification("", low=0, high=1, above=True),
+            0,
+            "x = 0: must be above 0 to 1",
+        ),
+        (Specification("", "N"), math.nan, "x = nan: must be a finite number N"),
+        (Specification("", low=0), "1", "x = '1': must be at least 0"),
+    ],
+)
+def test_the_message_names_the_value_and_what_is_allowed(
+    specification: Specification, value: Any, message: str
+) -> None:
+    assert refusal(1.0, value, specification) == message
+
+
+# Words
+
+
+@given(st.text())
+def test_a_text_without_choices_may_be_anything(value: str) -> None:
+    assert checked("x", value, "", ANY_NUMBER) == value
+
+
+@given(st.text())
+def test_only_the_choices_are_allowed_and_named_in_one_line(value: str) -> None:
+    assume(value not in ("slow", "fast"))
+    message = refusal("slow", value, Specification("how", choices=("slow", "fast")))
+    assert message == f"x = {value!r}: must be one of slow, fast"
+    assert len(message.splitlines()) == 1
+
+
+@given(st.one_of(st.none(), st.integers(), st.floats(), st.booleans()))
+def test_what_is_no_text_is_refused_for_text(value: Any) -> None:
+    assert refusal("", value) == f"x = {value}: must be text"
+
+
+@given(st.one_of(st.none(), st.integers(), st.floats(), st.text()))
+def test_only_true_and_false_are_true_or_false(value: Any) -> None:
+    assert refusal(True, value).endswith(": must be true or false")
+
+
+# Dataclasses
+
+
+def test_a_parameter_class_checks_every_field_when_built() -> None:
+    with pytest.raises(ParameterError, match=r"^stiffness = -1: must be from 0 to 1000 N/m$"):
+        Spring(stiffness=-1)
+    with pytest.raises(ParameterError, match=r"^mass = nan: must be above 0 kg$"):
+        Spring(mass=math.nan)
+
+
+def test_a_parameter_class_stores_ints_as_floats() -> None:
+    assert type(Spring(stiffness=100).stiffness) is float
+
+
+def test_schema_lists_all_parameters_by_dotted_name() -> None:
+    found = schema(Machine)
+    assert {name: default for name, (default, _) in found.items()} == {
+        "probe.spring.stiffness": 250.0,
+        "probe.spring.mass": 0.1,
+        "probe.bits": 16,
+        "name": "plain",
+        "mode": "slow",
+        "running": True,
+        "offset": 0.0,
+    }
+    assert found["probe.spring.stiffness"][1].unit == "N/m"
+    assert found["mode"][1].choices == ("slow", "fast")
+
+
+def test_schema_puts_a_prefix_before_every_name() -> None:
+    assert set(schema(Spring, "left.")) == {"left.stiffness", "left.mass"}
+
+
+def test_schema_refuses_a_field_that_is_neither_parameter_nor_parameters() -> None:
+    @dataclass
+    class Wrong:
+        number: float = 1.0
+
+    with pytest.raises(TypeError, match=r"^number: neither"):
+        schema(Wrong)
+
+
+def test_from_flat_without_values_gives_the_defaults() -> None:
+    assert from_flat(Machine, {}) == Machine()
+
+
+@given(
+    st.floats(0, 1000), st.integers(4, 32), st.text(), st.sampled_from(["slow", "fast"]), finite
+)
+def test_from_flat_puts_every_value_in_its_place(
+    stiffness: float, bits: int, name: str, mode: str, offset: float
+) -> None:
+    values = {
+        "probe.spring.stiffness": stiffness,
+        "probe.bits": bits,
+        "name": name,
+        "mode": mode,
+        "running": False,
+        "offset": offset,
+    }
+    machine = Machine(Probe(Spring(stiffness), bits), name, mode, False, offset)
+    assert from_flat(Machine, values) == machine
+    prefixed = {f"here.{key}": value for key, value in values.items()}
+    assert from_flat(Machine, prefixed, "here.") == machine
+
+
+def test_from_flat_does_not_look_at_other_names() -> None:
+    assert from_flat(Spring, {"colour": "red", "probe.stiffness": -1}) == Spring()
+
+
+def test_from_flat_says_the_dotted_name_of_what_is_wrong() -> None:
+    with pytest.raises(
+        ParameterError, match=r"^here\.probe\.spring\.mass = 0: must be above 0 kg$"
+    ):
+        from_flat(Machine, {"here.probe.spring.mass": 0}, "here.")

@@ -1,0 +1,101 @@
+"""Commands run as a user runs them, and the processes they start."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+PATIENCE = 60.0
+"""How long an event may take on a busy machine before it counts as not coming, s."""
+
+
+class Command:
+    """A running command whose output can be waited for.
+
+    Attributes
+    ----------
+    process : Popen
+    lines : list of str
+        What it wrote so far, both streams.
+    """
+
+    def __init__(self, words: list[str], folder: Path) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, *words],
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        self.lines: list[str] = []
+        self._news = threading.Condition()
+        self._ended = False
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    @property
+    def text(self) -> str:
+        """Everything it wrote so far."""
+        return "\n".join(self.lines)
+
+    def wait_for(self, pattern: str, after: int = 0) -> str:
+        """Return the first line from `after` on that matches, waiting for it."""
+
+        def found() -> str | None:
+            return next((line for line in self.lines[after:] if re.search(pattern, line)), None)
+
+        with self._news:
+            self._news.wait_for(lambda: found() or self._ended, PATIENCE)
+            line = found()
+        assert line, f"no line like {pattern!r} in:\n{self.text}"
+        return line
+
+    def end(self, number: signal.Signals | None = None) -> int:
+        """Send a signal, if any, and return the exit status."""
+        if number:
+            self.process.send_signal(number)
+        status = self.process.wait(PATIENCE)
+        self._reader.join(PATIENCE)
+        return status
+
+    def _read(self) -> None:
+        assert self.process.stdout
+        for line in self.process.stdout:
+            with self._news:
+                self.lines.append(line.rstrip("\n"))
+                self._news.notify_all()
+        with self._news:
+            self._ended = True
+            self._news.notify_all()
+
+
+def nodes_of(domain: int) -> dict[str, int]:
+    """Return the running nodes of a ROS domain: process id by executable."""
+    wanted = f"ROS_DOMAIN_ID={domain}".encode()
+    found: dict[str, int] = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            environment = (folder / "environ").read_bytes().split(b"\0")
+            words = (folder / "cmdline").read_bytes().decode().split("\0")
+        except OSError:
+            continue
+        node = next((word for word in words if word.startswith("haptic_accel.nodes.")), None)
+        if node and wanted in environment:
+            found[node.rsplit(".", 1)[-1]] = int(folder.name)
+    return found
+
+
+def wait_until(condition: Callable[[], bool], what: str) -> None:
+    """Wait for a state of the machine that gives no notice of itself."""
+    deadline = time.monotonic() + PATIENCE
+    moment = threading.Event()
+    while not condition():
+        assert time.monotonic() < deadline, f"still not: {what}"
+        moment.wait(0.05)

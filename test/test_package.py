@@ -1,0 +1,161 @@
+"""The package as colcon installs it and as `ros2 run` and `ros2 launch` find it."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from importlib.metadata import PathDistribution
+from pathlib import Path
+
+import pytest
+from catkin_pkg.package import Package, parse_package
+
+SOURCE = Path(__file__).resolve().parents[1]
+NODES = ("master_device", "slave_device", "coupler", "compensator", "recorder")
+
+ROSDEP_KEYS = {
+    "jinja2": "python3-jinja2",
+    "matplotlib": "python3-matplotlib",
+    "numpy": "python3-numpy",
+    "rich": "python3-rich",
+    "rosbags": "python3-rosbags-pip",
+    "scipy": "python3-scipy",
+    "yaml": "python3-yaml",
+}
+"""Key of each module that is no ROS package; a ROS package's key is its name."""
+
+
+class Installation:
+    """The folder colcon installed the package into, and commands in its environment."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.prefix = folder / "haptic_accel"
+        self.share = self.prefix / "share" / "haptic_accel"
+        self.executables = self.prefix / "lib" / "haptic_accel"
+        (initial,) = self.prefix.glob("**/haptic_accel/__init__.py")
+        self.code = initial.parent
+
+    def run(self, *command: str | Path) -> str:
+        """Run a command as after sourcing the workspace and return what it printed."""
+        source = ["sh", "-c", '. "$COLCON_CURRENT_PREFIX/local_setup.sh"; exec "$@"', "sh"]
+        environment = plain_environment() | {"COLCON_CURRENT_PREFIX": str(self.folder)}
+        return run([*source, *map(str, command)], environment, self.folder)
+
+
+def plain_environment() -> dict[str, str]:
+    """Return the environment with no workspace but the one that ROS 2 itself is in."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    return environment | {"AMENT_PREFIX_PATH": os.environ.get("AMENT_PREFIX_PATH", sys.prefix)}
+
+
+def run(command: Sequence[str], environment: dict[str, str], folder: Path) -> str:
+    done = subprocess.run(
+        command, env=environment, cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def installation(tmp_path_factory: pytest.TempPathFactory) -> Installation:
+    workspace = tmp_path_factory.mktemp("workspace")
+    colcon = [sys.executable, "-m", "colcon", "--log-base", "log", "build"]
+    places = ["--paths", str(SOURCE), "--build-base", "build", "--install-base", "install"]
+    run([*colcon, *places], plain_environment(), workspace)
+    return Installation(workspace / "install")
+
+
+@pytest.fixture(scope="module")
+def manifest() -> Package:
+    warnings: list[str] = []
+    package = parse_package(SOURCE / "package.xml", warnings=warnings)
+    assert warnings == []
+    return package
+
+
+@pytest.mark.parametrize("name", [*NODES, "haptic-accel"])
+def test_executable_is_where_ros2_run_looks(installation: Installation, name: str) -> None:
+    assert os.access(installation.executables / name, os.X_OK)
+
+
+def test_ament_index_finds_the_package(installation: Installation) -> None:
+    script = (
+        "from ament_index_python.packages import get_package_prefix;"
+        "print(get_package_prefix('haptic_accel'))"
+    )
+    assert installation.run(sys.executable, "-c", script).strip() == str(installation.prefix)
+
+
+@pytest.mark.parametrize("folder", ["launch", "config"])
+def test_share_holds_every_file_of(installation: Installation, folder: str) -> None:
+    expected = contents(SOURCE / folder)
+    assert expected
+    assert contents(installation.share / folder) == expected
+
+
+def test_templates_are_installed_beside_the_code(installation: Installation) -> None:
+    expected = contents(SOURCE / "haptic_accel/tools/templates")
+    assert expected
+    assert contents(installation.code / "tools/templates") == expected
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+def test_installed_code_reads_the_installed_files(installation: Installation) -> None:
+    script = (
+        "import haptic_accel; from haptic_accel.startup.files import share_folder;"
+        "print(haptic_accel.__path__[0]); print(share_folder())"
+    )
+    printed = installation.run(sys.executable, "-c", script).splitlines()
+    assert printed == [str(installation.code), str(installation.share)]
+
+
+@pytest.mark.parametrize("words", [["--help"], ["teleop", "--help"]])
+def test_installed_command_runs(installation: Installation, words: list[str]) -> None:
+    assert "usage: haptic-accel" in installation.run(
+        installation.executables / "haptic-accel", *words
+    )
+
+
+def test_manifest_tells_colcon_and_the_build_farm_what_it_is(manifest: Package) -> None:
+    assert manifest.name == "haptic_accel"
+    assert manifest.package_format == 3
+    assert manifest.licenses == ["Apache-2.0"]
+    assert manifest.get_build_type() == "ament_python"
+
+
+def test_versions_agree(installation: Installation, manifest: Package) -> None:
+    (metadata,) = installation.code.parent.glob("haptic_accel-*-info")
+    newest = re.search(r"^(\d\S*) \(.*\)\n-+$", (SOURCE / "CHANGELOG.rst").read_text(), re.M)
+    assert newest is not None
+    assert PathDistribution(metadata).version == manifest.version == newest[1]
+
+
+def test_every_import_is_a_dependency(manifest: Package) -> None:
+    keys = {ROSDEP_KEYS.get(module, module) for module in third_party_imports()}
+    assert keys <= {dependency.name for dependency in manifest.exec_depends}
+
+
+def third_party_imports() -> set[str]:
+    files = [*SOURCE.glob("haptic_accel/**/*.py"), *SOURCE.glob("launch/*.py")]
+    modules = {module for file in files for module in imports(ast.parse(file.read_bytes()))}
+    return modules - set(sys.stdlib_module_names) - {"haptic_accel"}
+
+
+def imports(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module.partition(".")[0]

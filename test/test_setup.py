@@ -1,0 +1,58 @@
+"""What `make` tells somebody who sets the project up."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parents[1]
+
+pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+
+
+def make(*words: str) -> subprocess.CompletedProcess[str]:
+    """Run make as from a shell, even when make runs these tests."""
+    of_make = ("MAKEFLAGS", "MAKELEVEL", "MAKEOVERRIDES", "MFLAGS")
+    environment = {key: value for key, value in os.environ.items() if key not in of_make}
+    command = ["make", "--directory", str(SOURCE), "--no-print-directory", *words]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+def pretended_python(folder: Path, change: str) -> str:
+    """Return an interpreter that says it is another."""
+    path = folder / "python"
+    path.write_text(f"#!{sys.executable}\nimport sys, sysconfig\n{change}\nexec(sys.argv[2])\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+@pytest.mark.parametrize("words", [[], ["help"]])
+def test_help_lists_the_targets(words: list[str]) -> None:
+    listed = [line.split()[1] for line in make(*words).stdout.splitlines()]
+    assert listed == ["help", "venv", "demo", "test", "lint", "clean"]
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ("sys.version_info = (3, 9, 2)", "3.9 on linux-x86_64"),
+        ("sys.version_info = (3, 15, 0)", "3.15 on linux-x86_64"),
+        ("sysconfig.get_platform = lambda: 'linux-aarch64'", "on linux-aarch64"),
+        ("sys.exit(1)", "cannot be run"),
+    ],
+)
+def test_unfit_python_is_refused_in_one_line(tmp_path: Path, change: str, what: str) -> None:
+    python = pretended_python(tmp_path, change)
+    environment = tmp_path / "environment"
+    done = make("venv", f"PYTHON={python}", f"VENV={environment}")
+    (error,) = [line for line in done.stderr.splitlines() if not line.startswith("make: ")]
+    assert done.returncode != 0
+    assert error.startswith("error: needs CPython 3.10 to 3.13 on x86-64 Linux")
+    assert python in error
+    assert what in error
+    assert not environment.exists()
