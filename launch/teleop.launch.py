@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
-
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable, Shutdown
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
@@ -25,7 +23,7 @@ def generate_launch_description() -> LaunchDescription:
 
 def _start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     words = [f"{name}:={LaunchConfiguration(name).perform(context)}" for name, _, _ in described()]
-    nodes = [
+    return [
         Node(
             package="haptic_accel",
             executable=process.executable,
@@ -35,9 +33,6 @@ def _start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         )
         for process in graph(parse_arguments(words))
     ]
-    # Our default keeps a graph on its machine; the environment may say otherwise.
-    reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    return [SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", reach), *nodes]
 
 
 def _end(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:

@@ -54,6 +54,21 @@ def build_controller(name: str, rate: float, parameters: Checked | None = None) 
     return controller(parameters if parameters is not None else controller.Parameters(), rate)
 
 
+def check_rate(parameters: CompensationParameters, rate: float) -> None:
+    """Refuse a rate in Hz that is too low for the high-pass.
+
+    Raises
+    ------
+    ParameterError
+        The corner lies above half the rate.
+    """
+    if not rate > 2 * parameters.high_pass_frequency:
+        raise ParameterError(
+            f"rate = {rate:g}: must be above twice high_pass_frequency"
+            f" = {parameters.high_pass_frequency:g} Hz"
+        )
+
+
 class Compensation:
     """High-pass, controller and limit as one object that takes one sample at a time.
 
@@ -85,11 +100,7 @@ class Compensation:
         rate: float,
         controllers: Mapping[str, Checked] | None = None,
     ) -> None:
-        if not rate > 2 * parameters.high_pass_frequency:
-            raise ParameterError(
-                f"rate = {rate:g}: must be above twice high_pass_frequency"
-                f" = {parameters.high_pass_frequency:g} Hz"
-            )
+        check_rate(parameters, rate)
         name = parameters.controller
         self._high_pass = SampleFilter(high_pass(parameters.high_pass_frequency, rate))
         self._controller = build_controller(name, rate, (controllers or {}).get(name))

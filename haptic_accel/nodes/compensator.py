@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
+# Loaded here so that it is there when the node appears to others: designing a filter needs it.
+import scipy.signal  # noqa: F401
 from geometry_msgs.msg import AccelStamped, WrenchStamped
 
 from haptic_accel.core.compensation import Compensation

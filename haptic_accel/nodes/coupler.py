@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
+from rclpy.subscription import Subscription
 
 from haptic_accel.core.coupling import ZERO, PositionPositionCoupling, Vector
 from haptic_accel.nodes import topics
@@ -57,7 +58,7 @@ class Arm:
 
 
 class Coupler(GraphNode):
-    """Engages when both arms are heard, lets go when one falls silent.
+    """Engages when both arms are heard and the others there, lets go when an arm falls silent.
 
     Each arm's sample causes the other arm's force, so that both forces are as fresh as they
     can be.
@@ -75,6 +76,11 @@ class Coupler(GraphNode):
         if self.parameters.damping > 0:
             self.subscribe(topics.MASTER_VELOCITY, self._master.take_velocity)
             self.subscribe(topics.SLAVE_VELOCITY, self._slave.take_velocity)
+        # Heard until the first message only: it costs a core a little at each sample.
+        self._first_force: Subscription | None = None
+        self._compensator_heard = not self.parameters.compensated
+        if self.parameters.compensated:
+            self._first_force = self.subscribe(topics.ACTUATOR_FORCE, self._hear_compensator)
         self.create_timer(LOOK_PERIOD, self._look)
 
     def close(self) -> None:
@@ -85,8 +91,10 @@ class Coupler(GraphNode):
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return whether the arms are coupled."""
-        engaged = self._coupling.engaged
-        return "" if engaged else self._missing(), {"engaged": str(engaged).lower()}
+        return self._missing(), {"engaged": str(self._coupling.engaged).lower()}
+
+    def _hear_compensator(self, message: Any) -> None:
+        self._compensator_heard = True
 
     def _on_master(self, message: Any) -> None:
         self._master.take_position(message)
@@ -98,38 +106,35 @@ class Coupler(GraphNode):
 
     def _couple(self, arm: Arm, moment: int) -> None:
         """Send an arm its force."""
-        master, slave = self._master, self._slave
-        if not self._coupling.engaged and not self._engage():
+        if not self._coupling.engaged:
             return
+        master, slave = self._master, self._slave
         on_master, on_slave = self._coupling.forces(
             master.position, slave.position, master.velocity, slave.velocity
         )
         arm.send(on_master if arm is master else on_slave, moment)
 
-    def _engage(self) -> bool:
-        master, slave = self._master, self._slave
-        if self._silent(master) or self._silent(slave):
-            return False
-        if min(master.listeners, slave.listeners) < self.parameters.listeners:
-            return False
-        self._coupling.engage(master.position, slave.position)
-        self._engaged_at = self._engaged_at or time.monotonic()
-        self.get_logger().info("engaged")
-        return True
-
     def _look(self) -> None:
+        """Engage, let go, or end, as things are now."""
         now = time.monotonic()
-        if self._coupling.engaged and (self._silent(self._master) or self._silent(self._slave)):
-            self.get_logger().warning(f"let go: {self._missing()}")
+        missing = self._missing()
+        if self._coupling.engaged and missing:
+            self.get_logger().warning(f"let go: {missing}")
             self._coupling.disengage()
             self.close()
-        if not self._coupling.engaged and now - self._asked > NAG_PERIOD:
+        elif not (self._coupling.engaged or missing):
+            self._coupling.engage(self._master.position, self._slave.position)
+            self._engaged_at = self._engaged_at or now
+            if self._first_force:
+                self.destroy_subscription(self._first_force)
+                self._first_force = None
+            self.get_logger().info("engaged")
+        elif missing and now - self._asked > NAG_PERIOD:
             self._asked = now
-            self.get_logger().warning(self._missing())
+            self.get_logger().warning(missing)
         duration = self.parameters.duration
-        if self.finished.done():
-            return
-        if duration > 0 and self._engaged_at and now - self._engaged_at >= duration:
+        over = duration > 0 and self._engaged_at and now - self._engaged_at >= duration
+        if over and not self.finished.done():
             self.get_logger().info(f"duration of {duration:g} s is over")
             self.finished.set_result(None)
 
@@ -137,14 +142,21 @@ class Coupler(GraphNode):
         return bool(time.monotonic() - arm.heard > self.parameters.timeout)
 
     def _missing(self) -> str:
-        arms = (self._master, self._slave)
-        silent = [arm.name for arm in arms if self._silent(arm)]
+        """Say what engaging waits for, or what has gone; empty when all is there."""
+        silent = [arm.name for arm in (self._master, self._slave) if self._silent(arm)]
         if silent:
             return f"waiting for the position of {' and '.join(silent)}"
-        return (
-            f"waiting for subscribers of the arms' forces: {min(arm.listeners for arm in arms)}"
-            f" of {self.parameters.listeners}"
-        )
+        if self._coupling.engaged:
+            return ""
+        if not self._compensator_heard:
+            return "waiting for the compensator's force"
+        listeners = min(self._master.listeners, self._slave.listeners)
+        if listeners < self.parameters.listeners:
+            return (
+                "waiting for subscribers of the arms' forces: there are"
+                f" {listeners} of {self.parameters.listeners}"
+            )
+        return ""
 
 
 def main() -> None:

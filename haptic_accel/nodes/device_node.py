@@ -163,6 +163,10 @@ class DeviceNode(GraphNode):
         if not math.isfinite(x + y + z):
             self._arm_command.rejected += 1
             return
+        if not self._arm_command.age.count:
+            # The arms engage: what was late while nodes came up says nothing about the run.
+            for command in self._commands.values():
+                command.age.reset()
         now = time.monotonic_ns() / NANOSECONDS
         self.device.write(now, arm_force=(x, y, z))
         self._arm_command.applied(message, now)

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 from haptic_accel.core.parameters import ParameterError, Schema, Specification, checked
 from haptic_accel.nodes.parameters import NODES, node_parameters, node_schema
@@ -75,9 +76,9 @@ class GraphNode(SupervisedNode):
         *,
         depth: int = DEPTH,
         raw: bool = False,
-    ) -> None:
+    ) -> Subscription:
         """Subscribe to a topic."""
-        self.create_subscription(
+        return self.create_subscription(
             message_type(topic), topic.name, callback, quality(topic, depth), raw=raw
         )
 

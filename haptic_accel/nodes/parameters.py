@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from haptic_accel.core.compensation import CompensationParameters
+from haptic_accel.core.compensation import CompensationParameters, check_rate
 from haptic_accel.core.controllers import CONTROLLERS
 from haptic_accel.core.coupling import CouplingParameters
 from haptic_accel.core.parameters import Checked, Schema, from_flat, parameter, schema
@@ -70,9 +70,12 @@ class CouplerNodeParameters(CouplingParameters):
     )
     listeners: int = parameter(
         1,
-        "subscribers of each arm's force to wait for: its device, and a recorder",
+        "subscribers of each arm's force to wait for before engaging: its device, a recorder",
         low=0,
         high=100,
+    )
+    compensated: bool = parameter(
+        False, "whether to wait for the compensator's first force before engaging"
     )
 
 
@@ -81,6 +84,11 @@ class CompensatorNodeParameters(CompensationParameters):
     """Of `compensator`."""
 
     rate: float = rate_parameter()
+
+    def __post_init__(self) -> None:
+        """Check all fields, and the rate against the high-pass."""
+        super().__post_init__()
+        check_rate(self, self.rate)
 
 
 @dataclass(frozen=True)

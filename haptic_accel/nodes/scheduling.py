@@ -22,6 +22,7 @@ from rclpy.utilities import remove_ros_args
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
+from haptic_accel.startup.files import config_folder
 
 try:
     from rclpy.executors import EventsExecutor  # ROS 2 Lyrical and newer
@@ -32,6 +33,14 @@ DONE, FAILED, WRONG_ARGUMENTS = 0, 1, 2
 """Exit statuses of every executable."""
 
 NANOSECONDS = 1_000_000_000
+
+MIDDLEWARE = {
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    "FASTRTPS_DEFAULT_PROFILES_FILE": str(config_folder() / "fastdds.xml"),
+    "FASTDDS_DEFAULT_PROFILES_FILE": str(config_folder() / "fastdds.xml"),
+}
+"""Our defaults where the environment says nothing: a graph stays on its machine, and its nodes
+find each other quickly (Fast DDS 2 of Jazzy and 3 of Kilted name the file differently)."""
 
 LOOK_ROUND = 0.25
 """Period in s at which signals and the parent are looked after while no message comes.
@@ -147,8 +156,8 @@ def run(build: Callable[[], SupervisedNode], name: str) -> None:
     name : str
         For messages.
     """
-    # Our default keeps a graph on its machine; the environment may say otherwise.
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    for variable, value in MIDDLEWARE.items():
+        os.environ.setdefault(variable, value)
     _sharpen_timers()
     # This is the one place where signals are handled: rclpy installs none, no node does.
     signals: list[int] = []

@@ -20,7 +20,7 @@ def share_folder() -> Path:
     A checkout's own where the code runs from a checkout; otherwise the installed one.
     """
     checkout = Path(__file__).resolve().parents[2]
-    if (checkout / "config").is_dir():
+    if (checkout / "package.xml").is_file():
         return checkout
     from ament_index_python.packages import get_package_share_directory
 

@@ -107,7 +107,8 @@ def _own_parameters(arguments: GraphArguments) -> dict[str, dict[str, Any]]:
         "slave_device": {**device, "device": arguments.slave, **recording},
         "coupler": {
             "duration": arguments.duration,
-            # The experiment begins when the arms engage: whoever records must be there.
+            # The hand starts to explore when the arms engage: all others must be there.
+            "compensated": True,
             "listeners": 2 if arguments.record else 1,
         },
         "compensator": {**sampled, "controller": arguments.controller},

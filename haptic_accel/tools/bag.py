@@ -91,27 +91,28 @@ def read_trial(
     """
     series, diagnostics = _read(bag)
     period = NANOSECONDS / rate
-    needed = (*SIGNALS.values(), topics.MASTER_ARM_FORCE)
-    for topic in needed:
-        if not len(series[topic.name].stamps):
-            raise ParameterError(f"{bag}: has no message of {topic.name}")
-    start = int(max(series[topic.name].stamps[0] for topic in needed))
-    places = {
-        name: np.round((series[topic.name].stamps - start) / period).astype(np.int64)
-        for name, topic in SIGNALS.items()
-    }
-    last = int(min(place.max() for place in places.values()))
-    if last < 1:
+    needed = [topic.name for topic in (*SIGNALS.values(), topics.MASTER_ARM_FORCE)]
+    for name in needed:
+        if not len(series[name].stamps):
+            raise ParameterError(f"{bag}: has no message of {name}")
+    start = int(max(series[name].stamps[0] for name in needed))
+    end = int(min(series[name].stamps[-1] for name in needed))
+    length = round((end - start) / period) + 1
+    if length < 2:
         raise ParameterError(f"{bag}: its signals do not overlap")
     signals = {
-        name: _on_grid(places[name], series[topic.name].values, last + 1)
+        name: _on_grid(_places(series[topic.name], start, period), series[topic.name], length)
         for name, topic in SIGNALS.items()
     }
-    time = np.arange(last + 1) / rate
     trial = Trial(
-        surface, controller, rate, time, **signals, high_pass_frequency=high_pass_frequency
+        surface,
+        controller,
+        rate,
+        np.arange(length) / rate,
+        **signals,
+        high_pass_frequency=high_pass_frequency,
     )
-    return trial, _delivery(series, diagnostics, start, period, last + 1)
+    return trial, _delivery(series, diagnostics, start, period, length)
 
 
 def _read(bag: Path) -> tuple[dict[str, _Series], list[Any]]:
@@ -164,7 +165,12 @@ def _series(rows: list[tuple[int, int, float]]) -> _Series:
     )
 
 
-def _on_grid(places: IntArray, values: FloatArray, length: int) -> FloatArray:
+def _places(series: _Series, start: int, period: float) -> IntArray:
+    """Return on which sample of the trial each message lies."""
+    return np.round((series.stamps - start) / period).astype(np.int64)
+
+
+def _on_grid(places: IntArray, series: _Series, length: int) -> FloatArray:
     """Put samples at their places, each held until the next."""
     within = (places >= 0) & (places < length)
     source = np.full(length, -1)
@@ -172,7 +178,7 @@ def _on_grid(places: IntArray, values: FloatArray, length: int) -> FloatArray:
     # The index of the latest sample at each place; before the first sample, the first.
     source = np.maximum.accumulate(source)
     first = int(np.argmax(within))
-    return np.asarray(values[np.maximum(source, first)])
+    return np.asarray(series.values[np.maximum(source, first)])
 
 
 def _delivery(
@@ -185,7 +191,7 @@ def _delivery(
     """Count what is missing on the trial's grid and what came late, and find the ages."""
     lost, late = {}, {}
     for name, found in series.items():
-        places = np.round((found.stamps - start) / period)
+        places = _places(found, start, period)
         within = (places >= 0) & (places < length)
         lost[name] = length - len(np.unique(places[within]))
         late[name] = int(np.sum((found.received - found.stamps)[within] > period / 2))

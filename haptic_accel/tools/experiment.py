@@ -27,7 +27,7 @@ from haptic_accel.startup.graph import graph, graph_parameters, rig_parameters
 from haptic_accel.startup.supervisor import Supervisor
 from haptic_accel.tools.bag import Delivery, read_trial
 from haptic_accel.tools.report import write_report
-from haptic_accel.tools.teleop import DONE, INTERRUPTED, StopOnSignal, conclude
+from haptic_accel.tools.teleop import DONE, FAILED, INTERRUPTED, StopOnSignal, conclude
 
 SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
@@ -37,6 +37,9 @@ DURATION = 10.0
 
 AROUND = 4.0
 """What starting and stopping the graph takes, s: an estimate, for the time left."""
+
+REFRESH = 2.0
+"""How often the progress bar is drawn, Hz: drawing takes a core from the graph it waits for."""
 
 LOCKSTEP_NOTE = (
     "Every condition ran in lockstep: no ROS, no clock, the same numbers for the same seed."
@@ -155,6 +158,10 @@ def experiment(
         print(f"interrupted after {len(done)} of {len(plan)} conditions", file=sys.stderr)
     except GraphFailedError as failure:
         status = failure.status
+    except ParameterError as error:
+        # A bag that cannot be read; what was done before is not lost with it.
+        status = FAILED
+        print(f"haptic-accel: {error}", file=sys.stderr)
     if done:
         _conclude(done, arguments, lockstep, folder, json_file, console)
     return status
@@ -203,7 +210,7 @@ def _run_all(
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(elapsed_when_finished=True),
     )
-    with Progress(*columns, console=console) as progress:
+    with Progress(*columns, console=console, refresh_per_second=REFRESH) as progress:
         bar = progress.add_task("", total=len(plan))
         for index, arguments in enumerate(plan):
             name = f"{Path(arguments.surface).stem} / {arguments.controller}"

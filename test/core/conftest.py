@@ -15,7 +15,7 @@ from haptic_accel.core.trial import RigParameters
 
 @pytest.fixture
 def ideal_accelerometer() -> AccelerometerParameters:
-    """Without noise and, with steps of 2e-8 m/s^2, as good as without quantisation."""
+    """Return one without noise and, with steps of 2e-8 m/s^2, as good as without quantisation."""
     return AccelerometerParameters(noise_density=0.0, bits=32)
 
 
@@ -26,8 +26,10 @@ def ideal_arm() -> ArmParameters:
 
 @pytest.fixture
 def still_hand() -> ExplorationParameters:
-    """A hand that wants to be at the origin for ever."""
-    return ExplorationParameters(height=0.0, press_depth=0.0, stroke_speed=0.0)
+    """Return a hand that wants to be at the origin for ever."""
+    return ExplorationParameters(
+        height=0.0, press_depth=0.0, stroke_speed=0.0, stroke_length=0.001, strokes=1
+    )
 
 
 @pytest.fixture
@@ -36,7 +38,7 @@ def ideal_master(
     ideal_arm: ArmParameters,
     still_hand: ExplorationParameters,
 ) -> MasterRigParameters:
-    """Table I with ideal instruments and a hand at rest: nothing but the mechanics."""
+    """Return Table I with ideal instruments and a hand at rest: nothing but the mechanics."""
     return MasterRigParameters(
         actuator=ActuatorParameters(bits=32),
         accelerometer=ideal_accelerometer,
@@ -49,7 +51,7 @@ def ideal_master(
 def ideal_slave(
     ideal_accelerometer: AccelerometerParameters, ideal_arm: ArmParameters
 ) -> SlaveRigParameters:
-    """The default tool on a smooth surface, with ideal instruments."""
+    """Return the default tool on a smooth surface, with ideal instruments."""
     return SlaveRigParameters(accelerometer=ideal_accelerometer, arm=ideal_arm)
 
 
@@ -57,6 +59,6 @@ def ideal_slave(
 def ideal_rig(
     ideal_accelerometer: AccelerometerParameters, ideal_slave: SlaveRigParameters
 ) -> RigParameters:
-    """Both sides with accelerometers without noise; the hand explores a smooth surface."""
+    """Return both sides with accelerometers without noise; the hand explores a smooth surface."""
     master = replace(RigParameters().master, accelerometer=ideal_accelerometer)
     return RigParameters(master, ideal_slave)

@@ -16,6 +16,7 @@ from haptic_accel.core.compensation import (
     Compensation,
     CompensationParameters,
     build_controller,
+    check_rate,
 )
 from haptic_accel.core.controllers import CONTROLLERS
 from haptic_accel.core.controllers.constant import ConstantParameters
@@ -138,7 +139,9 @@ def test_whatever_comes_in_the_force_is_finite_and_limited(
 
 
 @untimed
-@given(controllers, st.lists(st.one_of(st.floats(-50.0, 50.0), st.sampled_from([math.nan, math.inf]))))
+@given(
+    controllers, st.lists(st.one_of(st.floats(-50.0, 50.0), st.sampled_from([math.nan, math.inf])))
+)
 def test_a_sample_that_is_not_finite_counts_as_zero(controller: str, values: list[float]) -> None:
     stream, clean = compensation(controller), compensation(controller)
     replaced = [value if math.isfinite(value) else 0.0 for value in values]
@@ -175,9 +178,12 @@ def test_a_rate_too_low_for_the_high_pass_is_refused(rate: float) -> None:
         ParameterError, match=r"^rate = \S+: must be above twice high_pass_frequency = 15 Hz$"
     ):
         compensation("dynamic", rate)
+    with pytest.raises(ParameterError, match="high_pass_frequency = 15 Hz$"):
+        check_rate(CompensationParameters(), rate)
 
 
 def test_a_rate_just_above_is_not() -> None:
+    check_rate(CompensationParameters(), 31.0)
     assert compensation("dynamic", 31.0).sample(0.0, 0.0) == (0.0, 0.0)
 
 

@@ -210,7 +210,10 @@ class MasterRig:
         if not touching:
             return 0.0
         outward = math.copysign(1.0, offset) * float(state[V_A] - state[V_H])
-        push = max(0.0, p.stop_stiffness * overrun + p.stop_damping * outward)
+        # The force is held for a while: that of its middle gives back no more than it took.
+        held = STOP_STEPS * self._step
+        push = p.stop_stiffness * (overrun + outward * held / 2) + p.stop_damping * outward
+        push = max(0.0, push)
         return -math.copysign(push, offset)
 
 

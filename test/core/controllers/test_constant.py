@@ -20,9 +20,7 @@ def test_force_is_mass_times_desired_acceleration(desired: float, measured: floa
 
 
 @given(st.floats(0.0, 10.0), st.lists(accelerations, min_size=1))
-def test_the_mass_is_a_parameter_and_there_is_no_memory(
-    mass: float, desired: list[float]
-) -> None:
+def test_the_mass_is_a_parameter_and_there_is_no_memory(mass: float, desired: list[float]) -> None:
     controller = ConstantController(ConstantParameters(mass), 4000.0)
     forces = [controller.force(value, 0.0) for value in desired]
     assert forces == pytest.approx([mass * value for value in desired])

@@ -1,0 +1,152 @@
+"""The scripted hand: speeds and depths as asked, motion that is smooth and repeats itself."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.rig.exploration import Exploration, ExplorationParameters
+
+# Few examples: each one tabulates a cycle of seconds.
+few = settings(deadline=None, max_examples=20)
+
+explorations = st.builds(
+    ExplorationParameters,
+    height=st.floats(0.0, 0.05),
+    approach_time=st.floats(0.1, 1.0),
+    press_depth=st.floats(0.0, 0.02),
+    stroke_speed=st.floats(0.02, 0.5),
+    stroke_length=st.floats(0.01, 0.1),
+    turn_time=st.floats(0.02, 0.5),
+    strokes=st.integers(1, 5),
+    pause=st.floats(0.0, 0.5),
+)
+
+
+def path(exploration: Exploration, step: float = 1e-3) -> FloatArray:
+    """Rows of time, x, z, v_x, v_z over one cycle."""
+    times = np.arange(0.0, exploration.period, step).tolist()
+    return np.array([(time, *exploration.at(time)) for time in times])
+
+
+def stroke_ends(x: FloatArray) -> list[float]:
+    """Where the motion along the surface turns round; nothing below 10 nm is motion."""
+    moves = [(a, b) for a, b in pairwise(x.tolist()) if abs(a - b) > 1e-8]
+    return [
+        here
+        for (before, here), (_, after) in pairwise(moves)
+        if (here - before) * (after - here) < 0
+    ]
+
+
+def test_strokes_have_the_speed_asked_for() -> None:
+    _, x, z, v_x, _ = path(Exploration(ExplorationParameters(stroke_speed=0.1))).T
+    assert np.abs(v_x).max() == pytest.approx(0.1, rel=1e-3)
+    pressing = z < -0.0046
+    full_speed = np.abs(np.abs(v_x[pressing]) - 0.1) < 1e-4
+    # Between ramps of 0.15 s each stroke of 0.8 s keeps its speed, four times.
+    assert full_speed.sum() * 1e-3 > 4 * 0.65
+    assert x.max() - x.min() > 0.08
+
+
+@pytest.mark.parametrize("length", [0.04, 0.08])
+@pytest.mark.parametrize("turn_time", [0.05, 0.15, 0.3])
+def test_strokes_have_the_length_asked_for(length: float, turn_time: float) -> None:
+    parameters = ExplorationParameters(stroke_length=length, turn_time=turn_time, strokes=6)
+    ends = stroke_ends(path(Exploration(parameters))[:, 1])
+    assert len(ends) == 5
+    assert np.abs(np.diff(ends)) == pytest.approx(length, rel=5e-3)
+
+
+def test_the_hand_presses_as_deep_as_asked_and_rests_as_high() -> None:
+    parameters = ExplorationParameters(height=0.02, press_depth=0.005, pause=0.5)
+    time, x, z, v_x, _ = path(Exploration(parameters)).T
+    assert z.min() == pytest.approx(-0.005)
+    assert z.max() == pytest.approx(0.02)
+    assert (z[np.abs(v_x) > 1e-3] < -0.0049).all(), "it strokes only while it presses"
+    resting = time > time[-1] - 0.49
+    assert z[resting] == pytest.approx(0.02)
+    assert x[resting] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_cycle_is_approach_strokes_lift_and_pause() -> None:
+    exploration = Exploration(ExplorationParameters())
+    # Between the outer two ramps of 0.15 s are 3 turns; strokes are 0.08 m at 0.1 m/s, of
+    # which the cosine-shaped half turns cover 2/pi of their time at full speed.
+    cruise = 0.8 - 0.15 * 2 / math.pi
+    assert exploration.period == pytest.approx(0.6 + 5 * 0.15 + 4 * cruise + 0.6 + 0.2, abs=0.01)
+
+
+@few
+@given(explorations)
+def test_each_cycle_ends_where_it_began(parameters: ExplorationParameters) -> None:
+    exploration = Exploration(parameters)
+    assert exploration.at(0.0) == pytest.approx((0.0, parameters.height, 0.0, 0.0))
+    for time in (0.0, 0.123, exploration.period / 2, exploration.period - 1e-6):
+        again = exploration.at(time + 3 * exploration.period)
+        assert again == pytest.approx(exploration.at(time), abs=1e-9)
+
+
+@few
+@given(explorations, st.integers(1, 400))
+def test_velocity_is_the_derivative_of_position(
+    parameters: ExplorationParameters, microseconds: int
+) -> None:
+    exploration = Exploration(parameters)
+    step = 1e-6 * microseconds
+    for time in np.linspace(0.0, exploration.period, 200).tolist():
+        before, here, after = (exploration.at(time + shift) for shift in (0.0, step / 2, step))
+        # The velocity is linear but for a bend here and there, where it is off by what it
+        # bends in this step.
+        for axis in (0, 1):
+            bend = abs(before[axis + 2] - 2 * here[axis + 2] + after[axis + 2])
+            mean = (after[axis] - before[axis]) / step
+            assert mean == pytest.approx(here[axis + 2], abs=bend + 1e-8)
+
+
+@few
+@given(explorations)
+def test_motion_is_continuous(parameters: ExplorationParameters) -> None:
+    exploration = Exploration(parameters)
+    _, x, z, v_x, v_z = path(exploration, 0.5e-3).T
+    fastest = max(np.abs(v_x).max(), np.abs(v_z).max())
+    assert np.abs(np.diff(x)).max() <= fastest * 0.5e-3 * (1 + 1e-6) + 1e-12
+    assert np.abs(np.diff(z)).max() <= fastest * 0.5e-3 * (1 + 1e-6) + 1e-12
+    # The steepest part of a turn from speed to -speed is pi/2 times its mean; one of the
+    # table's steps may be as much again because ramps begin on it.
+    turning = math.pi * parameters.stroke_speed / parameters.turn_time
+    assert np.abs(np.diff(v_x)).max() <= turning * 0.5e-3 * 1.5 + 0.05 * parameters.stroke_speed
+
+
+@few
+@given(explorations, st.floats(-10.0, 0.0))
+def test_before_it_starts_the_hand_rests(parameters: ExplorationParameters, time: float) -> None:
+    assert Exploration(parameters).at(time) == (0.0, parameters.height, 0.0, 0.0)
+
+
+def test_a_hand_may_press_without_stroking() -> None:
+    exploration = Exploration(ExplorationParameters(stroke_speed=0.0, strokes=1))
+    x, z, v_x, v_z = exploration.at(10.0)
+    assert (x, z, v_x, v_z) == pytest.approx((0.0, -0.0047, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("stroke_speed", -0.1),
+        ("turn_time", 0.0),
+        ("strokes", 0),
+        ("strokes", 1.5),
+        ("height", math.nan),
+    ],
+)
+def test_an_impossible_exploration_is_refused(field: str, value: float) -> None:
+    with pytest.raises(ParameterError, match=f"^{field} = {value}: must be "):
+        ExplorationParameters(**{field: value})  # type: ignore[arg-type]

@@ -1,0 +1,139 @@
+"""Converters, the accelerometer's noise, and what an arm's motors and encoders do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.rig.instruments import (
+    Accelerometer,
+    AccelerometerParameters,
+    ArmParameters,
+    Quantizer,
+)
+
+# Converters
+
+
+def test_a_converter_rounds_to_its_steps() -> None:
+    converter = Quantizer(8.0, 4)  # sixteen steps of 1 over 16
+    assert [converter.convert(v) for v in (0.0, 0.4, 0.6, -0.6, 1.4, -7.6)] == [
+        0.0,
+        0.0,
+        1.0,
+        -1.0,
+        1.0,
+        -8.0,
+    ]
+    assert converter.saturated == 0
+
+
+def test_it_saturates_and_counts() -> None:
+    converter = Quantizer(8.0, 4)
+    assert [converter.convert(v) for v in (8.1, -9.0, math.inf, -math.inf, 8.0)] == [
+        8.0,
+        -8.0,
+        8.0,
+        -8.0,
+        8.0,
+    ]
+    assert converter.saturated == 4
+
+
+@given(st.floats(0.1, 100.0), st.integers(4, 24), st.floats(-1.0, 1.0))
+def test_it_is_off_by_half_a_step_at_the_most(full_scale: float, bits: int, part: float) -> None:
+    value = part * full_scale
+    converted = Quantizer(full_scale, bits).convert(value)
+    step = 2 * full_scale / 2**bits
+    assert abs(converted - value) <= step / 2 * (1 + 1e-6)
+    assert converted / step == pytest.approx(round(converted / step), abs=1e-6)
+    assert Quantizer(full_scale, bits).convert(-value) == -converted
+
+
+# The accelerometer
+
+
+def samples(parameters: AccelerometerParameters, count: int, *seeds: int) -> list[float]:
+    accelerometer = Accelerometer(parameters, *seeds)
+    return [accelerometer.measure(0.0) for _ in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("density", "bandwidth"), [(250e-6 * 9.80665, 500.0), (0.01, 500.0), (0.01, 2000.0)]
+)
+def test_noise_is_that_of_the_density_through_a_first_order_low_pass(
+    density: float, bandwidth: float
+) -> None:
+    parameters = AccelerometerParameters(noise_density=density, bandwidth=bandwidth, bits=24)
+    expected = density * math.sqrt(math.pi / 2 * bandwidth)
+    assert parameters.noise == pytest.approx(expected)
+    noise = np.array(samples(parameters, 40_000, 1))
+    # The standard deviation of n samples is known to one part in sqrt(2 n), of their mean to
+    # one in sqrt(n): four times that.
+    assert noise.std() == pytest.approx(expected, rel=4 / math.sqrt(80_000))
+    assert abs(noise.mean()) < 4 * expected / math.sqrt(40_000)
+
+
+def test_noise_is_white() -> None:
+    noise = np.array(samples(AccelerometerParameters(bits=24), 40_000, 2))
+    neighbours = np.corrcoef(noise[1:], noise[:-1])[0, 1]
+    assert abs(neighbours) < 4 / math.sqrt(40_000)
+
+
+def test_the_seed_decides_about_the_noise() -> None:
+    parameters = AccelerometerParameters()
+    assert samples(parameters, 10, 3) == samples(parameters, 10, 3)
+    assert samples(parameters, 10, 3) != samples(parameters, 10, 4)
+
+
+def test_two_accelerometers_of_one_seed_have_independent_noise() -> None:
+    parameters = AccelerometerParameters()
+    one, other = samples(parameters, 40_000, 3, 1), samples(parameters, 40_000, 3, 2)
+    assert abs(np.corrcoef(one, other)[0, 1]) < 4 / math.sqrt(40_000)
+
+
+def test_without_noise_only_the_converter_is_left() -> None:
+    accelerometer = Accelerometer(AccelerometerParameters(range=8.0, noise_density=0.0, bits=4), 0)
+    assert accelerometer.measure(2.4) == 2.0
+    assert accelerometer.measure(20.0) == 8.0
+    assert accelerometer.saturated == 1
+
+
+def test_the_paper_s_accelerometer_by_default() -> None:
+    parameters = AccelerometerParameters()
+    assert parameters.range == pytest.approx(49.0, abs=0.05)
+    assert (parameters.bandwidth, parameters.bits) == (500.0, 16)
+
+
+# The arm
+
+
+@given(st.floats(-1.0, 1.0))
+def test_encoders_have_steps(position: float) -> None:
+    arm = ArmParameters(position_resolution=55e-6)
+    assert abs(arm.encoded(position) - position) <= 27.5e-6 * (1 + 1e-6)
+    assert arm.encoded(position) / 55e-6 == pytest.approx(round(position / 55e-6), abs=1e-6)
+    assert ArmParameters(position_resolution=0.0).encoded(position) == position
+
+
+@given(st.floats(allow_nan=False))
+def test_motors_give_what_they_can(force: float) -> None:
+    assert ArmParameters(max_force=3.3).motor_force(force) == min(3.3, max(-3.3, force))
+
+
+def test_motors_give_nothing_for_nan() -> None:
+    assert ArmParameters().motor_force(math.nan) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("range", 0.0), ("bandwidth", math.nan), ("noise_density", -1.0), ("bits", 3), ("bits", 8.5)],
+)
+def test_an_impossible_accelerometer_is_refused(field: str, value: float) -> None:
+    with pytest.raises(ParameterError, match=f"^{field} = {value}: must be "):
+        AccelerometerParameters(**{field: value})  # type: ignore[arg-type]

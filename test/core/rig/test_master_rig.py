@@ -1,0 +1,392 @@
+"""The simulated master against the transfer function, energy, and its own limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.model import HandleParameters
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.rig.exploration import ExplorationParameters
+from haptic_accel.core.rig.instruments import AccelerometerParameters
+from haptic_accel.core.rig.interface import LONGEST_ADVANCE
+from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRig, MasterRigParameters
+
+RATE = 1000.0
+PERIOD = 1 / RATE
+
+STILL = MasterRigParameters(
+    exploration=ExplorationParameters(
+        height=0.0, press_depth=0.0, stroke_speed=0.0, stroke_length=0.001, strokes=1
+    )
+)
+
+few = settings(deadline=None, max_examples=20)
+
+
+def run(rig: MasterRig, first: int, last: int) -> list[float]:
+    """Let samples pass, return the energy at each, J."""
+    energies = []
+    for index in range(first, last):
+        rig.advance(index * PERIOD)
+        energies.append(rig.energy())
+    return energies
+
+
+# The handle's dynamics
+
+
+def continuous(frequency: float) -> complex:
+    """Accelerometer's reading over actuator force: eq. (1), (2), and a 500 Hz low-pass."""
+    p = HandleParameters()
+    s = 2j * math.pi * frequency
+    spring = p.k_s + p.b_s * s
+    motion = np.array(
+        [
+            [p.m_a * s**2 + spring, -spring],
+            [-spring, p.m_h * s**2 + spring + p.k_u + p.b_u * s],
+        ]
+    )
+    _, y_h = np.linalg.solve(motion, np.array([-1.0, 1.0]))
+    return complex(s**2 * y_h / (1 + s / (2 * math.pi * 500.0)))
+
+
+def sampled(frequency: float, rate: float) -> complex:
+    """Return the same behind a zero-order hold, as samples see it: with all its aliases."""
+    total = 0j
+    for turn in range(-400, 401):
+        alias = frequency + turn * rate
+        # sin(pi f T) / (pi f T) and half a sample of delay
+        hold = np.sinc(alias / rate) * np.exp(-1j * math.pi * alias / rate)
+        total += complex(hold) * continuous(alias)
+    return total
+
+
+@pytest.mark.parametrize("rate", [1000.0, 4000.0])
+def test_the_handle_follows_eq_3_behind_hold_and_low_pass(
+    ideal_master: MasterRigParameters, rate: float
+) -> None:
+    rig = MasterRig(ideal_master, rate)
+    frequencies = [10, 15, 17, 20, 30, 50, 100, 150, 200]
+    count = int(rate)  # one second: whole periods of each sine
+    time = np.arange(count) / rate
+    # Phases that keep the sum of sines, and so the travel, small.
+    force = sum(
+        0.1 * np.sin(2 * math.pi * f * time + phase**2) for phase, f in enumerate(frequencies)
+    )
+    measured = []
+    for index, command in enumerate(np.tile(force, 3).tolist()):
+        rig.advance(index / rate)
+        measured.append(rig.measure().acceleration)
+        rig.apply_actuator_force(command)
+    # The third second: the slowest mode has decayed by more than 1e-20.
+    gain = np.fft.rfft(measured[-count:]) / np.fft.rfft(force)
+    for frequency in frequencies:
+        assert abs(gain[frequency] / sampled(frequency, rate) - 1) < 0.01
+    assert rig.status() == {
+        "accelerometer_saturated": 0,
+        "actuator_saturated": 0,
+        "travel_stops_hit": 0,
+    }
+
+
+def test_a_force_pushes_handle_and_actuator_apart(ideal_master: MasterRigParameters) -> None:
+    rig = MasterRig(ideal_master, RATE)
+    rig.apply_actuator_force(0.1)
+    rig.advance(1e-4)
+    # Soon after, masses alone decide: v = F t / m each.
+    assert rig.measure().velocity[2] == pytest.approx(0.1 * 1e-4 / 0.128, rel=0.02)
+    assert rig.measure().acceleration > 0
+    assert rig.travel < 0
+
+
+def test_a_constant_force_is_held_by_the_centring_spring(
+    ideal_master: MasterRigParameters,
+) -> None:
+    rig = MasterRig(ideal_master, RATE)
+    rig.apply_actuator_force(0.5)
+    run(rig, 0, 2000)
+    assert rig.travel == pytest.approx(-0.5 / 266.0)
+    assert rig.measure().position[2] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_arm_s_force_is_held_by_the_grip(ideal_master: MasterRigParameters) -> None:
+    rig = MasterRig(ideal_master, RATE)
+    rig.apply_arm_force((0.3, 5.0, -0.6))
+    run(rig, 0, 3000)
+    x, y, z = rig.measure().position
+    assert (x, y, z) == pytest.approx((0.3 / 1500.0, 0.0, -0.6 / 1500.0))
+
+
+def test_the_arm_s_motors_have_their_limit(ideal_master: MasterRigParameters) -> None:
+    rig = MasterRig(ideal_master, RATE)
+    rig.apply_arm_force((-1e6, 0.0, math.inf))
+    run(rig, 0, 3000)
+    x, _, z = rig.measure().position
+    assert (x, z) == pytest.approx((-3.3 / 1500.0, 3.3 / 1500.0))
+
+
+@few
+@given(st.lists(st.floats(0.0, 1.0), max_size=5))
+def test_how_often_it_is_looked_at_does_not_matter(parts: list[float]) -> None:
+    once, often = MasterRig(STILL, RATE), MasterRig(STILL, RATE)
+    for rig in (once, often):
+        rig.apply_arm_force((0.1, 0.0, -0.5))
+        rig.apply_actuator_force(0.3)
+    for index in range(20):
+        once.advance((index + 1) * PERIOD)
+        for part in parts:  # not in order: a time that has passed changes nothing
+            often.advance((index + part) * PERIOD)
+        often.advance((index + 1) * PERIOD)
+        one, other = once.measure(), often.measure()
+        assert other.velocity == pytest.approx(one.velocity, abs=1e-12)
+        assert other.acceleration == one.acceleration
+
+
+# Energy
+
+
+@few
+@given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_energy_never_grows_without_input(
+    handle_velocity: float, actuator_velocity: float
+) -> None:
+    rig = MasterRig(STILL, RATE)
+    rig.disturb(handle_velocity, actuator_velocity)
+    energies = [rig.energy(), *run(rig, 1, 500)]
+    given_energy = (0.128 * handle_velocity**2 + 0.018 * actuator_velocity**2) / 2
+    assert energies[0] == pytest.approx(given_energy)
+    assert (np.diff(energies) <= 1e-15).all()
+    # Slowest mode: 17 /s, twice for energy.
+    assert energies[-1] <= 1e-4 * energies[0]
+
+
+@few
+@given(st.floats(-2.0, 2.0), st.floats(2.0, 5.0), st.sampled_from([-1, 1]))
+def test_energy_never_grows_in_the_travel_stops_either(
+    handle_velocity: float, relative_velocity: float, side: int
+) -> None:
+    rig = MasterRig(STILL, RATE)
+    rig.disturb(handle_velocity, handle_velocity + side * relative_velocity)
+    energies = [rig.energy(), *run(rig, 1, 300)]
+    assert rig.status()["travel_stops_hit"] > 0
+    assert (np.diff(energies) <= 0).all()
+
+
+def test_undamped_stops_give_back_what_they_took() -> None:
+    # Nothing takes energy away, so 300 ms of bouncing show what the stops make of it: they are
+    # looked at every 50 us only, and may be left a little late.
+    undamped = replace(
+        STILL,
+        handle=HandleParameters(b_s=0.0, b_u=0.0),
+        actuator=ActuatorParameters(stop_damping=0.0),
+    )
+    rig = MasterRig(undamped, RATE)
+    rig.disturb(0.0, 3.0)
+    energies = [rig.energy(), *run(rig, 1, 300)]
+    assert rig.status()["travel_stops_hit"] > 10
+    assert max(energies) < 1.15 * energies[0]
+
+
+def test_at_rest_it_stays_at_rest(ideal_master: MasterRigParameters) -> None:
+    rig = MasterRig(ideal_master, RATE)
+    assert max(run(rig, 0, 100)) == 0.0
+    assert rig.measure().position == (0.0, 0.0, 0.0)
+
+
+# Travel stops
+
+
+def overrun(energy: float, force: float) -> float:
+    """How deep a stop of 3e4 N/m is pressed by an energy in J and a force in N, without loss."""
+    return (force + math.sqrt(force**2 + 2 * 3e4 * energy)) / 3e4
+
+
+@pytest.mark.parametrize("force", [6.6, -6.6])
+def test_full_force_overruns_the_stops_by_little(
+    ideal_master: MasterRigParameters, force: float
+) -> None:
+    rig = MasterRig(ideal_master, 10e3)
+    rig.apply_actuator_force(force)
+    deepest = 0.0
+    for index in range(2000):
+        rig.advance(index * 1e-4)
+        deepest = max(deepest, abs(rig.travel))
+    # The force's work over the free travel at the most; 1.5 mm.
+    assert 3.8e-3 < deepest < 3.8e-3 + overrun(6.6 * 3.8e-3, 6.6)
+    # In the end the stop holds what the centring spring does not.
+    held = (6.6 - 266.0 * 3.8e-3) / (3e4 + 266.0)
+    assert rig.travel == pytest.approx(-math.copysign(3.8e-3 + held, force), rel=1e-3)
+    assert rig.status()["travel_stops_hit"] >= 1
+
+
+@pytest.mark.parametrize("frequency", [5.0, 19.0, 40.0])
+def test_full_force_back_and_forth_overruns_them_by_little(
+    ideal_master: MasterRigParameters, frequency: float
+) -> None:
+    rig = MasterRig(ideal_master, RATE)
+    deepest = 0.0
+    for index in range(1000):
+        rig.advance(index * PERIOD)
+        rig.apply_actuator_force(
+            math.copysign(6.6, math.sin(2 * math.pi * frequency * index * PERIOD))
+        )
+        deepest = max(deepest, abs(rig.travel))
+    # From one stop to the other the force works over twice the free travel.
+    assert deepest < 3.8e-3 + overrun(2 * 6.6 * 3.8e-3, 6.6)
+
+
+def test_a_stop_counts_once_a_visit(ideal_master: MasterRigParameters) -> None:
+    damped = replace(ideal_master, handle=HandleParameters(b_s=10.0))
+    rig = MasterRig(damped, RATE)
+    for visit in (1, 2, 3):
+        rig.apply_actuator_force(3.0)
+        rig.advance(visit - 1 + 0.1)
+        run(rig, 1000 * visit - 850, 1000 * visit - 500)
+        assert rig.status()["travel_stops_hit"] == visit
+        rig.apply_actuator_force(0.0)
+        run(rig, 1000 * visit - 500, 1000 * visit)
+
+
+# The hand
+
+
+def exploring() -> MasterRig:
+    return MasterRig(MasterRigParameters(), RATE)
+
+
+def test_the_hand_rests_until_the_arm_gets_a_force() -> None:
+    rig = exploring()
+    start = rig.measure().position
+    run(rig, 0, 1000)
+    rig.apply_actuator_force(0.0)
+    run(rig, 1000, 2000)
+    assert rig.measure().position == start
+    assert start == pytest.approx((0.0, 0.0, 0.010), abs=28e-6)
+    rig.apply_arm_force((0.0, 0.0, 0.0))
+    run(rig, 2000, 2700)
+    assert rig.measure().position[2] == pytest.approx(-0.0047, abs=1e-3)
+
+
+def test_the_handle_follows_the_hand() -> None:
+    rig = exploring()
+    rig.apply_arm_force((0.0, 0.0, 0.0))
+    run(rig, 0, 1000)
+    # In the middle of the first stroke: the grip's damping leaves no lag at constant speed.
+    assert rig.measure().velocity[0] == pytest.approx(0.1, rel=0.01)
+    assert rig.measure().position[2] == pytest.approx(-0.0047, abs=1e-4)
+
+
+# Limits and stalls
+
+
+def test_a_command_beyond_the_peak_is_cut_and_counted(ideal_master: MasterRigParameters) -> None:
+    most, more = MasterRig(ideal_master, RATE), MasterRig(ideal_master, RATE)
+    most.apply_actuator_force(6.6)
+    more.apply_actuator_force(1e6)
+    for rig in (most, more):
+        run(rig, 0, 20)
+    assert more.measure() == most.measure()
+    assert most.status()["actuator_saturated"] == 0
+    assert more.status()["actuator_saturated"] == 1
+    more.apply_actuator_force(-math.inf)
+    assert more.status()["actuator_saturated"] == 2
+
+
+@pytest.mark.parametrize(("command", "steps"), [(0.4, 0), (0.6, 1), (-2.4, -2), (-2.6, -3)])
+def test_commands_have_the_converter_s_steps(
+    ideal_master: MasterRigParameters, command: float, steps: int
+) -> None:
+    rig = MasterRig(replace(ideal_master, actuator=ActuatorParameters(bits=14)), RATE)
+    step = 2 * 6.6 / 2**14  # 0.8 mN
+    rig.apply_actuator_force(command * step)
+    run(rig, 0, 2000)
+    assert rig.travel == pytest.approx(-steps * step / 266.0, abs=1e-12)
+
+
+def test_nan_takes_the_forces_off(ideal_master: MasterRigParameters) -> None:
+    rig = MasterRig(ideal_master, RATE)
+    rig.apply_actuator_force(math.nan)
+    rig.apply_arm_force((math.nan, math.nan, math.nan))
+    assert max(run(rig, 0, 100)) == 0.0
+
+
+def test_release_takes_all_forces_off(ideal_master: MasterRigParameters) -> None:
+    rig = MasterRig(ideal_master, RATE)
+    rig.apply_actuator_force(1.0)
+    rig.apply_arm_force((1.0, 0.0, 1.0))
+    run(rig, 0, 100)
+    rig.release()
+    energies = run(rig, 100, 1000)
+    assert (np.diff(energies) <= 1e-15).all()
+    assert energies[-1] < 1e-6 * energies[0]
+
+
+@pytest.mark.parametrize("stall", [0.2, 3.0, 3600.0])
+def test_after_a_stall_the_rig_has_stood_still(stall: float) -> None:
+    going, stalled = exploring(), exploring()
+    for rig in (going, stalled):
+        rig.apply_arm_force((0.0, 0.0, 0.0))
+        rig.apply_actuator_force(0.5)
+        run(rig, 0, 1001)
+    going.advance(1.0 + LONGEST_ADVANCE)
+    stalled.advance(1.0 + stall)
+    for index in range(500):
+        going.advance(1.0 + LONGEST_ADVANCE + index * PERIOD)
+        stalled.advance(1.0 + stall + index * PERIOD)
+        one, other = going.measure(), stalled.measure()
+        assert other.position == pytest.approx(one.position, abs=60e-6)
+        assert other.velocity == pytest.approx(one.velocity, abs=1e-6)
+
+
+def test_the_stops_hold_during_a_stall_too(ideal_master: MasterRigParameters) -> None:
+    rig = MasterRig(ideal_master, RATE)
+    rig.apply_actuator_force(6.6)
+    rig.advance(LONGEST_ADVANCE)
+    assert abs(rig.travel) < 3.8e-3 + overrun(6.6 * 3.8e-3, 6.6)
+    assert rig.status()["travel_stops_hit"] >= 1
+
+
+@pytest.mark.parametrize("rate", [50.0, 333.0, 1500.0, 20e3])
+def test_the_rate_of_reading_does_not_change_the_motion(rate: float) -> None:
+    rig, usual = MasterRig(MasterRigParameters(), rate), exploring()
+    for each in (rig, usual):
+        each.apply_arm_force((0.0, 0.0, -0.2))
+    run(usual, 0, 1001)
+    for index in range(round(rate) + 1):
+        rig.advance(index / rate)
+    assert rig.measure().velocity == pytest.approx(usual.measure().velocity, abs=1e-4)
+    assert rig.measure().position == pytest.approx(usual.measure().position, abs=60e-6)
+
+
+# Instruments
+
+
+def test_the_accelerometer_saturates_and_counts(ideal_master: MasterRigParameters) -> None:
+    small = AccelerometerParameters(range=1.0, noise_density=0.0)
+    rig = MasterRig(replace(ideal_master, accelerometer=small), RATE)
+    rig.apply_actuator_force(1.0)
+    rig.advance(PERIOD)
+    assert rig.measure().acceleration == 1.0
+    assert rig.status()["accelerometer_saturated"] == 1
+
+
+def test_the_seed_decides_about_the_noise() -> None:
+    one, same, other = (MasterRig(STILL, RATE, seed) for seed in (1, 1, 2))
+    first = [one.measure().acceleration for _ in range(10)]
+    assert first == [same.measure().acceleration for _ in range(10)]
+    assert first != [other.measure().acceleration for _ in range(10)]
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("peak_force", 0.0), ("travel", -1.0), ("stop_stiffness", math.nan), ("bits", 64)],
+)
+def test_an_impossible_actuator_is_refused(field: str, value: float) -> None:
+    with pytest.raises(ParameterError, match=f"^{field} = {value}: must be "):
+        ActuatorParameters(**{field: value})  # type: ignore[arg-type]

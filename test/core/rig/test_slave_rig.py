@@ -1,0 +1,350 @@
+"""The simulated slave: contact and friction by their laws, energy, texture, recordings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.rig.instruments import AccelerometerParameters, ArmParameters
+from haptic_accel.core.rig.interface import LONGEST_ADVANCE
+from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, ToolParameters
+from haptic_accel.core.rig.surface import SurfaceParameters
+
+RATE = 1000.0
+PERIOD = 1 / RATE
+
+few = settings(deadline=None, max_examples=20)
+
+LOSSLESS = SlaveRigParameters(
+    tool=ToolParameters(viscous_friction=0.0, coulomb_friction=0.0, height=0.001),
+    surface=SurfaceParameters(contact_damping=0.0, friction=0.0),
+    arm=ArmParameters(position_resolution=0.0),
+)
+ROUGH = SurfaceParameters(stiffness=6e6, friction=0.35, roughness=6e-6, roughness_exponent=1.5)
+
+
+def run(rig: SlaveRig, first: int, last: int) -> list[float]:
+    """Let samples pass, return the energy at each, J."""
+    energies = []
+    for index in range(first, last):
+        rig.advance(index * PERIOD)
+        energies.append(rig.energy())
+    return energies
+
+
+# Free motion
+
+
+def test_in_the_air_the_arm_s_force_accelerates_the_tool(ideal_slave: SlaveRigParameters) -> None:
+    free = replace(ideal_slave, tool=replace(LOSSLESS.tool, height=0.01))
+    rig = SlaveRig(free, RATE)
+    rig.apply_arm_force((0.06, 7.0, 0.12))
+    rig.advance(PERIOD)
+    # 0.06 kg, 1 ms; the accelerometer's 500 Hz low-pass has come to 1 - exp(-pi) of 2 m/s^2.
+    sample = rig.measure()
+    assert sample.velocity == pytest.approx((1e-3, 0.0, 2e-3))
+    assert sample.position == pytest.approx((0.5e-6, 0.0, 0.01 + 1e-6), abs=1e-12)
+    assert sample.acceleration == pytest.approx(2.0 * (1 - math.exp(-math.pi)), rel=1e-6)
+    run(rig, 1, 20)
+    assert rig.measure().acceleration == pytest.approx(2.0)
+    rig.release()
+    run(rig, 20, 40)
+    assert rig.measure().acceleration == pytest.approx(0.0, abs=1e-7)
+
+
+def test_joints_slow_the_tool_as_they_should(ideal_slave: SlaveRigParameters) -> None:
+    # Dry friction small: v = v0 exp(-b t / m).
+    tool = ToolParameters(coulomb_friction=0.0, viscous_friction=3.0, height=0.05)
+    rig = SlaveRig(replace(ideal_slave, tool=tool), RATE)
+    rig.disturb(0.2, 0.1)
+    run(rig, 0, 21)
+    expected = math.exp(-3.0 * 0.020 / 0.060)
+    assert rig.measure().velocity == pytest.approx((0.2 * expected, 0.0, 0.1 * expected), rel=1e-4)
+
+
+def test_dry_friction_is_a_constant_force_against_the_motion(
+    ideal_slave: SlaveRigParameters,
+) -> None:
+    tool = ToolParameters(coulomb_friction=0.1, viscous_friction=0.0, height=0.05)
+    rig = SlaveRig(replace(ideal_slave, tool=tool), RATE)
+    rig.disturb(0.5, 0.0)
+    run(rig, 0, 101)
+    # 0.1 N on 0.06 kg for 0.1 s
+    assert rig.measure().velocity[0] == pytest.approx(0.5 - 0.1 / 0.060 * 0.1, rel=1e-3)
+
+
+def test_the_arm_s_motors_have_their_limit_and_ignore_nan(
+    ideal_slave: SlaveRigParameters,
+) -> None:
+    rig = SlaveRig(replace(ideal_slave, tool=LOSSLESS.tool), RATE)
+    rig.apply_arm_force((-1e9, 0.0, math.inf))
+    rig.advance(PERIOD)
+    velocity = 3.3 / 0.060 * PERIOD
+    assert rig.measure().velocity == pytest.approx((-velocity, 0.0, velocity))
+    rig.apply_arm_force((math.nan, math.nan, math.nan))
+    rig.advance(2 * PERIOD)
+    assert rig.measure().velocity == pytest.approx((-velocity, 0.0, velocity))
+
+
+def test_the_actuator_s_force_means_nothing_to_it(ideal_slave: SlaveRigParameters) -> None:
+    rig = SlaveRig(ideal_slave, RATE)
+    rig.apply_actuator_force(5.0)
+    assert run(rig, 0, 100)[-1] == 0.0
+    assert rig.measure().position == (0.0, 0.0, 0.01)
+
+
+# Contact
+
+
+@pytest.mark.parametrize("stiffness", [1e6, 6e6])
+@pytest.mark.parametrize("force", [0.2, 1.0, 3.0])
+def test_the_surface_yields_by_hertz_s_law(
+    ideal_slave: SlaveRigParameters, stiffness: float, force: float
+) -> None:
+    surface = SurfaceParameters(stiffness=stiffness)
+    tool = ToolParameters(height=0.0)
+    rig = SlaveRig(replace(ideal_slave, surface=surface, tool=tool), RATE)
+    rig.apply_arm_force((0.0, 0.0, -force))
+    run(rig, 0, 3000)
+    assert rig.contact_force == pytest.approx(force, rel=1e-4)
+    assert rig.measure().position[2] == pytest.approx(-((force / stiffness) ** (2 / 3)), rel=1e-4)
+
+
+@few
+@given(st.floats(-0.2, 0.2), st.floats(-0.3, -0.02))
+def test_a_thrown_tool_bounces_without_loss(velocity_x: float, velocity_z: float) -> None:
+    rig = SlaveRig(LOSSLESS, RATE)
+    rig.disturb(velocity_x, velocity_z)
+    thrown = rig.energy()
+    assert thrown == pytest.approx(0.06 * (velocity_x**2 + velocity_z**2) / 2)
+    energies = run(rig, 0, 100)
+    assert energies == pytest.approx([thrown] * len(energies), rel=0.01)
+    assert rig.measure().velocity[2] == pytest.approx(-velocity_z, rel=0.01)
+    assert rig.measure().velocity[0] == pytest.approx(velocity_x)
+
+
+@few
+@given(st.floats(0.02, 0.3), st.floats(0.05, 0.3))
+def test_neither_does_texture_make_energy(velocity_x: float, velocity_z: float) -> None:
+    rig = SlaveRig(replace(LOSSLESS, surface=replace(ROUGH, friction=0, contact_damping=0)), RATE)
+    rig.disturb(velocity_x, -velocity_z)
+    thrown = rig.energy()
+    energies = run(rig, 0, 150)
+    assert energies == pytest.approx([thrown] * len(energies), rel=0.01)
+
+
+@few
+@given(st.floats(-0.2, 0.2), st.floats(-0.3, 0.0), st.sampled_from([ROUGH, SurfaceParameters()]))
+def test_with_friction_and_damping_energy_only_falls(
+    velocity_x: float, velocity_z: float, surface: SurfaceParameters
+) -> None:
+    rig = SlaveRig(SlaveRigParameters(ToolParameters(height=0.0), surface=surface), RATE)
+    rig.disturb(velocity_x, velocity_z)
+    thrown = rig.energy()
+    energies = [thrown, *run(rig, 1, 200)]
+    assert (np.diff(energies) <= 1e-6 * thrown + 1e-15).all()
+
+
+@few
+@given(st.floats(0.0, 0.3), st.floats(-0.3, -0.02), st.floats(-3.0, 3.0))
+def test_the_surface_only_pushes(velocity_x: float, velocity_z: float, force: float) -> None:
+    rig = SlaveRig(replace(LOSSLESS, surface=SurfaceParameters(contact_damping=100.0)), RATE)
+    rig.disturb(velocity_x, velocity_z)
+    rig.apply_arm_force((0.0, 0.0, force))
+    for index in range(100):
+        rig.advance(index * PERIOD)
+        if rig.measure().position[2] >= 0:
+            assert rig.contact_force == 0.0
+        else:
+            assert rig.contact_force >= 0.0
+
+
+def test_damping_takes_more_from_a_harder_blow() -> None:
+    # Hunt and Crossley: restitution falls about linearly with the speed of impact.
+    restitution = []
+    for velocity in (0.02, 0.05, 0.1, 0.2):
+        rig = SlaveRig(replace(LOSSLESS, surface=SurfaceParameters(contact_damping=1.5)), RATE)
+        rig.disturb(0.0, -velocity)
+        run(rig, 0, 150)
+        restitution.append(rig.measure().velocity[2] / velocity)
+    lost = 1 - np.array(restitution)
+    assert (np.diff(lost) > 0).all()
+    # For small losses 1 - e = 2/3 of the damping factor times the speed.
+    assert lost[:2] == pytest.approx([2 / 3 * 1.5 * 0.02, 2 / 3 * 1.5 * 0.05], rel=0.1)
+
+
+# Friction and texture
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.5])
+@pytest.mark.parametrize("press", [0.5, 1.0])
+def test_sliding_takes_the_force_of_coulomb_s_law(
+    ideal_slave: SlaveRigParameters, friction: float, press: float
+) -> None:
+    # Pulled by what 0.1 m/s should take: mu N, the joints' dry and viscous friction.
+    surface = SurfaceParameters(friction=friction)
+    rig = SlaveRig(replace(ideal_slave, surface=surface, tool=ToolParameters(height=0.0)), RATE)
+    rig.disturb(0.1, 0.0)
+    rig.apply_arm_force((friction * press + 0.1 + 3.0 * 0.1, 0.0, -press))
+    run(rig, 0, 2000)
+    assert rig.measure().velocity[0] == pytest.approx(0.1, rel=0.01)
+
+
+def drag(speed: float, press: float, surface: SurfaceParameters = ROUGH) -> float:
+    """Drag the tool at a speed in m/s pressed by a force in N; return RMS acceleration."""
+    parameters = SlaveRigParameters(
+        tool=ToolParameters(height=0.0),
+        accelerometer=AccelerometerParameters(noise_density=0.0),
+        surface=surface,
+    )
+    rig = SlaveRig(parameters, RATE, seed=1)
+    rig.disturb(speed, 0.0)
+    pull = surface.friction * press + 0.1 + 3.0 * speed  # what sliding takes
+    measured = []
+    for index in range(1500):
+        rig.advance(index * PERIOD)
+        sample = rig.measure()
+        measured.append(sample.acceleration)
+        correction = 10.0 * (speed - sample.velocity[0])
+        rig.apply_arm_force((pull + correction, 0.0, -press))
+    return float(np.std(measured[500:]))
+
+
+def test_faster_strokes_accelerate_the_tool_more() -> None:
+    rms = [drag(speed, 1.0) for speed in (0.03, 0.06, 0.12)]
+    assert rms[0] > 0.1
+    assert (np.diff(rms) > 0.2 * rms[0]).all()
+
+
+def test_harder_pressing_accelerates_the_tool_more() -> None:
+    rms = [drag(0.06, press) for press in (0.4, 0.9, 2.0)]
+    assert (np.diff(rms) > 0.05 * rms[0]).all()
+
+
+def test_a_rougher_surface_accelerates_the_tool_more() -> None:
+    rms = [drag(0.06, 1.0, replace(ROUGH, roughness=height)) for height in (0.0, 2e-6, 6e-6)]
+    assert rms[0] < 0.01
+    assert rms[0] < rms[1] < rms[2]
+
+
+def test_the_seed_decides_about_texture_and_noise() -> None:
+    parameters = SlaveRigParameters(ToolParameters(height=0.0), surface=ROUGH)
+
+    def motion(seed: int) -> list[float]:
+        rig = SlaveRig(parameters, RATE, seed)
+        rig.apply_arm_force((1.0, 0.0, -1.0))
+        samples = []
+        for index in range(100):
+            rig.advance(index * PERIOD)
+            samples.append(rig.measure().acceleration)
+        return samples
+
+    assert motion(1) == motion(1)
+    assert motion(1) != motion(2)
+
+
+# Recordings
+
+TURN = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.1, 0.5, 0.9])
+@pytest.mark.parametrize("rate", [1000.0, 3000.0])
+def test_a_recording_is_played_over_and_over_from_the_first_force(
+    rate: float, offset: float
+) -> None:
+    rig = SlaveRig(SlaveRigParameters(), rate, recording=TURN)
+    silent = []
+    for index in range(4):
+        rig.advance(index / rate)
+        silent.append(rig.measure().acceleration)
+    assert silent == [0.0] * 4
+    # The force comes between two samples, when the coupling has answered.
+    rig.advance((3 + offset) / rate)
+    rig.apply_arm_force((0.0, 0.0, 0.0))
+    played = []
+    for index in range(4, 4 + 1002):
+        rig.advance(index / rate)
+        played.append(rig.measure().acceleration)
+    assert played == [1.0 + index % 5 for index in range(1002)]
+
+
+def test_a_recording_leaves_out_what_was_missed() -> None:
+    rig = SlaveRig(SlaveRigParameters(), RATE, recording=TURN)
+    rig.apply_arm_force((0.0, 0.0, 0.0))
+    played = []
+    for index in (1, 2, 5, 6, 11):
+        rig.advance(index * PERIOD)
+        played.append(rig.measure().acceleration)
+    assert played == [1.0, 2.0, 5.0, 1.0, 1.0]
+
+
+def test_a_recording_does_not_touch_the_mechanics() -> None:
+    playing = SlaveRig(SlaveRigParameters(), RATE, recording=TURN)
+    silent = SlaveRig(SlaveRigParameters(), RATE)
+    for rig in (playing, silent):
+        rig.apply_arm_force((0.5, 0.0, -1.0))
+        run(rig, 0, 300)
+    assert playing.measure()[:2] == silent.measure()[:2]
+
+
+# Time
+
+
+def test_a_time_that_has_passed_changes_nothing() -> None:
+    rig = SlaveRig(LOSSLESS, RATE)
+    rig.disturb(0.1, 0.0)
+    rig.advance(0.05)
+    position = rig.measure().position
+    rig.advance(0.05)
+    rig.advance(0.01)
+    assert rig.measure().position == position
+    assert position[0] == pytest.approx(0.1 * 0.05)
+
+
+@pytest.mark.parametrize("stall", [0.2, 3600.0])
+def test_after_a_stall_the_tool_has_stood_still(stall: float) -> None:
+    rig = SlaveRig(LOSSLESS, RATE)
+    rig.disturb(0.1, 0.0)
+    rig.advance(0.05)
+    rig.advance(0.05 + stall)
+    assert rig.measure().position[0] == pytest.approx(0.1 * (0.05 + LONGEST_ADVANCE))
+    rig.advance(0.05 + stall + 0.01)
+    assert rig.measure().position[0] == pytest.approx(0.1 * (0.06 + LONGEST_ADVANCE))
+
+
+# Instruments
+
+
+def test_positions_have_the_encoders_steps() -> None:
+    rig = SlaveRig(replace(LOSSLESS, arm=ArmParameters(position_resolution=55e-6)), RATE)
+    rig.disturb(0.01, 0.0)
+    steps = set()
+    for index in range(20):
+        rig.advance(index * PERIOD)
+        steps.add(rig.measure().position[0] / 55e-6)
+    assert sorted(steps) == pytest.approx([0.0, 1.0, 2.0, 3.0])
+
+
+def test_the_accelerometer_saturates_and_counts() -> None:
+    small = AccelerometerParameters(range=1.0, noise_density=0.0)
+    rig = SlaveRig(replace(LOSSLESS, accelerometer=small), RATE)
+    rig.apply_arm_force((0.0, 0.0, 3.0))
+    rig.advance(PERIOD)
+    assert rig.measure().acceleration == 1.0
+    assert rig.status() == {"accelerometer_saturated": 1}
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("mass", 0.0), ("viscous_friction", -1.0), ("height", math.nan), ("slip_velocity", 0.0)],
+)
+def test_an_impossible_tool_is_refused(field: str, value: float) -> None:
+    with pytest.raises(ParameterError, match=f"^{field} = {value}: must be from "):
+        ToolParameters(**{field: value})

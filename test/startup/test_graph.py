@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.nodes.parameters import NODES, node_schema
+from haptic_accel.startup.arguments import GraphArguments
+from haptic_accel.startup.graph import graph, graph_parameters, rig_parameters
+
+
+def test_five_processes_whose_parameters_they_have() -> None:
+    processes = graph(GraphArguments())
+    assert [process.executable for process in processes] == list(NODES)
+    for process in processes:
+        assert set(process.parameters) <= set(node_schema(process.executable))
+        assert all(path.is_file() for path in process.parameter_files)
+
+
+def test_no_recorder_when_not_recording() -> None:
+    executables = [process.executable for process in graph(GraphArguments(record=False))]
+    assert "recorder" not in executables
+    assert len(executables) == 4
+
+
+def test_arguments_go_over_the_users_file_and_that_over_the_defaults(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(
+        "coupler: {ros__parameters: {k_m: 300.0}}\n"
+        "compensator: {ros__parameters: {rate: 2000.0, peak_force: 1.0}}"
+    )
+    values = graph_parameters(GraphArguments(config=str(mine), rate=500.0))
+    assert values["coupler"]["k_m"] == 300.0
+    assert values["coupler"]["k_sl"] == 250.0
+    assert values["compensator"]["rate"] == 500.0
+    assert values["compensator"]["peak_force"] == 1.0
+
+
+def test_the_rig_is_made_of_the_same_parameters(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("master_device: {ros__parameters: {simulated: {handle: {m_h: 0.2}}}}")
+    rig = rig_parameters(graph_parameters(GraphArguments(surface="vinyl", config=str(mine))))
+    assert rig.master.handle.m_h == 0.2
+    assert rig.slave.surface.name == "vinyl"
+
+
+def test_a_rate_too_low_for_the_high_pass_is_refused_before_anything_starts(
+    tmp_path: Path,
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("compensator: {ros__parameters: {high_pass_frequency: 60.0}}")
+    with pytest.raises(ParameterError, match="high_pass_frequency"):
+        graph(GraphArguments(config=str(mine), rate=100.0))

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from running import Command
+
+Start = Callable[..., Command]
+KEYS = {
+    "surface",
+    "controller",
+    "nrmse_percent",
+    "slope_desired_on_actual",
+    "slope_actual_on_desired",
+    "r2",
+    "seconds",
+}
+
+
+def figures(file: Path) -> list[dict[str, Any]]:
+    conditions = json.loads(file.read_text())["conditions"]
+    assert isinstance(conditions, list)
+    return conditions
+
+
+def test_lockstep_gives_the_nine_conditions_twice_the_same(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    words = ["experiment", "--lockstep", "duration:=2", "seed:=5"]
+    for name in ("a", "b"):
+        command = haptic_accel(*words, "--json", f"{name}.json", "--out", name)
+        assert command.end() == 0, command.text
+    conditions = figures(tmp_path / "a.json")
+    assert [(c["surface"], c["controller"]) for c in conditions] == [
+        (surface, controller)
+        for surface in ("plywood", "text", "vinyl")
+        for controller in ("none", "constant", "dynamic")
+    ]
+    for condition in conditions:
+        assert set(condition) == KEYS
+        assert condition["seconds"] == 2.0
+    assert conditions == figures(tmp_path / "b.json")
+    for name in ("index.html", "fig9_time.png", "fig10_regression.png", "fig11_spectra.png"):
+        assert (tmp_path / "a" / name).stat().st_size > 1000
+    assert "69.8" in command.text  # the paper's plywood with constant gain, beside ours
+    assert f"report: {Path('b') / 'index.html'}" in command.text
+
+
+def test_live_gives_the_same_figures_and_how_samples_travelled(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    command = haptic_accel(
+        "experiment",
+        "surface:=text",
+        "controller:=constant",
+        "duration:=3",
+        *("--json", "figures.json", "--out", "report"),
+    )
+    assert command.end() == 0, command.text
+    (condition,) = figures(tmp_path / "figures.json")
+    assert set(condition) == KEYS | {"age_us", "lost", "late"}
+    assert set(condition["age_us"]) == {"p50", "p99", "max"}
+    assert (
+        0 < condition["age_us"]["p50"] <= condition["age_us"]["p99"] <= condition["age_us"]["max"]
+    )
+    assert condition["lost"].keys() == condition["late"].keys()
+    assert 1 < condition["seconds"] <= 3.5
+    # The texture must have reached the handle, however busy the machine was.
+    assert condition["r2"] > 0.01
+    assert (tmp_path / "report" / "bags" / "text_constant" / "metadata.yaml").is_file()
+    assert (tmp_path / "report" / "index.html").is_file()
+
+
+def test_ctrl_c_reports_what_was_done(haptic_accel: Start, tmp_path: Path, domain: int) -> None:
+    command = haptic_accel("experiment", "--lockstep", "duration:=60", "--out", "report")
+    command.wait_for("2 of 9")
+    assert command.end(signal.SIGINT) == 130, command.text
+    assert "Traceback" not in command.text
+    assert "interrupted after" in command.text
+    assert (tmp_path / "report" / "index.html").is_file()
+
+
+def test_a_recording_is_the_input_of_all_controllers(haptic_accel: Start, tmp_path: Path) -> None:
+    rows = "\n".join(f"{i % 7},{(i % 10) - 4.5}" for i in range(3000))
+    (tmp_path / "mine.csv").write_text(f"speed,accel\n{rows}\n")
+    command = haptic_accel(
+        "experiment",
+        "--lockstep",
+        "surface:=recording",
+        "recording:=mine.csv",
+        "recording_rate:=1000",
+        "duration:=2",
+        *("--json", "figures.json"),
+    )
+    assert command.end() == 0, command.text
+    conditions = figures(tmp_path / "figures.json")
+    assert [c["controller"] for c in conditions] == ["none", "constant", "dynamic"]
+    assert {c["surface"] for c in conditions} == {"recording"}
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["duration:=0"], "duration"),
+        (["bag:=x"], "bag"),
+        (["controller:=magic"], "controller"),
+        (["--out", "."], "out"),
+        (["--json", "no/such/folder.json"], "json"),
+    ],
+)
+def test_wrong_arguments_end_in_one_line_before_anything_runs(
+    haptic_accel: Start, words: list[str], named: str
+) -> None:
+    command = haptic_accel("experiment", "--lockstep", *words)
+    assert command.end() == 2, command.text
+    assert len(command.lines) == 1, command.text
+    assert named in command.text
