@@ -115,13 +115,13 @@ def read_trial(
     return trial, _delivery(series, diagnostics, start, period, length)
 
 
-def _read(bag: Path) -> tuple[dict[str, _Series], list[Any]]:
-    """Return the stamped topics by relative name, and the diagnostics' statuses in order."""
+def _read(bag: Path) -> tuple[dict[str, _Series], list[tuple[int, Any]]]:
+    """Return the stamped topics by relative name, and statuses with their time of receipt."""
     types = get_typestore(Stores.ROS2_JAZZY)
     rows: dict[str, list[tuple[int, int, float]]] = {
         topic.name: [] for topic in TOPICS if topic is not topics.DIAGNOSTICS
     }
-    diagnostics: list[Any] = []
+    diagnostics: list[tuple[int, Any]] = []
     try:
         with Reader(bag) as reader:
             for connection, received, data in reader.messages():
@@ -132,7 +132,7 @@ def _read(bag: Path) -> tuple[dict[str, _Series], list[Any]]:
                     stamp = moment.sec * NANOSECONDS + moment.nanosec
                     rows[name].append((stamp, received, _along_actuator(message)))
                 elif name == topics.DIAGNOSTICS.name:
-                    diagnostics.extend(message.status)
+                    diagnostics.extend((received, status) for status in message.status)
     except (ReaderError, OSError) as error:
         raise ParameterError(f"{bag}: must be a bag of this graph: {error}") from None
     return {name: _series(found) for name, found in rows.items()}, diagnostics
@@ -183,7 +183,7 @@ def _on_grid(places: IntArray, series: _Series, length: int) -> FloatArray:
 
 def _delivery(
     series: Mapping[str, _Series],
-    diagnostics: Iterable[Any],
+    diagnostics: Iterable[tuple[int, Any]],
     start: int,
     period: float,
     length: int,
@@ -197,7 +197,9 @@ def _delivery(
         late[name] = int(np.sum((found.received - found.stamps)[within] > period / 2))
     ages: dict[str, float] = {}
     warnings: list[str] = []
-    for status in diagnostics:
+    for received, status in diagnostics:
+        if received < start:
+            continue  # nodes wait for each other while they come up
         if ord(status.level) if isinstance(status.level, str) else status.level:
             warnings.append(f"{status.name}: {status.message}")
         found_ages = {

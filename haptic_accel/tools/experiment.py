@@ -6,7 +6,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -25,7 +25,7 @@ from haptic_accel.nodes.parameters import node_parameters
 from haptic_accel.startup.arguments import GraphArguments, parse_arguments
 from haptic_accel.startup.graph import graph, graph_parameters, rig_parameters
 from haptic_accel.startup.supervisor import Supervisor
-from haptic_accel.tools.bag import Delivery, read_trial
+from haptic_accel.tools.bag import SIGNALS, Delivery, read_trial
 from haptic_accel.tools.report import write_report
 from haptic_accel.tools.teleop import DONE, FAILED, INTERRUPTED, StopOnSignal, conclude
 
@@ -40,6 +40,9 @@ AROUND = 4.0
 
 REFRESH = 2.0
 """How often the progress bar is drawn, Hz: drawing takes a core from the graph it waits for."""
+
+LOST_SHARE = 0.01
+"""Share of a signal's samples that may be missing before the reader is warned."""
 
 LOCKSTEP_NOTE = (
     "Every condition ran in lockstep: no ROS, no clock, the same numbers for the same seed."
@@ -280,7 +283,8 @@ def _conclude(
     console: Console,
 ) -> None:
     notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, RIG_NOTE, AVERAGE_NOTE]
-    notes += _warnings(done)
+    warnings = _warnings(done)
+    notes += warnings
     index = write_report(
         done,
         folder,
@@ -295,6 +299,8 @@ def _conclude(
         content = {"lockstep": lockstep, "arguments": asdict(arguments), "conditions": conditions}
         json_file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     console.print(_table_ii(done))
+    for warning in warnings:
+        console.print(warning, highlight=False)
     console.print(f"report: {index}", soft_wrap=True, highlight=False)
 
 
@@ -306,14 +312,21 @@ def _settings(arguments: GraphArguments, lockstep: bool) -> dict[str, str]:
 
 
 def _warnings(done: Sequence[Condition]) -> list[str]:
-    """Return what nodes complained of, once each."""
-    found = [
-        f"{condition.trial.surface} / {condition.trial.controller}: {warning}"
-        for condition in done
-        if condition.delivery
-        for warning in condition.delivery.warnings
-    ]
-    return [f"Warnings: {'; '.join(found)}."] if found else []
+    """Return what speaks against the figures: samples lost, complaints of nodes."""
+    warnings = []
+    for condition in done:
+        if condition.delivery is None:
+            continue
+        name = f"{condition.trial.surface} / {condition.trial.controller}"
+        lost = max(condition.delivery.lost[topic.name] for topic in SIGNALS.values())
+        share = lost / len(condition.trial.time)
+        if share > LOST_SHARE:
+            warnings.append(
+                f"{name}: {100 * share:.1f} % of the samples are missing: the machine was too"
+                " busy, and the error is larger for it."
+            )
+        warnings += [f"{name}: {warning}." for warning in condition.delivery.warnings]
+    return warnings
 
 
 def _table_ii(done: Sequence[Condition]) -> Table:
@@ -325,15 +338,21 @@ def _table_ii(done: Sequence[Condition]) -> Table:
     table.add_column("controller")
     for surface in (*surfaces, "average"):
         table.add_column(surface, justify="right")
+    # The paper's averages are over its own surfaces.
+    paper = TABLE_II if tuple(surfaces) == SURFACES else _without_averages(TABLE_II)
     for controller in controllers:
         row = [measured.get((surface, controller)) for surface in surfaces]
         known = [value for value in row if value is not None]
         cells = zip((*surfaces, "average"), (*row, sum(known) / len(known)), strict=True)
         table.add_row(
             controller,
-            *(_cell(value, TABLE_II.get((surface, controller))) for surface, value in cells),
+            *(_cell(value, paper.get((surface, controller))) for surface, value in cells),
         )
     return table
+
+
+def _without_averages(table: Mapping[tuple[str, str], float]) -> dict[tuple[str, str], float]:
+    return {key: value for key, value in table.items() if key[0] != "average"}
 
 
 def _cell(measured: float | None, paper: float | None) -> str:

@@ -218,13 +218,20 @@ def drag(speed: float, press: float, surface: SurfaceParameters = ROUGH) -> floa
 
 def test_faster_strokes_accelerate_the_tool_more() -> None:
     rms = [drag(speed, 1.0) for speed in (0.03, 0.06, 0.12)]
-    assert rms[0] > 0.1
-    assert (np.diff(rms) > 0.2 * rms[0]).all()
+    assert rms[0] > 0.2
+    assert rms[1] > 2 * rms[0]
+    assert rms[2] > 1.2 * rms[1]
 
 
-def test_harder_pressing_accelerates_the_tool_more() -> None:
-    rms = [drag(0.06, press) for press in (0.4, 0.9, 2.0)]
-    assert (np.diff(rms) > 0.05 * rms[0]).all()
+@pytest.mark.parametrize(("speed", "contact_damping"), [(0.2, 15.0), (0.1, 1.5)])
+def test_harder_pressing_accelerates_the_tool_more(speed: float, contact_damping: float) -> None:
+    # Where the contact is no longer stiff enough to make the tool follow the texture: above
+    # its resonance, or near to it with little damping. A slow tool follows however it is
+    # pressed, and jumps less.
+    surface = replace(ROUGH, contact_damping=contact_damping)
+    rms = [drag(speed, press, surface) for press in (0.3, 1.0, 3.0)]
+    assert rms[1] > 1.1 * rms[0]
+    assert rms[2] > 1.1 * rms[1]
 
 
 def test_a_rougher_surface_accelerates_the_tool_more() -> None:

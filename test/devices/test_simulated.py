@@ -1,0 +1,243 @@
+"""The simulated devices behind the interface of all devices."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.parameters import ParameterError, from_flat, schema
+from haptic_accel.core.rig.instruments import ArmParameters
+from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
+from haptic_accel.devices.simulated import (
+    RecordingParameters,
+    SimulatedMaster,
+    SimulatedSlave,
+    SimulatedSlaveParameters,
+    played,
+)
+
+RATE = 1000.0
+PERIOD = 1 / RATE
+
+few = settings(deadline=None, max_examples=20)
+both = pytest.mark.parametrize("device_class", [SimulatedMaster, SimulatedSlave])
+
+
+def opened(device_class: type[Device], seed: int = 0, **fields: Any) -> Device:
+    parameters = dataclasses.replace(device_class.Parameters(), **fields)
+    device = device_class(parameters, RATE, seed)
+    device.open()
+    return device
+
+
+def read(device: Device, first: int, last: int, origin: float = 0.0) -> list[Sample]:
+    return [device.read(origin + index * PERIOD) for index in range(first, last)]
+
+
+def test_both_sides_have_a_simulated_device() -> None:
+    assert MASTERS["simulated"] is SimulatedMaster
+    assert SLAVES["simulated"] is SimulatedSlave
+
+
+@both
+def test_parameters_can_be_given_by_dotted_name(device_class: type[Device]) -> None:
+    values = {name: default for name, (default, _) in schema(device_class.Parameters).items()}
+    assert "accelerometer.range" in values
+    assert from_flat(device_class.Parameters, values) == device_class.Parameters()
+
+
+# Reading
+
+
+def test_the_master_explores_once_it_gets_a_force() -> None:
+    device = opened(SimulatedMaster)
+    at_rest = read(device, 0, 500)
+    assert {sample.position for sample in at_rest} == {at_rest[0].position}
+    device.write(499 * PERIOD, arm_force=(0.0, 0.0, 0.0))
+    exploring = read(device, 500, 1500)
+    assert exploring[-1].position[2] == pytest.approx(-0.0047, abs=1e-4)
+    assert exploring[-1].velocity[0] == pytest.approx(0.1, rel=0.05)
+
+
+def test_the_slave_follows_the_arm_s_force() -> None:
+    device = opened(SimulatedSlave)
+    device.write(0.0, arm_force=(0.0, 0.0, -1.0))
+    assert read(device, 1, 300)[-1].position[2] == pytest.approx(0.0, abs=60e-6)
+
+
+@both
+@pytest.mark.parametrize("origin", [-5.0, 1e6])
+def test_time_may_start_anywhere(device_class: type[Device], origin: float) -> None:
+    exact = ArmParameters(position_resolution=0.0)
+    here, there = opened(device_class, arm=exact), opened(device_class, arm=exact)
+    here.write(0.0, arm_force=(0.5, 0.0, -1.0))
+    there.write(origin, arm_force=(0.5, 0.0, -1.0))
+    for one, other in zip(read(here, 1, 500), read(there, 1, 500, origin), strict=True):
+        assert other.position == pytest.approx(one.position, abs=1e-8)
+        assert other.acceleration == pytest.approx(one.acceleration, abs=0.01)
+
+
+@both
+def test_the_seed_decides_about_the_noise(device_class: type[Device]) -> None:
+    one, same, other = (read(opened(device_class, seed), 0, 20) for seed in (3, 3, 4))
+    assert one == same
+    assert one != other
+
+
+# Writing
+
+offsets = st.lists(st.floats(0.0, 1.0), max_size=4).map(sorted)
+
+
+@few
+@given(offsets)
+def test_writing_the_same_force_in_between_does_not_change_the_master(parts: list[float]) -> None:
+    exact = ArmParameters(position_resolution=0.0)
+    quiet, busy = (opened(SimulatedMaster, arm=exact) for _ in range(2))
+    for device in (quiet, busy):
+        device.write(0.0, arm_force=(0.2, 0.0, -0.5), actuator_force=0.4)
+    for index in range(100):
+        for part in parts:
+            busy.write((index + part) * PERIOD, arm_force=(0.2, 0.0, -0.5), actuator_force=0.4)
+        one, other = quiet.read((index + 1) * PERIOD), busy.read((index + 1) * PERIOD)
+        assert other.position == pytest.approx(one.position, abs=1e-12)
+        assert other.velocity == pytest.approx(one.velocity, abs=1e-12)
+        assert other.acceleration == pytest.approx(one.acceleration, abs=2e-3)
+
+
+@few
+@given(offsets)
+def test_nor_the_slave_by_more_than_its_integration_errs(parts: list[float]) -> None:
+    exact = ArmParameters(position_resolution=0.0)
+    quiet, busy = (opened(SimulatedSlave, arm=exact) for _ in range(2))
+    for device in (quiet, busy):
+        device.write(0.0, arm_force=(0.3, 0.0, -0.8))
+    tip = []
+    for index in range(300):
+        for part in parts:
+            busy.write((index + part) * PERIOD, arm_force=(0.3, 0.0, -0.8))
+        one, other = quiet.read((index + 1) * PERIOD), busy.read((index + 1) * PERIOD)
+        tip.append(one.position[2])
+        assert other.position == pytest.approx(one.position, abs=2e-6)
+    assert min(tip) < 0, "it has touched the surface"
+
+
+@pytest.mark.parametrize("part", [0.0, 0.2, 0.5, 0.9])
+def test_a_force_acts_from_the_moment_it_is_written(part: float) -> None:
+    still = {
+        "exploration.height": 0.0,
+        "exploration.press_depth": 0.0,
+        "exploration.stroke_speed": 0.0,
+        "exploration.stroke_length": 0.001,
+        "exploration.strokes": 1,
+    }
+    device = SimulatedMaster(from_flat(SimulatedMaster.Parameters, still), RATE, 0)
+    device.open()
+    read(device, 0, 10)
+    device.write((9 + part) * PERIOD, arm_force=(1.0, 0.0, 0.0))
+    # 0.146 kg; grip and damping have hardly begun to answer.
+    velocity = device.read(10 * PERIOD).velocity[0]
+    assert velocity == pytest.approx(1.0 / 0.146 * (1 - part) * PERIOD, rel=0.06)
+
+
+def test_what_is_not_written_stays_as_it_is() -> None:
+    alone, both_forces = opened(SimulatedMaster), opened(SimulatedMaster)
+    alone.write(0.0, arm_force=(0.5, 0.0, 0.0), actuator_force=0.3)
+    alone.write(0.0, arm_force=(0.1, 0.0, 0.0))
+    alone.write(0.0, actuator_force=0.6)
+    both_forces.write(0.0, arm_force=(0.1, 0.0, 0.0), actuator_force=0.6)
+    assert read(alone, 0, 50) == read(both_forces, 0, 50)
+
+
+def test_a_slave_ignores_an_actuator_s_force() -> None:
+    with_force, without = opened(SimulatedSlave), opened(SimulatedSlave)
+    with_force.write(0.0, actuator_force=5.0)
+    assert read(with_force, 0, 50) == read(without, 0, 50)
+
+
+@both
+def test_a_command_that_is_no_number_gives_no_force(device_class: type[Device]) -> None:
+    nan, zero = opened(device_class), opened(device_class)
+    nan.write(0.0, arm_force=(math.nan, math.nan, math.nan), actuator_force=math.nan)
+    zero.write(0.0, arm_force=(0.0, 0.0, 0.0), actuator_force=0.0)
+    assert read(nan, 0, 50) == read(zero, 0, 50)
+
+
+def test_status_counts_what_was_cut() -> None:
+    device = opened(SimulatedMaster)
+    device.write(0.0, actuator_force=10.0)
+    assert device.status()["actuator_saturated"] == 1
+    assert set(opened(SimulatedSlave).status()) == {"accelerometer_saturated"}
+
+
+# Closing
+
+
+@both
+def test_closing_leaves_no_force(device_class: type[Device]) -> None:
+    closed, zero = opened(device_class), opened(device_class)
+    closed.write(0.0, arm_force=(0.5, 0.0, 1.0), actuator_force=1.0)
+    closed.close()
+    zero.write(0.0, arm_force=(0.0, 0.0, 0.0), actuator_force=0.0)
+    assert read(closed, 0, 50) == read(zero, 0, 50)
+
+
+@both
+def test_closing_without_opening_is_no_error(device_class: type[Device]) -> None:
+    device = device_class(device_class.Parameters(), RATE, 0)
+    device.close()
+    device.close()
+
+
+# Recordings
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """Return a file with two seconds of a 20 Hz sine of 3 m/s^2 at 500 Hz."""
+    path = tmp_path / "recording.csv"
+    time = np.arange(1000) / 500.0
+    rows = [f"{t:.4f},{3.0 * math.sin(2 * math.pi * 20.0 * t):.6f}" for t in time.tolist()]
+    path.write_text("\n".join(["time,z", *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_slave_plays_a_recording_resampled(recording: Path) -> None:
+    parameters = SimulatedSlaveParameters(
+        recording=RecordingParameters(str(recording), rate=500.0, column="z")
+    )
+    device = SimulatedSlave(parameters, RATE, 0)
+    device.open()
+    device.write(0.0, arm_force=(0.0, 0.0, 0.0))
+    acceleration = np.array([sample.acceleration for sample in read(device, 1, 8001)])
+    # Two seconds over and over, still a sine of 20 Hz. Where end and beginning fade into each
+    # other with equal power, two sines in phase are up to sqrt(2) times as high.
+    assert np.percentile(np.abs(acceleration), 90) == pytest.approx(2.96, rel=0.03)
+    assert np.abs(acceleration).max() < 3.0 * math.sqrt(2) * 1.01
+    spectrum = np.abs(np.fft.rfft(acceleration))
+    assert spectrum.argmax() == pytest.approx(20 * 8, abs=8)
+    assert np.abs(np.diff(acceleration)).max() < 1.5 * 3.0 * 2 * math.pi * 20.0 * PERIOD
+
+
+def test_without_a_file_nothing_is_played() -> None:
+    assert played(RecordingParameters(), RATE) is None
+
+
+@pytest.mark.parametrize(
+    ("file", "rate", "column"),
+    [("missing.csv", 500.0, "z"), ("recording.csv", 0.0, "z"), ("recording.csv", 500.0, "y")],
+)
+def test_an_unusable_recording_is_refused_in_one_line(
+    recording: Path, file: str, rate: float, column: str
+) -> None:
+    wrong = RecordingParameters(str(recording.with_name(file)), rate, column)
+    with pytest.raises(ParameterError) as caught:
+        SimulatedSlave(SimulatedSlaveParameters(recording=wrong), RATE, 0)
+    assert len(str(caught.value).splitlines()) == 1
