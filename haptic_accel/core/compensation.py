@@ -13,6 +13,9 @@ from haptic_accel.core.parameters import Checked, ParameterError, parameter
 PEAK_FORCE = 6.6
 """Peak force of the paper's voice coil, H2W NCM02-05-005-4JB, in N."""
 
+LARGEST_ACCELERATION = 1.0e4
+"""Above anything an accelerometer of a hand tool gives, m/s^2: a thousand g."""
+
 
 @dataclass(frozen=True)
 class CompensationParameters(Checked):
@@ -86,7 +89,7 @@ class Compensation:
     saturated : int
         Samples whose force was cut at the limit.
     rejected : int
-        Samples that were not finite and were taken for zero.
+        Samples that were no acceleration and were taken for zero.
 
     Raises
     ------
@@ -114,8 +117,9 @@ class Compensation:
         Parameters
         ----------
         tool_acceleration, handle_acceleration : float
-            m/s^2, as measured. A value that is not finite counts as zero, so that one bad
-            sample cannot poison the filters.
+            m/s^2, as measured. A value that is not finite or beyond `LARGEST_ACCELERATION`
+            counts as zero, so that one bad sample cannot poison the filters or hold the
+            actuator at its limit for seconds.
 
         Returns
         -------
@@ -124,11 +128,10 @@ class Compensation:
         actuator_force : float
             N, within the actuator's limit and always finite.
         """
-        desired = self._high_pass.sample(self._finite(tool_acceleration))
-        force = self._controller.force(desired, self._finite(handle_acceleration))
+        desired = self._high_pass.sample(self._plausible(tool_acceleration))
+        force = self._controller.force(desired, self._plausible(handle_acceleration))
         if not (math.isfinite(desired) and math.isfinite(force)):
-            # Only overflow of absurd inputs leads here; a filter that holds infinity
-            # would never recover by itself.
+            # A controller's own instability: a filter that holds infinity never recovers.
             self.reset()
             return 0.0, 0.0
         return desired, self._limited(force)
@@ -138,8 +141,8 @@ class Compensation:
         self._high_pass.reset()
         self._controller.reset()
 
-    def _finite(self, acceleration: float) -> float:
-        if math.isfinite(acceleration):
+    def _plausible(self, acceleration: float) -> float:
+        if abs(acceleration) <= LARGEST_ACCELERATION:  # false for NaN too
             return acceleration
         self.rejected += 1
         return 0.0

@@ -18,14 +18,16 @@ class SimulatedDevice(Device):
     """A rig that samples exactly at the times asked for, as a converter with a clock does."""
 
     _rig: Rig
+    _elapsed = 0.0
+    _origin: float | None = None
 
     def open(self) -> None:
-        """Start the rig's time with the first read or write."""
-        self._origin: float | None = None
+        """Let the rig's time go on with the first read or write."""
+        self._origin = None
 
     def read(self, time: float) -> Sample:
         """Let physics run until `time` and return the sample then."""
-        self._rig.advance(self._elapsed(time))
+        self._advance(time)
         return self._rig.measure()
 
     def write(
@@ -36,7 +38,7 @@ class SimulatedDevice(Device):
         actuator_force: float | None = None,
     ) -> None:
         """Let physics run until `time`, then change the forces."""
-        self._rig.advance(self._elapsed(time))
+        self._advance(time)
         if arm_force is not None:
             self._rig.apply_arm_force(arm_force)
         if actuator_force is not None:
@@ -50,10 +52,11 @@ class SimulatedDevice(Device):
         """Return the rig's counts."""
         return self._rig.status()
 
-    def _elapsed(self, time: float) -> float:
+    def _advance(self, time: float) -> None:
         if self._origin is None:
-            self._origin = time
-        return time - self._origin
+            self._origin = time - self._elapsed
+        self._elapsed = time - self._origin
+        self._rig.advance(self._elapsed)
 
 
 class SimulatedMaster(SimulatedDevice):

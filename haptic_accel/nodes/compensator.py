@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 # Loaded here so that it is there when the node appears to others: designing a filter needs it.
 import scipy.signal  # noqa: F401
-from geometry_msgs.msg import AccelStamped, WrenchStamped
 
 from haptic_accel.core.compensation import Compensation
+from haptic_accel.core.coupling import ZERO, Vector
 from haptic_accel.nodes import topics
-from haptic_accel.nodes.interface import GraphNode, stamp, stamp_of
+from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import NANOSECONDS, run
 
 
@@ -26,18 +25,14 @@ class Compensator(GraphNode):
         self._handle_acceleration = 0.0
         self._last: int | None = None
         self._samples = self._lost = self._stale = 0
-        self._force = WrenchStamped()
-        self._force.header.frame_id = topics.ACTUATOR_FORCE.frame
-        self._desired = AccelStamped()
-        self._desired.header.frame_id = topics.DESIRED_ACCELERATION.frame
-        self._publish_force = self.publisher(topics.ACTUATOR_FORCE).publish
-        self._publish_desired = self.publisher(topics.DESIRED_ACCELERATION).publish
-        self.subscribe(topics.TOOL_ACCELERATION, self._compensate)
-        self.subscribe(topics.HANDLE_ACCELERATION, self._keep)
+        self._send_force = self.sender(topics.ACTUATOR_FORCE).send
+        self._send_desired = self.sender(topics.DESIRED_ACCELERATION).send
+        self.listen(topics.TOOL_ACCELERATION, self._compensate)
+        self.listen(topics.HANDLE_ACCELERATION, self._keep)
 
     def close(self) -> None:
         """Leave the actuator without force."""
-        self._send(0.0, time.time_ns())
+        self._send_force(time.time_ns(), ZERO)
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return what was lost, cut and refused."""
@@ -50,25 +45,15 @@ class Compensator(GraphNode):
             "rejected": str(self._compensation.rejected),
         }
 
-    def _keep(self, message: Any) -> None:
-        self._handle_acceleration = message.accel.linear.z
+    def _keep(self, moment: int, acceleration: Vector) -> None:
+        self._handle_acceleration = acceleration[2]
 
-    def _compensate(self, message: Any) -> None:
-        moment = stamp_of(message)
+    def _compensate(self, moment: int, acceleration: Vector) -> None:
         if not self._in_order(moment):
             return
-        desired, force = self._compensation.sample(
-            message.accel.linear.z, self._handle_acceleration
-        )
-        self._send(force, moment)
-        stamp(self._desired, moment)
-        self._desired.accel.linear.z = desired
-        self._publish_desired(self._desired)
-
-    def _send(self, force: float, moment: int) -> None:
-        stamp(self._force, moment)
-        self._force.wrench.force.z = force
-        self._publish_force(self._force)
+        desired, force = self._compensation.sample(acceleration[2], self._handle_acceleration)
+        self._send_force(moment, (0.0, 0.0, force))
+        self._send_desired(moment, (0.0, 0.0, desired))
 
     def _in_order(self, moment: int) -> bool:
         """Count samples; false for one that is not newer than the last."""

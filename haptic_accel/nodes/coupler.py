@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
 
-from geometry_msgs.msg import WrenchStamped
 from rclpy.subscription import Subscription
 
 from haptic_accel.core.coupling import ZERO, PositionPositionCoupling, Vector
 from haptic_accel.nodes import topics
-from haptic_accel.nodes.interface import GraphNode, stamp, stamp_of
+from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.topics import Topic
 
@@ -29,32 +27,16 @@ class Arm:
         self.name = name
         self.position = self.velocity = ZERO
         self.heard = -math.inf
-        self._message = WrenchStamped()
-        self._message.header.frame_id = force.frame
-        self._publisher = node.publisher(force)
+        self.force = node.sender(force)
 
-    def take_position(self, message: Any) -> None:
+    def take_position(self, position: Vector) -> None:
         """Keep a position."""
-        point = message.pose.position
-        self.position = (point.x, point.y, point.z)
+        self.position = position
         self.heard = time.monotonic()
 
-    def take_velocity(self, message: Any) -> None:
+    def take_velocity(self, moment: int, velocity: Vector) -> None:
         """Keep a velocity."""
-        linear = message.twist.linear
-        self.velocity = (linear.x, linear.y, linear.z)
-
-    def send(self, force: Vector, moment: int) -> None:
-        """Publish a force with the stamp of the sample that caused it."""
-        stamp(self._message, moment)
-        vector = self._message.wrench.force
-        vector.x, vector.y, vector.z = force
-        self._publisher.publish(self._message)
-
-    @property
-    def listeners(self) -> int:
-        """How many subscribe to its force."""
-        return int(self._publisher.get_subscription_count())
+        self.velocity = velocity
 
 
 class Coupler(GraphNode):
@@ -71,38 +53,38 @@ class Coupler(GraphNode):
         self._slave = Arm(self, "slave", topics.SLAVE_ARM_FORCE)
         self._engaged_at: float | None = None
         self._asked = time.monotonic()
-        self.subscribe(topics.MASTER_POSITION, self._on_master)
-        self.subscribe(topics.SLAVE_POSITION, self._on_slave)
+        self.listen(topics.MASTER_POSITION, self._on_master)
+        self.listen(topics.SLAVE_POSITION, self._on_slave)
         if self.parameters.damping > 0:
-            self.subscribe(topics.MASTER_VELOCITY, self._master.take_velocity)
-            self.subscribe(topics.SLAVE_VELOCITY, self._slave.take_velocity)
+            self.listen(topics.MASTER_VELOCITY, self._master.take_velocity)
+            self.listen(topics.SLAVE_VELOCITY, self._slave.take_velocity)
         # Heard until the first message only: it costs a core a little at each sample.
         self._first_force: Subscription | None = None
         self._compensator_heard = not self.parameters.compensated
         if self.parameters.compensated:
-            self._first_force = self.subscribe(topics.ACTUATOR_FORCE, self._hear_compensator)
+            self._first_force = self.listen(topics.ACTUATOR_FORCE, self._hear_compensator)
         self.create_timer(LOOK_PERIOD, self._look)
 
     def close(self) -> None:
         """Let both arms go."""
         now = time.time_ns()
-        self._master.send(ZERO, now)
-        self._slave.send(ZERO, now)
+        self._master.force.send(now, ZERO)
+        self._slave.force.send(now, ZERO)
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return whether the arms are coupled."""
         return self._missing(), {"engaged": str(self._coupling.engaged).lower()}
 
-    def _hear_compensator(self, message: Any) -> None:
+    def _hear_compensator(self, moment: int, force: Vector) -> None:
         self._compensator_heard = True
 
-    def _on_master(self, message: Any) -> None:
-        self._master.take_position(message)
-        self._couple(self._slave, stamp_of(message))
+    def _on_master(self, moment: int, position: Vector) -> None:
+        self._master.take_position(position)
+        self._couple(self._slave, moment)
 
-    def _on_slave(self, message: Any) -> None:
-        self._slave.take_position(message)
-        self._couple(self._master, stamp_of(message))
+    def _on_slave(self, moment: int, position: Vector) -> None:
+        self._slave.take_position(position)
+        self._couple(self._master, moment)
 
     def _couple(self, arm: Arm, moment: int) -> None:
         """Send an arm its force."""
@@ -112,7 +94,7 @@ class Coupler(GraphNode):
         on_master, on_slave = self._coupling.forces(
             master.position, slave.position, master.velocity, slave.velocity
         )
-        arm.send(on_master if arm is master else on_slave, moment)
+        arm.force.send(moment, on_master if arm is master else on_slave)
 
     def _look(self) -> None:
         """Engage, let go, or end, as things are now."""
@@ -150,7 +132,7 @@ class Coupler(GraphNode):
             return ""
         if not self._compensator_heard:
             return "waiting for the compensator's force"
-        listeners = min(self._master.listeners, self._slave.listeners)
+        listeners = min(self._master.force.listeners, self._slave.force.listeners)
         if listeners < self.parameters.listeners:
             return (
                 "waiting for subscribers of the arms' forces: there are"

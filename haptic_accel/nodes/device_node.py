@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
 
-from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped
-
-from haptic_accel.core.coupling import ZERO
+from haptic_accel.core.coupling import ZERO, Vector
 from haptic_accel.core.histogram import DurationHistogram
 from haptic_accel.devices import Device, Sample
-from haptic_accel.nodes.interface import GraphNode, stamp, stamp_of
+from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import NANOSECONDS, RateKeeper, start_timer, system_time
 from haptic_accel.nodes.topics import Topic
 
@@ -36,9 +33,9 @@ class Command:
         self.age = DurationHistogram()
         self.late = self.rejected = self.timeouts = 0
 
-    def applied(self, message: Any, now: float) -> None:
-        """Note that a command was applied."""
-        age = (time.time_ns() - stamp_of(message)) / NANOSECONDS
+    def applied(self, moment: int, now: float) -> None:
+        """Note that a command caused by a sample of a moment (system time, ns) was applied."""
+        age = (time.time_ns() - moment) / NANOSECONDS
         self.age.add(age)
         if age > self._period / 2:
             self.late += 1
@@ -91,18 +88,11 @@ class DeviceNode(GraphNode):
         super().__init__(executable)
         p = self.parameters
         self.device = devices[p.device](self.options[p.device], p.rate, p.seed)
-        self._position = PoseStamped()
-        self._position.header.frame_id = position.frame
-        self._position.pose.orientation.w = 1.0
-        self._velocity = TwistStamped()
-        self._velocity.header.frame_id = velocity.frame
-        self._acceleration = AccelStamped()
-        self._acceleration.header.frame_id = acceleration.frame
-        self._publish_position = self.publisher(position).publish
-        self._publish_velocity = self.publisher(velocity).publish
-        self._publish_acceleration = self.publisher(acceleration).publish
+        self._send_position = self.sender(position).send
+        self._send_velocity = self.sender(velocity).send
+        self._send_acceleration = self.sender(acceleration).send
         self._arm_command = self.command()
-        self.subscribe(arm_force, self._apply_arm_force)
+        self.listen(arm_force, self._apply_arm_force)
         self._commands = {"arm force": self._arm_command}
         self.rate_keeper = RateKeeper(p.rate)
         self.device.open()
@@ -140,27 +130,17 @@ class DeviceNode(GraphNode):
 
     def _publish(self, sample: Sample, moment: int) -> None:
         # What makes the felt force goes first.
-        stamp(self._acceleration, moment)
-        self._acceleration.accel.linear.z = sample.acceleration
-        self._publish_acceleration(self._acceleration)
-        stamp(self._position, moment)
-        point = self._position.pose.position
-        point.x, point.y, point.z = sample.position
-        self._publish_position(self._position)
-        stamp(self._velocity, moment)
-        linear = self._velocity.twist.linear
-        linear.x, linear.y, linear.z = sample.velocity
-        self._publish_velocity(self._velocity)
+        self._send_acceleration(moment, (0.0, 0.0, sample.acceleration))
+        self._send_position(moment, sample.position)
+        self._send_velocity(moment, sample.velocity)
 
     def _quiet_the_silent(self, now: float) -> None:
         """Take a force off whose sender has gone."""
         if self._arm_command.went_silent(now):
             self.device.write(now, arm_force=ZERO)
 
-    def _apply_arm_force(self, message: Any) -> None:
-        force = message.wrench.force
-        x, y, z = force.x, force.y, force.z
-        if not math.isfinite(x + y + z):
+    def _apply_arm_force(self, moment: int, force: Vector) -> None:
+        if not math.isfinite(sum(force)):
             self._arm_command.rejected += 1
             return
         if not self._arm_command.age.count:
@@ -168,5 +148,5 @@ class DeviceNode(GraphNode):
             for command in self._commands.values():
                 command.age.reset()
         now = time.monotonic_ns() / NANOSECONDS
-        self.device.write(now, arm_force=(x, y, z))
-        self._arm_command.applied(message, now)
+        self.device.write(now, arm_force=force)
+        self._arm_command.applied(moment, now)

@@ -13,10 +13,12 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from haptic_accel.core.coupling import Vector
 from haptic_accel.core.parameters import ParameterError, Schema, Specification, checked
 from haptic_accel.nodes.parameters import NODES, node_parameters, node_schema
 from haptic_accel.nodes.scheduling import SupervisedNode
-from haptic_accel.nodes.topics import DIAGNOSTICS, Topic
+from haptic_accel.nodes.topics import DIAGNOSTICS, VECTORS, Topic
+from haptic_accel.nodes.wire import StampedVector, reader
 
 DIAGNOSTICS_PERIOD = 1.0
 """s."""
@@ -29,6 +31,24 @@ _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 
 _LARGEST_INTEGER = 2**63 - 1
 _LARGEST_NUMBER = sys.float_info.max
+
+
+class Sender:
+    """Publishes one signal."""
+
+    def __init__(self, publisher: Publisher, message: StampedVector) -> None:
+        self._publisher = publisher
+        self._publish = publisher.publish
+        self._pack = message.pack
+
+    def send(self, stamp: int, vector: Vector) -> None:
+        """Publish a vector with a stamp, system time in ns."""
+        self._publish(self._pack(stamp, vector))
+
+    @property
+    def listeners(self) -> int:
+        """How many subscribers were found."""
+        return int(self._publisher.get_subscription_count())
 
 
 class GraphNode(SupervisedNode):
@@ -62,24 +82,32 @@ class GraphNode(SupervisedNode):
         )
         values = self._declare(node_schema(executable))
         self.parameters, self.options = node_parameters(executable, values)
-        self._diagnostics = self.publisher(DIAGNOSTICS)
+        self._publish_diagnostics = self.publisher(DIAGNOSTICS).publish
         self.create_timer(DIAGNOSTICS_PERIOD, self.report)
+
+    def sender(self, topic: Topic) -> Sender:
+        """Create what publishes a signal."""
+        message = message_type(topic)()
+        message.header.frame_id = topic.frame
+        if hasattr(message, "pose"):
+            message.pose.orientation.w = 1.0
+        return Sender(self.publisher(topic), StampedVector(message))
+
+    def listen(self, topic: Topic, callback: Callable[[int, Vector], None]) -> Subscription:
+        """Subscribe to a signal; the callback gets stamps, system time in ns, and vectors."""
+        read = reader(message_type(topic), VECTORS[topic.type])
+        return self.subscribe_raw(topic, lambda data: callback(*read(data)), DEPTH)
 
     def publisher(self, topic: Topic) -> Publisher:
         """Create a topic's publisher."""
         return self.create_publisher(message_type(topic), topic.name, quality(topic))
 
-    def subscribe(
-        self,
-        topic: Topic,
-        callback: Callable[[Any], None],
-        *,
-        depth: int = DEPTH,
-        raw: bool = False,
+    def subscribe_raw(
+        self, topic: Topic, callback: Callable[[bytes], None], depth: int
     ) -> Subscription:
-        """Subscribe to a topic."""
+        """Subscribe to a topic's messages as they are serialised."""
         return self.create_subscription(
-            message_type(topic), topic.name, callback, quality(topic, depth), raw=raw
+            message_type(topic), topic.name, callback, quality(topic, depth), raw=True
         )
 
     def status(self) -> tuple[str, dict[str, str]]:
@@ -98,7 +126,7 @@ class GraphNode(SupervisedNode):
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(array)
+        self._publish_diagnostics(array)
 
     def _declare(self, schema: Schema) -> dict[str, Any]:
         """Declare all parameters with their descriptors, return their values.
@@ -159,14 +187,3 @@ def quality(topic: Topic, depth: int = DEPTH) -> QoSProfile:
     """Return a topic's quality of service: signals as sensor data, events reliable."""
     reliability = ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT
     return QoSProfile(depth=depth, reliability=reliability)
-
-
-def stamp(message: Any, nanoseconds: int) -> None:
-    """Write a system time in ns into a message's header."""
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanoseconds, 1_000_000_000)
-
-
-def stamp_of(message: Any) -> int:
-    """Return the stamp of a message's header, ns."""
-    moment = message.header.stamp
-    return int(moment.sec * 1_000_000_000 + moment.nanosec)

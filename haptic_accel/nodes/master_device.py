@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
 
+from haptic_accel.core.coupling import Vector
 from haptic_accel.devices import MASTERS
 from haptic_accel.nodes import topics
 from haptic_accel.nodes.device_node import DeviceNode
@@ -26,21 +26,20 @@ class MasterDevice(DeviceNode):
         )
         self._actuator_command = self.command()
         self._commands["actuator force"] = self._actuator_command
-        self.subscribe(topics.ACTUATOR_FORCE, self._apply_actuator_force)
+        self.listen(topics.ACTUATOR_FORCE, self._apply_actuator_force)
 
     def _quiet_the_silent(self, now: float) -> None:
         super()._quiet_the_silent(now)
         if self._actuator_command.went_silent(now):
             self.device.write(now, actuator_force=0.0)
 
-    def _apply_actuator_force(self, message: Any) -> None:
-        force = message.wrench.force.z
-        if not math.isfinite(force):
+    def _apply_actuator_force(self, moment: int, force: Vector) -> None:
+        if not math.isfinite(force[2]):
             self._actuator_command.rejected += 1
             return
         now = time.monotonic_ns() / NANOSECONDS
-        self.device.write(now, actuator_force=force)
-        self._actuator_command.applied(message, now)
+        self.device.write(now, actuator_force=force[2])
+        self._actuator_command.applied(moment, now)
 
 
 def main() -> None:

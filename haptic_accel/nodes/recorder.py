@@ -132,7 +132,7 @@ class Recorder(GraphNode):
         self._reported = 0
         for topic in TOPICS:
             name = self.resolve_topic_name(topic.name)
-            self.subscribe(topic, self._bag.connect(topic, name), depth=DEPTH, raw=True)
+            self.subscribe_raw(topic, self._bag.connect(topic, name), DEPTH)
         self.get_logger().info(f"recording to {path}")
 
     def close(self) -> None:

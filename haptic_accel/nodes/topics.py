@@ -37,6 +37,14 @@ _TWIST = "geometry_msgs/msg/TwistStamped"
 _WRENCH = "geometry_msgs/msg/WrenchStamped"
 _ACCEL = "geometry_msgs/msg/AccelStamped"
 
+VECTORS = {
+    _POSE: "pose.position",
+    _TWIST: "twist.linear",
+    _WRENCH: "wrench.force",
+    _ACCEL: "accel.linear",
+}
+"""Path of the vector that each type of signal carries."""
+
 MASTER_POSITION = Topic("master/measured_cp", _POSE, MASTER_FRAME)
 MASTER_VELOCITY = Topic("master/measured_cv", _TWIST, MASTER_FRAME)
 MASTER_ARM_FORCE = Topic("master/servo_cf", _WRENCH, MASTER_FRAME)
@@ -49,7 +57,7 @@ TOOL_ACCELERATION = Topic("slave/tool/acceleration", _ACCEL, TOOL_FRAME)
 DESIRED_ACCELERATION = Topic("compensator/desired_acceleration", _ACCEL, HANDLE_FRAME)
 DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", reliable=True)
 
-TOPICS = (
+SIGNALS = (
     MASTER_POSITION,
     MASTER_VELOCITY,
     MASTER_ARM_FORCE,
@@ -60,6 +68,8 @@ TOPICS = (
     SLAVE_ARM_FORCE,
     TOOL_ACCELERATION,
     DESIRED_ACCELERATION,
-    DIAGNOSTICS,
 )
+"""The sampled topics, each a stamped vector."""
+
+TOPICS = (*SIGNALS, DIAGNOSTICS)
 """Every topic of the graph: what the recorder keeps."""

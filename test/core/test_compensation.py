@@ -217,3 +217,10 @@ def test_an_unknown_controller_is_refused_with_the_names_there_are() -> None:
         match=r"^controller = 'dynamics': must be one of none, constant, dynamic$",
     ):
         build_controller("dynamics", RATE)
+
+
+def test_an_absurd_sample_does_not_hold_the_actuator_at_its_limit() -> None:
+    compensation = Compensation(CompensationParameters("dynamic"), 1000.0)
+    assert compensation.sample(1e30, 0.0) == (0.0, 0.0)
+    assert compensation.rejected == 1
+    assert compensation.sample(0.0, 0.0) == (0.0, 0.0)

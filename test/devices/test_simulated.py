@@ -241,3 +241,14 @@ def test_an_unusable_recording_is_refused_in_one_line(
     with pytest.raises(ParameterError) as caught:
         SimulatedSlave(SimulatedSlaveParameters(recording=wrong), RATE, 0)
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_device_opened_again_goes_on() -> None:
+    device = SimulatedSlave(SimulatedSlaveParameters(), 1000.0, 0)
+    device.open()
+    device.write(5.0, arm_force=(0.0, 0.0, -1.0))
+    before = device.read(5.02).position
+    device.close()
+    device.open()
+    device.write(100.0, arm_force=(0.0, 0.0, -1.0))
+    assert device.read(100.02).position[2] < before[2]

@@ -18,13 +18,19 @@ from rclpy.task import Future
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from haptic_accel.nodes.interface import message_type, quality, stamp_of
-from haptic_accel.nodes.topics import DIAGNOSTICS, TOPICS, Topic
+from haptic_accel.nodes.interface import message_type, quality
+from haptic_accel.nodes.topics import DIAGNOSTICS, SIGNALS, TOPICS, Topic
 from running import PATIENCE, Command, nodes_of, wait_until
 
 Start = Callable[..., Command]
 EXECUTABLES = {"master_device", "slave_device", "coupler", "compensator", "recorder"}
 SHARED = Path(__file__).parents[3] / "shared" / "data"
+
+
+def stamp_of(message: Any) -> int:
+    """Return a message's stamp, ns."""
+    stamp = message.header.stamp
+    return int(stamp.sec * 1_000_000_000 + stamp.nanosec)
 
 
 class Observer:
@@ -101,7 +107,7 @@ def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     # About three seconds, wherever the machine's load made it start and stop.
     for topic in TOPICS:
         assert len(messages[f"/{topic.name}"]) > (0 if topic is DIAGNOSTICS else 1000), topic
-    for topic in TOPICS[:-1]:
+    for topic in SIGNALS:
         found = messages[f"/{topic.name}"]
         stamps = [stamp_of(message) for message in found]
         assert found[0].header.frame_id == topic.frame
@@ -135,8 +141,8 @@ def test_force_follows_the_desired_acceleration_sample_by_sample(
 def test_every_topic_comes_at_the_rate_asked_for(haptic_accel: Start, observer: Observer) -> None:
     command = haptic_accel("teleop", "rate:=400", "record:=false")
     command.wait_for("engaged")
-    messages = observer.collect(TOPICS[:-1], 200)
-    for topic in TOPICS[:-1]:
+    messages = observer.collect(SIGNALS, 200)
+    for topic in SIGNALS:
         periods = np.diff([stamp_of(message) for message in messages[topic.name]])
         # Stamps lie on the sampling grid, whatever the machine's load.
         assert np.median(periods) == pytest.approx(1e9 / 400, rel=0.01), topic

@@ -29,7 +29,7 @@ class SurfaceParameters(Checked):
         high=1e8,
     )
     contact_damping: float = parameter(
-        15.0,
+        1.5,
         "factor of penetration velocity in the contact force (Hunt and Crossley 1975)",
         unit="s/m",
         low=0.0,

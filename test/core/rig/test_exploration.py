@@ -88,7 +88,10 @@ def test_the_cycle_is_approach_strokes_lift_and_pause() -> None:
 @given(explorations)
 def test_each_cycle_ends_where_it_began(parameters: ExplorationParameters) -> None:
     exploration = Exploration(parameters)
-    assert exploration.at(0.0) == pytest.approx((0.0, parameters.height, 0.0, 0.0))
+    start = (0.0, parameters.height, 0.0, 0.0)
+    assert exploration.at(0.0) == pytest.approx(start)
+    # A moment before the end and not at it, which is already the next beginning.
+    assert exploration.at(exploration.period - 1e-9) == pytest.approx(start, abs=1e-7)
     for time in (0.0, 0.123, exploration.period / 2, exploration.period - 1e-6):
         again = exploration.at(time + 3 * exploration.period)
         assert again == pytest.approx(exploration.at(time), abs=1e-9)
