@@ -29,7 +29,8 @@ LAST_LINES = 20
 PATIENCE = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
 """Signals to a process that should end, each with the time in s before the next."""
 
-_OUR_SIGNALS = (-signal.SIGINT, -signal.SIGTERM)
+_OUR_SIGNALS = (-signal.SIGINT, -signal.SIGTERM, -signal.SIGALRM)
+"""Statuses of a process stopped by us; the last where its middleware did not come to an end."""
 
 LOOK_PERIOD = 0.1
 """How often the end of a process and a request to stop are looked for, s."""
@@ -60,7 +61,8 @@ class Outcome:
     def failed(self) -> dict[str, int]:
         """Executables that ended badly by themselves, with their status.
 
-        One that had not yet come to handle the signal we sent it has done nothing wrong.
+        One that had not yet come to handle the signal we sent it has done nothing wrong, nor
+        has one whose middleware had to be cut short.
         """
         return {
             name: status
