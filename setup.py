@@ -8,7 +8,7 @@ from setuptools import find_packages, setup
 NAME = "haptic_accel"
 VERSION = "0.1.0"
 
-NODES = ("master_device", "slave_device", "coupler", "compensator", "recorder")
+NODES = ("master_device", "slave_device", "coupler", "compensator", "recorder", "composed")
 
 
 def ros_wheels(distribution: str) -> list[str]:
@@ -58,6 +58,7 @@ setup(
         "matplotlib>=3.6",
         "rich>=13.7",
         "jinja2>=3.1",
+        "psutil>=5.9",
         # 0.10 came to write MCAP only in its last releases.
         "rosbags>=0.11",
     ],
@@ -71,6 +72,7 @@ setup(
             "ruff",
             "mypy",
             "types-PyYAML",
+            "types-psutil",
             "scipy-stubs",
             # These two build an ament_python package. colcon-core keeps setuptools below 80,
             # whose `develop` no longer knows the options of `colcon build --symlink-install`.

@@ -27,7 +27,7 @@ def _start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         Node(
             package="haptic_accel",
             executable=process.executable,
-            parameters=[*map(str, process.parameter_files), process.parameters],
+            arguments=process.ros_arguments,
             output="screen",
             on_exit=_end,
         )

@@ -33,6 +33,7 @@ class Compensator(GraphNode):
     def close(self) -> None:
         """Leave the actuator without force."""
         self._send_force(time.time_ns(), ZERO)
+        super().close()
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return what was lost, cut and refused."""
@@ -70,7 +71,7 @@ class Compensator(GraphNode):
 
 def main() -> None:
     """Run the node."""
-    run(Compensator, "compensator")
+    run("compensator", Compensator)
 
 
 if __name__ == "__main__":

@@ -67,6 +67,10 @@ class Coupler(GraphNode):
 
     def close(self) -> None:
         """Let both arms go."""
+        self._let_go()
+        super().close()
+
+    def _let_go(self) -> None:
         now = time.time_ns()
         self._master.force.send(now, ZERO)
         self._slave.force.send(now, ZERO)
@@ -103,7 +107,7 @@ class Coupler(GraphNode):
         if self._coupling.engaged and missing:
             self.get_logger().warning(f"let go: {missing}")
             self._coupling.disengage()
-            self.close()
+            self._let_go()
         elif not (self._coupling.engaged or missing):
             self._coupling.engage(self._master.position, self._slave.position)
             self._engaged_at = self._engaged_at or now
@@ -143,7 +147,7 @@ class Coupler(GraphNode):
 
 def main() -> None:
     """Run the node."""
-    run(Coupler, "coupler")
+    run("coupler", Coupler)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
+from typing import Any
 
 from haptic_accel.core.coupling import ZERO, Vector
 from haptic_accel.core.histogram import DurationHistogram
@@ -11,6 +13,21 @@ from haptic_accel.devices import Device, Sample
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import NANOSECONDS, RateKeeper, start_timer, system_time
 from haptic_accel.nodes.topics import Topic
+
+STALL = 0.02
+"""Time without a tick from which on diagnostics warn, s: a fiftieth of their own period."""
+
+QUANTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99_9": 0.999}
+"""Which quantiles of durations are reported, by label."""
+
+
+def quantiles(durations: DurationHistogram, name: str) -> dict[str, str]:
+    """Return quantiles and maximum for diagnostics, in us; nothing while there are none."""
+    if not durations.count:
+        return {}
+    found = {label: durations.quantile(q) for label, q in QUANTILES.items()}
+    found["max"] = durations.maximum
+    return {f"{name} {label} (us)": f"{value * 1e6:.1f}" for label, value in found.items()}
 
 
 class Command:
@@ -52,13 +69,7 @@ class Command:
     def status(self, name: str) -> dict[str, str]:
         """Return values for diagnostics."""
         values = {f"{name} count": str(self.age.count)}
-        if self.age.count:
-            for label, seconds in (
-                ("p50", self.age.quantile(0.5)),
-                ("p99", self.age.quantile(0.99)),
-                ("max", self.age.maximum),
-            ):
-                values[f"{name} age {label} (us)"] = f"{seconds * 1e6:.1f}"
+        values |= quantiles(self.age, f"{name} age")
         values[f"{name} late"] = str(self.late)
         values[f"{name} rejected"] = str(self.rejected)
         values[f"{name} timeouts"] = str(self.timeouts)
@@ -94,6 +105,7 @@ class DeviceNode(GraphNode):
         self._arm_command = self.command()
         self.listen(arm_force, self._apply_arm_force)
         self._commands = {"arm force": self._arm_command}
+        self._told: Counter[str] = Counter()
         self.rate_keeper = RateKeeper(p.rate)
         self.device.open()
         start_timer(self, self.rate_keeper, self._sample)
@@ -105,6 +117,7 @@ class DeviceNode(GraphNode):
     def close(self) -> None:
         """Leave the device without force."""
         self.device.close()
+        super().close()
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return the rate held, the commands' ages and the device's counts."""
@@ -114,11 +127,21 @@ class DeviceNode(GraphNode):
             "ticks": str(keeper.ticks),
             "late ticks": str(keeper.late),
             "missed ticks": str(keeper.missed),
+            **quantiles(keeper.lateness, "tick lateness"),
         }
         for name, command in self._commands.items():
             values |= command.status(name)
         values |= {name: str(count) for name, count in self.device.status().items()}
-        return "", values
+        return self._warning(), values
+
+    def _warning(self) -> str:
+        """Say what went wrong since the last report."""
+        stall = self.rate_keeper.take_longest_gap()
+        warnings = [f"stalled for {stall * 1e3:.0f} ms"] if stall >= STALL else []
+        timeouts = {name: command.timeouts for name, command in self._commands.items()}
+        warnings += [f"{n} went silent" for n, count in timeouts.items() if count > self._told[n]]
+        self._told.update(timeouts)
+        return ", ".join(warnings)
 
     def _sample(self) -> None:
         due = self.rate_keeper.tick()
@@ -127,6 +150,12 @@ class DeviceNode(GraphNode):
         sample = self.device.read(due / NANOSECONDS)
         self._publish(sample, system_time(due))
         self._quiet_the_silent(due / NANOSECONDS)
+
+    def write(self, **forces: Any) -> float:
+        """Apply forces now; return what time it is, s."""
+        now = time.monotonic_ns() / NANOSECONDS
+        self.device.write(now, **forces)
+        return now
 
     def _publish(self, sample: Sample, moment: int) -> None:
         # What makes the felt force goes first.
@@ -137,7 +166,7 @@ class DeviceNode(GraphNode):
     def _quiet_the_silent(self, now: float) -> None:
         """Take a force off whose sender has gone."""
         if self._arm_command.went_silent(now):
-            self.device.write(now, arm_force=ZERO)
+            self.write(arm_force=ZERO)
 
     def _apply_arm_force(self, moment: int, force: Vector) -> None:
         if not math.isfinite(sum(force)):
@@ -147,6 +176,4 @@ class DeviceNode(GraphNode):
             # The arms engage: what was late while nodes came up says nothing about the run.
             for command in self._commands.values():
                 command.age.reset()
-        now = time.monotonic_ns() / NANOSECONDS
-        self.device.write(now, arm_force=force)
-        self._arm_command.applied(moment, now)
+        self._arm_command.applied(moment, self.write(arm_force=force))

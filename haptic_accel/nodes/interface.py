@@ -110,6 +110,10 @@ class GraphNode(SupervisedNode):
             message_type(topic), topic.name, callback, quality(topic, depth), raw=True
         )
 
+    def close(self) -> None:
+        """Publish the last diagnostics; called once, whatever ended the node."""
+        self.report()
+
     def status(self) -> tuple[str, dict[str, str]]:
         """Return a warning, empty if all is well, and values with units for diagnostics."""
         return "", {}

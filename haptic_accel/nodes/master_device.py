@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import time
 
 from haptic_accel.core.coupling import Vector
 from haptic_accel.devices import MASTERS
 from haptic_accel.nodes import topics
 from haptic_accel.nodes.device_node import DeviceNode
-from haptic_accel.nodes.scheduling import NANOSECONDS, run
+from haptic_accel.nodes.scheduling import run
 
 
 class MasterDevice(DeviceNode):
@@ -31,20 +30,18 @@ class MasterDevice(DeviceNode):
     def _quiet_the_silent(self, now: float) -> None:
         super()._quiet_the_silent(now)
         if self._actuator_command.went_silent(now):
-            self.device.write(now, actuator_force=0.0)
+            self.write(actuator_force=0.0)
 
     def _apply_actuator_force(self, moment: int, force: Vector) -> None:
         if not math.isfinite(force[2]):
             self._actuator_command.rejected += 1
             return
-        now = time.monotonic_ns() / NANOSECONDS
-        self.device.write(now, actuator_force=force[2])
-        self._actuator_command.applied(moment, now)
+        self._actuator_command.applied(moment, self.write(actuator_force=force[2]))
 
 
 def main() -> None:
     """Run the node."""
-    run(MasterDevice, "master_device")
+    run("master_device", MasterDevice)
 
 
 if __name__ == "__main__":

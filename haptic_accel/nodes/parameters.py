@@ -102,7 +102,6 @@ class RecorderNodeParameters(Checked):
 
 
 NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
-    # First, so that it misses as little as can be of the others.
     "recorder": (RecorderNodeParameters, {}),
     "master_device": (MasterNodeParameters, {n: d.Parameters for n, d in MASTERS.items()}),
     "slave_device": (SlaveNodeParameters, {n: d.Parameters for n, d in SLAVES.items()}),

@@ -124,8 +124,6 @@ class Recorder(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("recorder")
-        # The force that is felt does not wait for its being written down.
-        os.nice(NICENESS)
         path = Path(self.parameters.bag or f"bags/{datetime.now():%Y-%m-%d_%H-%M-%S}")
         self._bag = BagWriter(path, self.parameters.queue)
         self._path = path
@@ -176,7 +174,10 @@ def _offered(topic: Topic) -> Qos:
 
 def main() -> None:
     """Run the node."""
-    run(Recorder, "recorder")
+    # The force that is felt does not wait for its being written down. Said before the
+    # middleware starts its threads, which inherit it.
+    os.nice(NICENESS)
+    run("recorder", Recorder)
 
 
 if __name__ == "__main__":

@@ -9,28 +9,32 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterException
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
+from haptic_accel.core.histogram import DurationHistogram
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
 from haptic_accel.startup.files import config_folder
+from haptic_accel.startup.process import DONE, EXECUTOR, FAILED, SUPERVISOR, WRONG_ARGUMENTS
 
 try:
     from rclpy.executors import EventsExecutor  # ROS 2 Lyrical and newer
 except ImportError:
     from rclpy.experimental import EventsExecutor
 
-DONE, FAILED, WRONG_ARGUMENTS = 0, 1, 2
-"""Exit statuses of every executable."""
+EXECUTORS = {"events": EventsExecutor, "default": SingleThreadedExecutor}
+"""The second is a yardstick: several times slower."""
 
 NANOSECONDS = 1_000_000_000
 
@@ -49,11 +53,13 @@ A deadline is needed at all because the events executor of the binary wheels, wh
 built for glibc 2.28, neither sleeps nor delivers when it waits without one.
 """
 
+TIMER_OFFSET = 50e-6
+"""How far from the grid a timer may start, s: about what creating one takes."""
+
+TIMER_TRIES = 50
+
 TEARDOWN = 3
 """Time that the middleware has for its own end, s."""
-
-SUPERVISOR = "HAPTIC_ACCEL_SUPERVISOR"
-"""Environment variable with the process id of who started a node."""
 
 PR_SET_TIMERSLACK = 29
 """From linux/prctl.h."""
@@ -76,6 +82,8 @@ class RateKeeper:
     ----------
     ticks, late, missed : int
         Ticks kept; of these, later than half a period; grid points without a tick.
+    lateness : DurationHistogram
+        Of the ticks kept, from the first grid point not served before.
     """
 
     def __init__(self, rate: float, clock: Callable[[], int] = time.monotonic_ns) -> None:
@@ -83,6 +91,8 @@ class RateKeeper:
         self._clock = clock
         self._last: int | None = None
         self.ticks = self.late = self.missed = 0
+        self._longest_gap = 0
+        self.lateness = DurationHistogram()
 
     @property
     def period(self) -> float:
@@ -95,6 +105,11 @@ class RateKeeper:
         while self._index(self._clock()) == start:
             time.sleep(0)
 
+    def lateness_now(self) -> float:
+        """Return how long ago the last grid point was, s."""
+        now = self._clock()
+        return (now - self._index(now) * self._period) / NANOSECONDS
+
     def tick(self) -> int | None:
         """Note that the timer fired.
 
@@ -106,16 +121,24 @@ class RateKeeper:
         now = self._clock()
         # A timer may fire a little early, never by half a period.
         index = self._index(now + self._period / 4)
-        if self._last is not None:
-            if index <= self._last:
-                return None
-            self.missed += index - self._last - 1
+        first = index if self._last is None else self._last + 1
+        if index < first:
+            return None
+        self.missed += index - first
+        self._longest_gap = max(self._longest_gap, index - first)
         self._last = index
         self.ticks += 1
-        due = round(index * self._period)
-        if now - due > self._period / 2:
+        # Counted from the first grid point that waited, so that a stall shows its length.
+        lateness = now - first * self._period
+        self.lateness.add(lateness / NANOSECONDS)
+        if lateness > self._period / 2:
             self.late += 1
-        return due
+        return round(index * self._period)
+
+    def take_longest_gap(self) -> float:
+        """Return the longest time without a tick since this was last asked, s."""
+        gap, self._longest_gap = self._longest_gap, 0
+        return gap * self.period
 
     def _index(self, now: float) -> int:
         return math.floor(now / self._period)
@@ -124,7 +147,13 @@ class RateKeeper:
 def start_timer(node: Node, rate_keeper: RateKeeper, callback: Callable[[], None]) -> Any:
     """Start a timer on a rate keeper's grid."""
     clock = Clock(clock_type=ClockType.STEADY_TIME)
-    rate_keeper.wait_for_grid()
+    for _ in range(TIMER_TRIES):
+        rate_keeper.wait_for_grid()
+        timer = node.create_timer(rate_keeper.period, callback, clock=clock)
+        if rate_keeper.lateness_now() <= TIMER_OFFSET:
+            return timer
+        # The process was held up just here; all ticks would be late by as much.
+        node.destroy_timer(timer)
     return node.create_timer(rate_keeper.period, callback, clock=clock)
 
 
@@ -149,19 +178,22 @@ class SupervisedNode(Node):
         """Let go of everything; called once, whatever ended the node."""
 
 
-def run(build: Callable[[], SupervisedNode], name: str) -> None:
-    """Run a node until a signal, the end of its parent, or its own; then exit.
+Build = Callable[[], SupervisedNode]
+
+
+def run(name: str, *builds: Build) -> None:
+    """Run nodes until a signal, the end of their parent, or of one of them; then exit.
 
     Parameters
     ----------
-    build : callable
-        Makes the node.
     name : str
         For messages.
+    builds : callables
+        Make the nodes; more than one share this process and its executor.
     """
     for variable, value in MIDDLEWARE.items():
         os.environ.setdefault(variable, value)
-    _sharpen_timers()
+    sharpen_timers()
     # This is the one place where signals are handled: rclpy installs none, no node does.
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -172,15 +204,15 @@ def run(build: Callable[[], SupervisedNode], name: str) -> None:
     def ended() -> bool:
         return bool(signals) or os.getppid() != parent
 
-    sys.exit(_status(build, name, ended))
+    sys.exit(_status(builds, name, ended))
 
 
-def _status(build: Callable[[], SupervisedNode], name: str, ended: Callable[[], bool]) -> int:
+def _status(builds: Sequence[Build], name: str, ended: Callable[[], bool]) -> int:
     try:
         unknown = remove_ros_args(sys.argv)[1:]
         if unknown:
             raise ParameterError(f"{unknown[0]}: no such argument; use --ros-args -p name:=value")
-        _run(build, ended)
+        _run(builds, ended)
     except (ParameterError, InvalidParameterException) as error:
         return _complaint(name, error, WRONG_ARGUMENTS)
     except (DeviceError, OSError) as error:
@@ -193,43 +225,53 @@ def _complaint(name: str, error: Exception, status: int) -> int:
     return status
 
 
-def _run(build: Callable[[], SupervisedNode], ended: Callable[[], bool]) -> None:
+def _run(builds: Sequence[Build], ended: Callable[[], bool]) -> None:
+    nodes: list[SupervisedNode] = []
     try:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        node = build()
-    except Exception as error:
-        if "params" in str(error) or "parameter" in str(error):
-            # rcl has no exception of its own for a parameter file that cannot be parsed.
-            raise ParameterError(str(error)) from error
-        raise
-    try:
-        _spin(node, ended)
+        try:
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+            nodes.extend(build() for build in builds)
+        except Exception as error:
+            if "params" in str(error) or "parameter" in str(error):
+                # rcl has no exception of its own for a parameter file that cannot be parsed.
+                raise ParameterError(str(error)) from error
+            raise
+        _spin(nodes, ended)
     finally:
-        node.close()
-        # Once in some hundred ends under load the middleware does not come back from being
-        # torn down. By now nothing is left that could be lost.
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.alarm(TEARDOWN)
+        _close(nodes)
+
+
+def _close(nodes: Sequence[SupervisedNode]) -> None:
+    """Close every node, whatever the others do, then the middleware."""
+    with ExitStack() as stack:
+        for node in nodes:
+            stack.callback(node.close)
+    # Once in some hundred ends under load the middleware does not come back from being torn
+    # down. By now nothing is left that could be lost.
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.alarm(TEARDOWN)
+    for node in nodes:
         node.destroy_node()
-        rclpy.try_shutdown()
+    rclpy.try_shutdown()
 
 
-def _spin(node: SupervisedNode, ended: Callable[[], bool]) -> None:
-    executor = EventsExecutor()
-    executor.add_node(node)
+def _spin(nodes: Sequence[SupervisedNode], ended: Callable[[], bool]) -> None:
+    executor = EXECUTORS[os.environ.get(EXECUTOR, "events")]()
+    for node in nodes:
+        executor.add_node(node)
     # Everything made so far stays; without garbage there is nothing to collect, and a
     # collection would take milliseconds at the wrong moment.
     gc.collect()
     gc.freeze()
     gc.disable()
     try:
-        while not (node.finished.done() or ended()):
-            executor.spin_until_future_complete(node.finished, timeout_sec=LOOK_ROUND)
+        while not (any(node.finished.done() for node in nodes) or ended()):
+            executor.spin_until_future_complete(nodes[0].finished, timeout_sec=LOOK_ROUND)
     finally:
         executor.shutdown()
 
 
-def _sharpen_timers() -> None:
+def sharpen_timers() -> None:
     """Let timers fire when due: the kernel's default slack of 50 us was half of our lateness."""
     libc = ctypes.CDLL(None)
     if hasattr(libc, "prctl"):

@@ -24,7 +24,7 @@ class SlaveDevice(DeviceNode):
 
 def main() -> None:
     """Run the node."""
-    run(SlaveDevice, "slave_device")
+    run("slave_device", SlaveDevice)
 
 
 if __name__ == "__main__":

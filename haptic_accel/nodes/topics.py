@@ -22,6 +22,8 @@ class Topic:
         ROS message type.
     frame : str
         frame_id of its messages.
+    source : str
+        Arm whose samples its stamps are: master or slave.
     reliable : bool
         Events are reliable, signals are best effort ("sensor data").
     """
@@ -29,6 +31,7 @@ class Topic:
     name: str
     type: str
     frame: str
+    source: str
     reliable: bool = False
 
 
@@ -45,17 +48,17 @@ VECTORS = {
 }
 """Path of the vector that each type of signal carries."""
 
-MASTER_POSITION = Topic("master/measured_cp", _POSE, MASTER_FRAME)
-MASTER_VELOCITY = Topic("master/measured_cv", _TWIST, MASTER_FRAME)
-MASTER_ARM_FORCE = Topic("master/servo_cf", _WRENCH, MASTER_FRAME)
-HANDLE_ACCELERATION = Topic("master/handle/acceleration", _ACCEL, HANDLE_FRAME)
-ACTUATOR_FORCE = Topic("master/handle/servo_cf", _WRENCH, HANDLE_FRAME)
-SLAVE_POSITION = Topic("slave/measured_cp", _POSE, SLAVE_FRAME)
-SLAVE_VELOCITY = Topic("slave/measured_cv", _TWIST, SLAVE_FRAME)
-SLAVE_ARM_FORCE = Topic("slave/servo_cf", _WRENCH, SLAVE_FRAME)
-TOOL_ACCELERATION = Topic("slave/tool/acceleration", _ACCEL, TOOL_FRAME)
-DESIRED_ACCELERATION = Topic("compensator/desired_acceleration", _ACCEL, HANDLE_FRAME)
-DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", reliable=True)
+MASTER_POSITION = Topic("master/measured_cp", _POSE, MASTER_FRAME, "master")
+MASTER_VELOCITY = Topic("master/measured_cv", _TWIST, MASTER_FRAME, "master")
+MASTER_ARM_FORCE = Topic("master/servo_cf", _WRENCH, MASTER_FRAME, "slave")
+HANDLE_ACCELERATION = Topic("master/handle/acceleration", _ACCEL, HANDLE_FRAME, "master")
+ACTUATOR_FORCE = Topic("master/handle/servo_cf", _WRENCH, HANDLE_FRAME, "slave")
+SLAVE_POSITION = Topic("slave/measured_cp", _POSE, SLAVE_FRAME, "slave")
+SLAVE_VELOCITY = Topic("slave/measured_cv", _TWIST, SLAVE_FRAME, "slave")
+SLAVE_ARM_FORCE = Topic("slave/servo_cf", _WRENCH, SLAVE_FRAME, "master")
+TOOL_ACCELERATION = Topic("slave/tool/acceleration", _ACCEL, TOOL_FRAME, "slave")
+DESIRED_ACCELERATION = Topic("compensator/desired_acceleration", _ACCEL, HANDLE_FRAME, "slave")
+DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
 
 SIGNALS = (
     MASTER_POSITION,

@@ -38,6 +38,9 @@ class GraphArguments(Checked):
     )
     record: bool = parameter(True, "whether to record every topic")
     bag: str = parameter("", "folder of the bag; empty for bags/<date and time>")
+    composed: bool = parameter(
+        False, "whether all nodes but the recorder share one process: quicker, less robust"
+    )
     config: str = parameter("", "ROS parameter file over config/teleop.yaml")
     seed: int = parameter(0, "of texture and noise of simulated devices", low=0, high=2**31 - 1)
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.devices.simulated import played
@@ -18,23 +20,48 @@ RECORDING = "recording"
 """Name of the surface that plays a recorded acceleration."""
 
 
+COMPOSED = "composed"
+"""Executable that runs all nodes but the recorder in one process."""
+
+
 @dataclass(frozen=True)
 class Process:
-    """One executable of the graph.
+    """One process of the graph.
 
     Attributes
     ----------
     executable : str
-        Its name in this package; also the node's name.
+        Its name in this package.
     parameter_files : tuple of Path
         ROS parameter files, later ones over earlier ones.
     parameters : dict
-        ROS parameters over those of the files, by dotted name.
+        ROS parameters over those of the files: by node, then by dotted name.
+    last : bool
+        Whether it is to be stopped after the others, whose last words it takes.
     """
 
     executable: str
     parameter_files: tuple[Path, ...]
-    parameters: dict[str, Any]
+    parameters: dict[str, dict[str, Any]]
+    last: bool = False
+
+    @property
+    def ros_arguments(self) -> list[str]:
+        """What its command line needs for ROS."""
+        words = ["--ros-args"]
+        for path in self.parameter_files:
+            words += ["--params-file", str(path)]
+        for node, parameters in self.parameters.items():
+            for name, value in parameters.items():
+                words += ["-p", f"{node}:{name}:={_yaml(value)}"]
+        return words
+
+
+def _yaml(value: Any) -> str:
+    """Write a value as ROS reads it back: text quoted, so that it stays text."""
+    if isinstance(value, str):
+        return str(yaml.safe_dump(value, default_style='"', width=2**31)).strip()
+    return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def graph(arguments: GraphArguments) -> list[Process]:
@@ -51,11 +78,14 @@ def graph(arguments: GraphArguments) -> list[Process]:
     _check_recording(arguments, values["slave_device"])
     files = tuple(path for path, _ in _files(arguments))
     own = _own_parameters(arguments)
-    return [
-        Process(executable, files, own[executable])
-        for executable in NODES
-        if executable != "recorder" or arguments.record
-    ]
+    recorder = own.pop("recorder")
+    processes = []
+    if arguments.record:
+        # First, so that it misses as little as can be of the others.
+        processes.append(Process("recorder", files, {"recorder": recorder}, last=True))
+    if arguments.composed:
+        return [*processes, Process(COMPOSED, files, own)]
+    return processes + [Process(name, files, {name: values}) for name, values in own.items()]
 
 
 def graph_parameters(arguments: GraphArguments) -> dict[str, dict[str, Any]]:

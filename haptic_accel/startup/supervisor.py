@@ -16,12 +16,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
-
-import yaml
 
 from haptic_accel.startup.graph import Process
+from haptic_accel.startup.process import SUPERVISOR
 
 LAST_LINES = 20
 """Lines of a dead process that are shown."""
@@ -95,6 +92,11 @@ class Supervisor:
         self._last_lines: dict[str, deque[str]] = {}
         self._ended: queue.SimpleQueue[str] = queue.SimpleQueue()
 
+    @property
+    def pids(self) -> dict[str, int]:
+        """Process ids of what was started, by executable."""
+        return {name: child.pid for name, child in self._running.items()}
+
     def run(self, stop: Callable[[], bool] = lambda: False) -> Outcome:
         """Run the graph to its end.
 
@@ -127,7 +129,7 @@ class Supervisor:
             env={
                 **os.environ,
                 "PYTHONUNBUFFERED": "1",
-                "HAPTIC_ACCEL_SUPERVISOR": str(os.getpid()),
+                SUPERVISOR: str(os.getpid()),
                 **self.environment,
             },
             # Ctrl-C is for us: the graph is stopped in order, not all at once.
@@ -154,34 +156,28 @@ class Supervisor:
             return ""
 
     def _stop_all(self) -> None:
+        patient = {process.executable for process in self.processes if process.last}
+        self._stop([child for name, child in self._running.items() if name not in patient])
+        self._stop(list(self._running.values()))
+        for reader in self._readers:
+            reader.join(timeout=1.0)
+
+    def _stop(self, children: Sequence[subprocess.Popen[str]]) -> None:
         for number, patience in PATIENCE:
-            for child in self._running.values():
+            for child in children:
                 if child.poll() is None:
                     child.send_signal(number)
             deadline = time.monotonic() + patience
-            for child in self._running.values():
+            for child in children:
                 _wait(child, deadline)
-            if all(child.poll() is not None for child in self._running.values()):
-                break
-        for reader in self._readers:
-            reader.join(timeout=1.0)
+            if all(child.poll() is not None for child in children):
+                return
 
 
 def command(process: Process) -> list[str]:
     """Return the command line that runs a process of the graph."""
-    words = [sys.executable, "-m", f"haptic_accel.nodes.{process.executable}", "--ros-args"]
-    for path in process.parameter_files:
-        words += ["--params-file", str(path)]
-    for name, value in process.parameters.items():
-        words += ["-p", f"{name}:={_yaml(value)}"]
-    return words
-
-
-def _yaml(value: Any) -> str:
-    """Write a value as ROS reads it back: text quoted, so that it stays text."""
-    if isinstance(value, (str, Path)):
-        return str(yaml.safe_dump(str(value), default_style='"', width=2**31)).strip()
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+    module = f"haptic_accel.nodes.{process.executable}"
+    return [sys.executable, "-m", module, *process.ros_arguments]
 
 
 def _wait(child: subprocess.Popen[str], deadline: float) -> None:

@@ -31,6 +31,9 @@ SIGNALS: dict[str, Topic] = {
 AGE_OF = "actuator force"
 """Which command's age counts: the one whose force is felt."""
 
+LABELS = ("p50", "p90", "p99", "p99_9", "max")
+"""Of durations in diagnostics."""
+
 IntArray = npt.NDArray[np.int64]
 
 
@@ -42,17 +45,24 @@ class Delivery:
     ----------
     age_us : dict
         Age of the actuator's forces when applied, us: p50, p99, max.
-    lost, late : dict
-        By topic: samples of the trial that are missing in the bag; samples that were recorded
-        more than half a period after their stamp.
+    lost : dict
+        By topic: messages missing in the bag although their sample was taken.
+    late : dict
+        By topic: messages recorded more than half a period after their stamp.
+    missed : dict
+        By arm: samples of the grid that were not taken.
     warnings : list of str
         What nodes complained of in their diagnostics.
+    nodes : dict
+        By node: its last diagnostics.
     """
 
     age_us: dict[str, float]
     lost: dict[str, int]
     late: dict[str, int]
+    missed: dict[str, int]
     warnings: list[str]
+    nodes: dict[str, dict[str, str]]
 
 
 @dataclass
@@ -189,24 +199,42 @@ def _delivery(
     length: int,
 ) -> Delivery:
     """Count what is missing on the trial's grid and what came late, and find the ages."""
-    lost, late = {}, {}
+    late, seen = {}, {}
     for name, found in series.items():
         places = _places(found, start, period)
         within = (places >= 0) & (places < length)
-        lost[name] = length - len(np.unique(places[within]))
+        seen[name] = np.zeros(length, dtype=bool)
+        seen[name][places[within]] = True
         late[name] = int(np.sum((found.received - found.stamps)[within] > period / 2))
-    ages: dict[str, float] = {}
+    # A sample was taken if any message that it caused is there.
+    taken = {
+        arm: np.any([seen[topic.name] for topic in topics.SIGNALS if topic.source == arm], axis=0)
+        for arm in ("master", "slave")
+    }
+    lost = {
+        topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name]))
+        for topic in topics.SIGNALS
+    }
+    nodes: dict[str, dict[str, str]] = {}
     warnings: list[str] = []
     for received, status in diagnostics:
-        if received < start:
-            continue  # nodes wait for each other while they come up
-        if ord(status.level) if isinstance(status.level, str) else status.level:
+        nodes[status.name] = {pair.key: pair.value for pair in status.values}
+        # Before and after the trial, nodes wait for each other.
+        if start <= received < start + length * period and status.message != "OK":
             warnings.append(f"{status.name}: {status.message}")
-        found_ages = {
-            label: float(pair.value)
-            for pair in status.values
-            for label in ("p50", "p99", "max")
-            if pair.key == f"{AGE_OF} age {label} (us)"
-        }
-        ages |= found_ages
-    return Delivery(ages, lost, late, list(dict.fromkeys(warnings)))
+    return Delivery(
+        durations(nodes.get("master_device", {}), f"{AGE_OF} age", ("p50", "p99", "max")),
+        lost,
+        late,
+        {arm: length - int(np.sum(found)) for arm, found in taken.items()},
+        list(dict.fromkeys(warnings)),
+        nodes,
+    )
+
+
+def durations(
+    values: Mapping[str, str], name: str, labels: Iterable[str] = LABELS
+) -> dict[str, float]:
+    """Return quantiles, in us, that a node reported; those that it did not are left out."""
+    found = {label: values.get(f"{name} {label} (us)") for label in labels}
+    return {label: float(value) for label, value in found.items() if value is not None}

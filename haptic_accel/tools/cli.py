@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TypeAlias, TypeVar
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.tools import experiment, teleop
-from haptic_accel.tools.teleop import INTERRUPTED, WRONG_ARGUMENTS
+from haptic_accel.startup.process import INTERRUPTED, WRONG_ARGUMENTS
+from haptic_accel.tools import bench, doctor, experiment, teleop
+
+T = TypeVar("T")
+Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -31,10 +35,12 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB")
     _add_teleop(verbs)
     _add_experiment(verbs)
+    _add_bench(verbs)
+    _add_doctor(verbs)
     return parser
 
 
-def _add_teleop(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _add_teleop(verbs: Verbs) -> None:
     verb = verbs.add_parser(
         "teleop",
         help="run the teleoperation graph",
@@ -46,7 +52,7 @@ def _add_teleop(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     verb.set_defaults(run=lambda arguments: teleop.teleop(arguments.words))
 
 
-def _add_experiment(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _add_experiment(verbs: Verbs) -> None:
     verb = verbs.add_parser(
         "experiment",
         help="run the paper's experiment and report Table II",
@@ -72,6 +78,93 @@ def _add_experiment(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) 
             out=arguments.out,
         )
     )
+
+
+def _add_bench(verbs: Verbs) -> None:
+    verb = verbs.add_parser("bench", help="measure the graph's latency, CPU and losses")
+    kinds = verb.add_subparsers(title="kinds", required=True, metavar="KIND")
+    latency = kinds.add_parser(
+        "latency",
+        help="one rate, beside rclpy's default executor and bare UDP",
+        description="Run the whole graph as users do, the same on rclpy's default executor, and"
+        " the same two hops as bare UDP, in turns; print ages, losses, CPU and memory.",
+    )
+    latency.add_argument("--rate", type=float, default=1000.0, help="Hz (default: 1000)")
+    latency.add_argument("--pairs", type=int, default=1, help="graphs at a time (default: 1)")
+    latency.set_defaults(
+        run=lambda arguments: bench.bench_latency(
+            arguments.words,
+            rate=arguments.rate,
+            seconds=arguments.seconds,
+            pairs=arguments.pairs,
+            json_file=arguments.json,
+        )
+    )
+    sweep = kinds.add_parser(
+        "sweep",
+        help="ages and CPU against rate and number of pairs",
+        description="Find the highest rate held with less than 0.1 % late, and draw ages and"
+        " CPU against rate (500 Hz to 8 kHz) and against the number of pairs (1 to 8).",
+    )
+    sweep.add_argument(
+        "--rates",
+        type=_numbers(float),
+        default=bench.SWEEP_RATES,
+        metavar="HZ,HZ,...",
+        help=f"for one pair (default: {_listed(bench.SWEEP_RATES)})",
+    )
+    sweep.add_argument(
+        "--pairs",
+        type=_numbers(int),
+        default=bench.SWEEP_PAIRS,
+        metavar="N,N,...",
+        help=f"at 1 kHz (default: {_listed(bench.SWEEP_PAIRS)})",
+    )
+    sweep.add_argument("--out", type=Path, default=Path("results"), help="folder of the figure")
+    sweep.set_defaults(
+        run=lambda arguments: bench.bench_sweep(
+            arguments.words,
+            rates=arguments.rates,
+            pairs=arguments.pairs,
+            seconds=arguments.seconds,
+            out=arguments.out,
+            json_file=arguments.json,
+        )
+    )
+    for kind, seconds in ((latency, 20.0), (sweep, 5.0)):
+        kind.add_argument("words", nargs="*", metavar="key:=value", help="arguments of the graph")
+        kind.add_argument(
+            "--seconds",
+            type=float,
+            default=seconds,
+            help=f"length of each measurement (default: {seconds:g})",
+        )
+        kind.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
+
+
+def _numbers(kind: Callable[[str], T]) -> Callable[[str], list[T]]:
+    """Return what reads numbers with commas between."""
+
+    def numbers(text: str) -> list[T]:
+        return [kind(word) for word in text.split(",")]
+
+    return numbers
+
+
+def _listed(numbers: Iterable[float]) -> str:
+    return ",".join(f"{number:g}" for number in numbers)
+
+
+def _add_doctor(verbs: Verbs) -> None:
+    verb = verbs.add_parser(
+        "doctor",
+        help="what on this machine hurts real time, and how to mend it",
+        description="Look for what hurts real time on this machine, say how to mend it, and"
+        " measure how late a 1 kHz timer is. Changes nothing.",
+    )
+    verb.add_argument("--seconds", type=float, default=5.0, help="to measure (default: 5)")
+    verb.add_argument("--json", type=Path, metavar="FILE", help="write the findings as JSON")
+    verb.set_defaults(run=lambda arguments: doctor.doctor(arguments.seconds, arguments.json))
 
 
 if __name__ == "__main__":

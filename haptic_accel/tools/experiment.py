@@ -24,10 +24,11 @@ from haptic_accel.devices.simulated import played
 from haptic_accel.nodes.parameters import node_parameters
 from haptic_accel.startup.arguments import GraphArguments, parse_arguments
 from haptic_accel.startup.graph import graph, graph_parameters, rig_parameters
+from haptic_accel.startup.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.startup.supervisor import Supervisor
 from haptic_accel.tools.bag import SIGNALS, Delivery, read_trial
 from haptic_accel.tools.report import write_report
-from haptic_accel.tools.teleop import DONE, FAILED, INTERRUPTED, StopOnSignal, conclude
+from haptic_accel.tools.teleop import StopOnSignal, conclude
 
 SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
@@ -109,6 +110,7 @@ class Condition:
         }
         if self.delivery:
             figures |= {"age_us": self.age_us, "lost": self.lost, "late": self.late}
+            figures["missed"] = self.delivery.missed
         return figures
 
 
@@ -318,7 +320,8 @@ def _warnings(done: Sequence[Condition]) -> list[str]:
         if condition.delivery is None:
             continue
         name = f"{condition.trial.surface} / {condition.trial.controller}"
-        lost = max(condition.delivery.lost[topic.name] for topic in SIGNALS.values())
+        delivery = condition.delivery
+        lost = max(delivery.lost[t.name] + delivery.missed[t.source] for t in SIGNALS.values())
         share = lost / len(condition.trial.time)
         if share > LOST_SHARE:
             warnings.append(

@@ -9,10 +9,8 @@ from collections.abc import Sequence
 
 from haptic_accel.startup.arguments import GraphArguments, described, parse_arguments
 from haptic_accel.startup.graph import graph
+from haptic_accel.startup.process import DONE, FAILED, WRONG_ARGUMENTS
 from haptic_accel.startup.supervisor import Outcome, Supervisor
-
-DONE, FAILED, WRONG_ARGUMENTS, INTERRUPTED = 0, 1, 2, 130
-"""Exit statuses; the last as shells have it for Ctrl-C."""
 
 
 class StopOnSignal:

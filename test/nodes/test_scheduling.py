@@ -62,6 +62,7 @@ def test_what_is_missed_is_counted_and_not_made_up_for(
     clock.now = 70 * PERIOD
     assert keeper.tick() == 70 * PERIOD
     assert keeper.missed == 49
+    assert keeper.lateness.maximum == pytest.approx(0.049)
     assert keeper.tick() is None  # a second call for the same grid point
     assert keeper.ticks == 2
 
@@ -81,3 +82,18 @@ def test_no_drift_at_any_rate(rate: float, delays: list[float]) -> None:
         assert due == pytest.approx((first + index) * period, abs=1)
     assert keeper.ticks == len(delays)
     assert keeper.missed == 0
+
+
+def test_the_longest_gap_is_told_once(clock: FakeClock, keeper: RateKeeper) -> None:
+    for place in (20, 71, 73):
+        clock.now = place * PERIOD
+        keeper.tick()
+    assert keeper.take_longest_gap() == pytest.approx(0.050)
+    assert keeper.take_longest_gap() == 0.0
+
+
+def test_lateness_is_counted_from_the_last_grid_point(
+    clock: FakeClock, keeper: RateKeeper
+) -> None:
+    clock.now = 20 * PERIOD + 300_000
+    assert keeper.lateness_now() == pytest.approx(300e-6)

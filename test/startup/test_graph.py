@@ -12,10 +12,18 @@ from haptic_accel.startup.graph import graph, graph_parameters, rig_parameters
 
 def test_five_processes_whose_parameters_they_have() -> None:
     processes = graph(GraphArguments())
-    assert [process.executable for process in processes] == list(NODES)
+    assert {process.executable for process in processes} == set(NODES)
     for process in processes:
-        assert set(process.parameters) <= set(node_schema(process.executable))
+        assert list(process.parameters) == [process.executable]
+        for node, values in process.parameters.items():
+            assert set(values) <= set(node_schema(node))
         assert all(path.is_file() for path in process.parameter_files)
+
+
+def test_composed_is_one_process_and_a_recorder() -> None:
+    recorder, composed = graph(GraphArguments(composed=True))
+    assert (recorder.executable, composed.executable) == ("recorder", "composed")
+    assert set(composed.parameters) == set(NODES) - {"recorder"}
 
 
 def test_no_recorder_when_not_recording() -> None:

@@ -19,12 +19,14 @@ from haptic_accel.startup.supervisor import Supervisor, command
 def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let processes run Python scripts, which stand for nodes, by their executable's name."""
     monkeypatch.setattr(
-        supervisor, "command", lambda process: [sys.executable, "-c", process.parameters["script"]]
+        supervisor,
+        "command",
+        lambda process: [sys.executable, "-c", process.parameters["script"][""]],
     )
 
 
 def script(name: str, text: str) -> Process:
-    return Process(name, (), {"script": text})
+    return Process(name, (), {"script": {"": text}})
 
 
 WAIT = "import signal, sys; signal.signal(signal.SIGINT, lambda *_: sys.exit(0)); {}signal.pause()"
@@ -73,7 +75,7 @@ def test_only_the_last_lines_are_kept() -> None:
 
 @given(st.text(st.characters(codec="utf-8", exclude_characters="\0")))
 def test_any_text_reaches_ros_as_that_text(text: str) -> None:
-    words = command(Process("recorder", (Path("a b.yaml"),), {"bag": text}))
+    words = command(Process("recorder", (Path("a b.yaml"),), {"recorder": {"bag": text}}))
     assert words[words.index("--params-file") + 1] == "a b.yaml"
     name, _, value = words[-1].partition(":=")
-    assert (name, yaml.safe_load(value)) == ("bag", text)
+    assert (name, yaml.safe_load(value)) == ("recorder:bag", text)

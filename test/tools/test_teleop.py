@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import struct
+import time
 import wave
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -67,6 +68,21 @@ class Observer:
             self.node.destroy_subscription(subscription)
         assert enough.done(), {name: len(found) for name, found in messages.items()}
         return messages
+
+    def watch(self, topic: Topic) -> Callable[[Callable[[Any], bool]], None]:
+        """Subscribe; return what waits for a message that is wanted."""
+        arrived: list[Any] = []
+        self.node.create_subscription(
+            message_type(topic), topic.name, arrived.append, quality(topic)
+        )
+
+        def wait_for(wanted: Callable[[Any], bool]) -> None:
+            deadline = time.monotonic() + PATIENCE
+            while not any(wanted(message) for message in arrived):
+                assert time.monotonic() < deadline, arrived
+                self.executor.spin_once(timeout_sec=1.0)
+
+        return wait_for
 
     def close(self) -> None:
         self.executor.shutdown()
@@ -209,6 +225,41 @@ def test_arms_are_let_go_when_one_falls_silent_and_coupled_again(
     os.kill(slave, signal.SIGCONT)
     command.wait_for("engaged", after=so_far)
     assert command.end(signal.SIGINT) == 0, command.text
+
+
+def test_a_node_that_stalls_is_named_in_diagnostics(
+    haptic_accel: Start, observer: Observer, domain: int
+) -> None:
+    def says(node: str, text: str) -> Callable[[Any], bool]:
+        return lambda message: any(
+            status.name == node and text in status.message for status in message.status
+        )
+
+    command = haptic_accel("teleop", "record:=false")
+    command.wait_for("engaged")
+    wait_for = observer.watch(DIAGNOSTICS)
+    wait_for(says("slave_device", ""))
+    slave = nodes_of(domain)["slave_device"]
+    os.kill(slave, signal.SIGSTOP)
+    command.wait_for("let go")
+    os.kill(slave, signal.SIGCONT)
+    wait_for(says("slave_device", "stalled for"))
+    assert command.end(signal.SIGINT) == 0, command.text
+
+
+def test_composed_the_graph_is_two_processes_and_does_the_same(
+    haptic_accel: Start, tmp_path: Path, domain: int
+) -> None:
+    command = haptic_accel(
+        "teleop", "composed:=true", "bag:=bag", "duration:=2", "controller:=constant"
+    )
+    command.wait_for("engaged")
+    assert set(nodes_of(domain)) == {"composed", "recorder"}
+    assert command.end() == 0, command.text
+    messages = read(tmp_path / "bag")
+    for topic in SIGNALS:
+        assert len(messages[f"/{topic.name}"]) > 500, topic
+    assert max(m.wrench.force.z for m in messages["/master/handle/servo_cf"]) > 0.01
 
 
 def test_a_recorded_acceleration_is_played(haptic_accel: Start, tmp_path: Path) -> None:

@@ -1,0 +1,138 @@
+"""What the pieces of a sample's way cost; measured, with no limit that a test could break."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+
+pytest.importorskip("pytest_benchmark")
+
+from haptic_accel.core.compensation import Compensation, CompensationParameters
+from haptic_accel.core.controllers import CONTROLLERS
+from haptic_accel.core.coupling import CouplingParameters, PositionPositionCoupling, Vector
+from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
+from haptic_accel.nodes.interface import Sender, message_type, quality
+from haptic_accel.nodes.recorder import BagWriter
+from haptic_accel.nodes.topics import TOOL_ACCELERATION, VECTORS
+from haptic_accel.nodes.wire import StampedVector, reader
+
+# A look at each piece in every run of the tests; for figures to rely on: --benchmark-max-time=5
+pytestmark = pytest.mark.benchmark(max_time=0.1, min_rounds=5)
+
+Benchmark = Any
+"""pytest_benchmark.fixture.BenchmarkFixture, which may not be there."""
+
+RATE = 1000.0
+
+STAMP = 1_700_000_000_123_456_789
+VECTOR = (0.1, -0.2, 0.3)
+
+MESSAGES = 1000
+"""Recorded in one round."""
+
+
+def tone() -> Iterator[float]:
+    """Yield an acceleration of 1 m/s^2 and 100 Hz, which is ten samples long, for ever."""
+    return itertools.cycle([math.sin(2 * math.pi * index / 10) for index in range(10)])
+
+
+def exploring(device_class: type[Device]) -> Callable[[], Sample]:
+    """Return what samples a device of which the arm presses and moves, tick by tick."""
+    device = device_class(device_class.Parameters(), RATE, 0)
+    device.open()
+    device.write(0.0, arm_force=(0.5, 0.0, -1.0))
+    device.read(1 / RATE)  # the first one prepares, which is no tick's cost
+    ticks = itertools.count(2)
+    return lambda: device.read(next(ticks) / RATE)
+
+
+def tool_acceleration() -> StampedVector:
+    message = message_type(TOOL_ACCELERATION)()
+    message.header.frame_id = TOOL_ACCELERATION.frame
+    return StampedVector(message)
+
+
+READ = reader(message_type(TOOL_ACCELERATION), VECTORS[TOOL_ACCELERATION.type])
+
+
+@pytest.mark.parametrize("controller", list(CONTROLLERS))
+def test_sample_of_the_compensation(benchmark: Benchmark, controller: str) -> None:
+    compensation = Compensation(CompensationParameters(controller=controller), RATE)
+    acceleration = tone()
+    compensation.sample(next(acceleration), 0.0)
+    _, force = benchmark(lambda: compensation.sample(next(acceleration), 0.0))
+    assert math.isfinite(force)
+    assert (compensation.saturated, compensation.rejected) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    "device_class", [MASTERS["simulated"], SLAVES["simulated"]], ids=["master", "slave"]
+)
+def test_tick_of_a_simulated_device(benchmark: Benchmark, device_class: type[Device]) -> None:
+    sample = benchmark(exploring(device_class))
+    assert all(map(math.isfinite, (*sample.position, *sample.velocity, sample.acceleration)))
+    assert sample.position[0] != 0
+
+
+def test_forces_of_the_coupling(benchmark: Benchmark) -> None:
+    coupling = PositionPositionCoupling(CouplingParameters())
+    origin: Vector = (0.0, 0.0, 0.0)
+    coupling.engage(origin, origin)
+    on_master, on_slave = benchmark(coupling.forces, (0.001, 0.0, 0.0), origin)
+    # The paper's 0.25 N/mm each way.
+    assert on_master[0] == pytest.approx(-0.25)
+    assert on_slave[0] == pytest.approx(0.25)
+
+
+def test_packing_of_a_message(benchmark: Benchmark) -> None:
+    packed = benchmark(tool_acceleration().pack, STAMP, VECTOR)
+    assert READ(packed) == (STAMP, VECTOR)
+
+
+def test_reading_of_a_message(benchmark: Benchmark) -> None:
+    packed = tool_acceleration().pack(STAMP, VECTOR)
+    assert benchmark(READ, packed) == (STAMP, VECTOR)
+
+
+@pytest.fixture
+def sender(domain: int) -> Iterator[Sender]:
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = rclpy.create_node("sender", context=context)
+    publisher = node.create_publisher(
+        message_type(TOOL_ACCELERATION), TOOL_ACCELERATION.name, quality(TOOL_ACCELERATION)
+    )
+    yield Sender(publisher, tool_acceleration())
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def test_packing_and_publishing_of_a_message(benchmark: Benchmark, sender: Sender) -> None:
+    benchmark(sender.send, STAMP, VECTOR)
+    assert sender.listeners == 0
+
+
+def test_recording_of_a_thousand_messages(benchmark: Benchmark, tmp_path: Path) -> None:
+    """From being put in to being in the file, which is finished."""
+    message = tool_acceleration().pack(STAMP, VECTOR)
+    bags: list[BagWriter] = []
+
+    def new_bag() -> tuple[tuple[BagWriter, Callable[[bytes], None]], dict[str, Any]]:
+        bag = BagWriter(tmp_path / str(len(bags)), 2 * MESSAGES)
+        bags.append(bag)
+        return (bag, bag.connect(TOOL_ACCELERATION, f"/{TOOL_ACCELERATION.name}")), {}
+
+    def record(bag: BagWriter, put: Callable[[bytes], None]) -> None:
+        for _ in range(MESSAGES):
+            put(message)
+        bag.close()
+
+    benchmark.extra_info["messages"] = MESSAGES
+    benchmark.pedantic(record, setup=new_bag, rounds=5)
+    assert {(bag.written, bag.dropped) for bag in bags} == {(MESSAGES, 0)}
