@@ -6,10 +6,11 @@ import json
 import os
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -58,31 +59,50 @@ MEBI = 2**20
 Figures = dict[str, Any]
 
 
-@dataclass
 class Usage:
-    """What a graph's processes use between engaging and the end of the duration.
+    """What the processes of graphs use while all of them are engaged.
+
+    Parameters
+    ----------
+    graphs : int
+        How many run at the same time.
 
     Attributes
     ----------
     cpu_cores, peak_mb : dict
-        By executable: share of a core; largest resident memory so far, MiB.
+        By executable, over all graphs: cores used; resident memory of the largest, MiB. Empty
+        while the graphs have not all been engaged at the same time and one of them ended.
     """
 
-    cpu_cores: dict[str, float] = field(default_factory=dict)
-    peak_mb: dict[str, float] = field(default_factory=dict)
-    _before: dict[str, tuple[float, float]] = field(default_factory=dict)
+    def __init__(self, graphs: int) -> None:
+        self._graphs = graphs
+        self._engaged: list[Supervisor] = []
+        self._before: dict[int, tuple[float, float]] = {}
+        self._lock = threading.Lock()
+        self.cpu_cores: dict[str, float] = {}
+        self.peak_mb: dict[str, float] = {}
 
-    def watch(self, pids: Mapping[str, int], line: str) -> None:
-        """Take a line of output: the coupler says when the arms engage and when it is over."""
-        if line.endswith("engaged"):
-            self._before = {name: _spent(pid) for name, pid in pids.items()}
-        elif line.endswith("is over"):
-            for name, pid in pids.items():
-                before, since = self._before[name]
-                spent, now = _spent(pid)
-                self.cpu_cores[name] = (spent - before) / (now - since)
-                self.peak_mb[name] = psutil.Process(pid).memory_info().rss / MEBI
-            self.cpu_cores["total"] = sum(self.cpu_cores.values())
+    def watch(self, supervisor: Supervisor, line: str) -> None:
+        """Take a line of output: a coupler says when its arms engage and when it is over."""
+        with self._lock:
+            if line.endswith("engaged"):
+                self._engaged.append(supervisor)
+                if len(self._engaged) == self._graphs:
+                    self._before = {pid: _spent(pid) for _, pid in self._processes()}
+            elif line.endswith("is over") and self._before and not self.cpu_cores:
+                self._take()
+
+    def _processes(self) -> list[tuple[str, int]]:
+        return [item for supervisor in self._engaged for item in supervisor.pids.items()]
+
+    def _take(self) -> None:
+        for name, pid in self._processes():
+            before, since = self._before[pid]
+            spent, now = _spent(pid)
+            self.cpu_cores[name] = self.cpu_cores.get(name, 0.0) + (spent - before) / (now - since)
+            memory = psutil.Process(pid).memory_info().rss / MEBI
+            self.peak_mb[name] = max(self.peak_mb.get(name, 0.0), memory)
+        self.cpu_cores["total"] = sum(self.cpu_cores.values())
 
 
 def _spent(pid: int) -> tuple[float, float]:
@@ -156,6 +176,7 @@ def measure(
     StoppedError
         Interrupted, or a graph failed.
     """
+    usage = Usage(pairs)
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(pairs) as pool:
         first = int(os.environ.get(DOMAIN, 0))
         runs = [
@@ -163,19 +184,26 @@ def measure(
                 _run_pair,
                 replace(arguments, bag=str(Path(folder) / f"pair_{pair}")),
                 {EXECUTOR: executor, DOMAIN: str((first + pair) % DOMAINS)},
+                usage,
                 stop,
             )
             for pair in range(pairs)
         ]
-        return _joined([_pair_figures(*run.result()) for run in runs])
+        figures = _joined([_pair_figures(run.result()) for run in runs])
+    if not usage.cpu_cores:
+        _say("the pairs never ran at the same time: take more seconds")
+        raise StoppedError(FAILED)
+    return {**figures, "cpu_cores": usage.cpu_cores, "peak_mb": usage.peak_mb}
 
 
 def _run_pair(
-    arguments: GraphArguments, environment: dict[str, str], stop: Callable[[], bool]
-) -> tuple[Delivery, Usage]:
-    usage = Usage()
+    arguments: GraphArguments,
+    environment: dict[str, str],
+    usage: Usage,
+    stop: Callable[[], bool],
+) -> Delivery:
     supervisor = Supervisor(graph(arguments), environment=environment)
-    supervisor.on_line = lambda _, line: usage.watch(supervisor.pids, line)
+    supervisor.on_line = lambda _, line: usage.watch(supervisor, line)
     outcome = supervisor.run(stop)
     if not outcome.first:
         raise StoppedError(INTERRUPTED)
@@ -189,10 +217,10 @@ def _run_pair(
         arguments.rate,
         around.high_pass_frequency,
     )
-    return delivery, usage
+    return delivery
 
 
-def _pair_figures(delivery: Delivery, usage: Usage) -> Figures:
+def _pair_figures(delivery: Delivery) -> Figures:
     """Return one graph's figures; late means more than half a period where it is used."""
     nodes = delivery.nodes
     late = {}
@@ -213,26 +241,27 @@ def _pair_figures(delivery: Delivery, usage: Usage) -> Figures:
         "missed": delivery.missed,
         "ticks": {name: int(nodes[name]["ticks"]) for name in devices},
         "dropped_by_recorder": int(nodes["recorder"]["dropped"]),
-        "cpu_cores": usage.cpu_cores,
-        "peak_mb": usage.peak_mb,
     }
 
 
-COUNTS = {"late", "lost", "missed", "ticks", "dropped_by_recorder", "cpu_cores"}
-"""Figures that add up over pairs of arms; of the others the worst counts."""
+COUNTS = {"late", "lost", "missed", "ticks", "dropped_by_recorder"}
+"""Figures that add up."""
 
 
 def _joined(pairs: Sequence[Figures]) -> Figures:
-    """Join the figures of pairs that ran at the same time."""
-    return {key: _merge([pair[key] for pair in pairs], _sum if key in COUNTS else max)
-            for key in pairs[0]}  # fmt: skip
+    """Join the figures of pairs that ran at the same time: the worst, or the sum of counts."""
+    return _by_key(pairs, max)
 
 
 def _mean(rounds: Sequence[Figures]) -> Figures:
-    """Join the figures of rounds: counts add up, the others are averaged, maxima kept."""
-    summed = COUNTS - {"cpu_cores"}
-    return {key: _merge([r[key] for r in rounds], _sum if key in summed else fmean)
-            for key in rounds[0]}  # fmt: skip
+    """Join the figures of rounds: the mean, the worst of maxima, or the sum of counts."""
+    return _by_key(rounds, fmean)
+
+
+def _by_key(runs: Sequence[Figures], join: Callable[[Iterable[Any]], Any]) -> Figures:
+    return {
+        key: _merge([run[key] for run in runs], sum if key in COUNTS else join) for key in runs[0]
+    }
 
 
 def _merge(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], label: str = "") -> Any:
@@ -243,10 +272,6 @@ def _merge(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], label: s
     return {
         key: _merge([value[key] for value in values if key in value], join, key) for key in keys
     }
-
-
-def _sum(values: Iterable[Any]) -> Any:
-    return sum(values)
 
 
 def _latency_figures(
