@@ -209,9 +209,6 @@ def run(name: str, *builds: Build) -> None:
 
 def _status(builds: Sequence[Build], name: str, ended: Callable[[], bool]) -> int:
     try:
-        unknown = remove_ros_args(sys.argv)[1:]
-        if unknown:
-            raise ParameterError(f"{unknown[0]}: no such argument; use --ros-args -p name:=value")
         _run(builds, ended)
     except (ParameterError, InvalidParameterException) as error:
         return _complaint(name, error, WRONG_ARGUMENTS)
@@ -229,16 +226,24 @@ def _run(builds: Sequence[Build], ended: Callable[[], bool]) -> None:
     nodes: list[SupervisedNode] = []
     try:
         try:
-            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+            _take_arguments()
             nodes.extend(build() for build in builds)
-        except Exception as error:
-            if "params" in str(error) or "parameter" in str(error):
-                # rcl has no exception of its own for a parameter file that cannot be parsed.
+        except RuntimeError as error:
+            # rcl's errors have no public type; those of a command line all say what it is.
+            if any(word in str(error) for word in ("ROS arguments", "param")):
                 raise ParameterError(str(error)) from error
             raise
         _spin(nodes, ended)
     finally:
         _close(nodes)
+
+
+def _take_arguments() -> None:
+    """Initialise ROS from the command line, and refuse what is not for ROS."""
+    unknown = remove_ros_args(sys.argv)[1:]
+    if unknown:
+        raise ParameterError(f"{unknown[0]}: no such argument; use --ros-args -p name:=value")
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 
 
 def _close(nodes: Sequence[SupervisedNode]) -> None:

@@ -395,6 +395,25 @@ def test_a_node_by_itself_refuses_wrong_parameters(
     assert all(name in command.text for name in [node, *named]), command.text
 
 
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["--ros-args", "--params-file", "nowhere.yaml"], "nowhere.yaml"),
+        (["--ros-args", "--params-file", "broken.yaml"], "broken.yaml"),
+        (["--ros-args", "-p", "controller"], "controller"),
+        (["--fast"], "--fast"),
+    ],
+)
+def test_a_node_by_itself_refuses_wrong_command_lines(
+    start: Start, tmp_path: Path, words: list[str], named: str
+) -> None:
+    (tmp_path / "broken.yaml").write_text("compensator: {ros__parameters: [")
+    command = start("-m", "haptic_accel.nodes.compensator", *words)
+    assert command.end() == 2, command.text
+    assert len(command.lines) == 1, command.text
+    assert named in command.text
+
+
 def test_a_node_takes_a_whole_number_for_a_real_one(start: Start) -> None:
     command = start("-m", "haptic_accel.nodes.coupler", "--ros-args", "-p", "k_m:=300")
     command.wait_for("waiting for the position of master and slave")
