@@ -22,6 +22,7 @@ ROSDEP_KEYS = {
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
     "rich": "python3-rich",
+    "psutil": "python3-psutil",
     "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
     "yaml": "python3-yaml",

@@ -58,14 +58,14 @@ class Outcome:
     def failed(self) -> dict[str, int]:
         """Executables that ended badly by themselves, with their status.
 
-        One that had not yet come to handle the signal we sent it has done nothing wrong, nor
-        has one whose middleware had to be cut short.
+        After one has failed, how the others took being stopped says nothing, but that one had
+        to be killed. One that had not yet come to handle the signal we sent it has done
+        nothing wrong, nor has one whose middleware had to be cut short.
         """
-        return {
-            name: status
-            for name, status in self.statuses.items()
-            if status != 0 and (name == self.first or status not in _OUR_SIGNALS)
-        }
+        bad = {name: status for name, status in self.statuses.items() if status != 0}
+        if self.status != 0:
+            return {n: s for n, s in bad.items() if n == self.first or s == -signal.SIGKILL}
+        return {name: status for name, status in bad.items() if status not in _OUR_SIGNALS}
 
 
 @dataclass

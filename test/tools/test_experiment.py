@@ -63,7 +63,7 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
     )
     assert command.end() == 0, command.text
     (condition,) = figures(tmp_path / "figures.json")
-    assert set(condition) == KEYS | {"age_us", "lost", "late"}
+    assert set(condition) == KEYS | {"age_us", "lost", "late", "missed"}
     assert set(condition["age_us"]) == {"p50", "p99", "max"}
     assert (
         0 < condition["age_us"]["p50"] <= condition["age_us"]["p99"] <= condition["age_us"]["max"]
