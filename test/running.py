@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 PATIENCE = 60.0
@@ -33,6 +33,8 @@ class Command:
             stderr=subprocess.STDOUT,
             text=True,
             start_new_session=True,
+            # As at a terminal: a suite run in the background has Ctrl-C switched off.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )
         self.lines: list[str] = []
         self._news = threading.Condition()
@@ -76,20 +78,27 @@ class Command:
             self._news.notify_all()
 
 
-def nodes_of(domain: int) -> dict[str, int]:
-    """Return the running nodes of a ROS domain: process id by executable."""
+def processes_of(domain: int) -> Iterator[tuple[int, list[str]]]:
+    """Yield process id and command line of whatever runs with a ROS domain of a test."""
     wanted = f"ROS_DOMAIN_ID={domain}".encode()
-    found: dict[str, int] = {}
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             environment = (folder / "environ").read_bytes().split(b"\0")
             words = (folder / "cmdline").read_bytes().decode().split("\0")
         except OSError:
             continue
-        node = next((word for word in words if word.startswith("haptic_accel.nodes.")), None)
-        if node and wanted in environment:
-            found[node.rsplit(".", 1)[-1]] = int(folder.name)
-    return found
+        if wanted in environment:
+            yield int(folder.name), words
+
+
+def nodes_of(domain: int) -> dict[str, int]:
+    """Return the running nodes of a ROS domain: process id by executable."""
+    return {
+        word.rsplit(".", 1)[-1]: pid
+        for pid, words in processes_of(domain)
+        for word in words
+        if word.startswith("haptic_accel.nodes.")
+    }
 
 
 def wait_until(condition: Callable[[], bool], what: str) -> None:
