@@ -10,6 +10,9 @@ SHORTEST = 1.0e-6
 LONGEST = 100.0
 """Durations from about this, s, are counted together."""
 
+QUANTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99_9": 0.999}
+"""Which quantiles are reported, by label; the maximum goes with them as ``max``."""
+
 _BINS_PER_NEPER = 1.0 / math.log(1.01)  # each bin is 1 % wider than the one before
 _BINS = math.ceil(math.log(LONGEST / SHORTEST) * _BINS_PER_NEPER)
 _OFFSET = 1.0 - math.log(SHORTEST) * _BINS_PER_NEPER  # bin 0 is for what is too short
@@ -71,6 +74,11 @@ class DurationHistogram:
     def maximum(self) -> float:
         """The longest duration, s, exactly; NaN while there is none."""
         return self._maximum
+
+    def summary(self) -> dict[str, float]:
+        """Return the reported quantiles and the maximum by label, s; NaN while there are none."""
+        found = {label: self.quantile(q) for label, q in QUANTILES.items()}
+        return {**found, "max": self.maximum}
 
     def quantile(self, q: float) -> float:
         """Return the duration that a share of all durations does not exceed.

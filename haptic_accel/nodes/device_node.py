@@ -17,17 +17,13 @@ from haptic_accel.nodes.topics import Topic
 STALL = 0.02
 """Time without a tick from which on diagnostics warn, s: a fiftieth of their own period."""
 
-QUANTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99_9": 0.999}
-"""Which quantiles of durations are reported, by label."""
-
 
 def quantiles(durations: DurationHistogram, name: str) -> dict[str, str]:
     """Return quantiles and maximum for diagnostics, in us; nothing while there are none."""
     if not durations.count:
         return {}
-    found = {label: durations.quantile(q) for label, q in QUANTILES.items()}
-    found["max"] = durations.maximum
-    return {f"{name} {label} (us)": f"{value * 1e6:.1f}" for label, value in found.items()}
+    found = durations.summary().items()
+    return {f"{name} {label} (us)": f"{value * 1e6:.1f}" for label, value in found}
 
 
 class Command:

@@ -76,7 +76,7 @@ def graph(arguments: GraphArguments) -> list[Process]:
     for executable in NODES:
         node_parameters(executable, values[executable])
     _check_recording(arguments, values["slave_device"])
-    files = tuple(path for path, _ in _files(arguments))
+    files = tuple(_files(arguments))
     own = _own_parameters(arguments)
     recorder = own.pop("recorder")
     processes = []
@@ -91,7 +91,8 @@ def graph(arguments: GraphArguments) -> list[Process]:
 def graph_parameters(arguments: GraphArguments) -> dict[str, dict[str, Any]]:
     """Return the values that files and arguments give each node, by dotted name."""
     values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
-    for _, content in _files(arguments):
+    for path in _files(arguments):
+        content = read_parameter_file(path)
         for executable in NODES:
             values[executable] |= content[executable]
     for executable, given in _own_parameters(arguments).items():
@@ -113,12 +114,12 @@ def rig_parameters(values: Mapping[str, Mapping[str, Any]]) -> RigParameters:
     return RigParameters(masters["simulated"], slaves["simulated"], coupling)
 
 
-def _files(arguments: GraphArguments) -> list[tuple[Path, dict[str, dict[str, Any]]]]:
-    """Return the parameter files in the order in which they count, with their content."""
+def _files(arguments: GraphArguments) -> list[Path]:
+    """Return the parameter files in the order in which they count."""
     paths = [config_folder() / "teleop.yaml", surface_file(arguments.surface)]
     if arguments.config:
         paths.append(Path(arguments.config).absolute())
-    return [(path, read_parameter_file(path)) for path in paths]
+    return paths
 
 
 def _own_parameters(arguments: GraphArguments) -> dict[str, dict[str, Any]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,12 @@ import numpy.typing as npt
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.typesys import Stores, get_typestore
 
+from haptic_accel.core.histogram import QUANTILES
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import Trial
 from haptic_accel.nodes import topics
-from haptic_accel.nodes.topics import TOPICS, Topic
+from haptic_accel.nodes.topics import TOPICS, VECTORS, Topic
 
 NANOSECONDS = 1_000_000_000
 
@@ -28,10 +30,13 @@ SIGNALS: dict[str, Topic] = {
 }
 """A trial's signals and the topics they come from."""
 
+ALONG_ACTUATOR = {kind: attrgetter(f"{vector}.z") for kind, vector in VECTORS.items()}
+"""What gets the component along the actuator's axis, by message type."""
+
 AGE_OF = "actuator force"
 """Which command's age counts: the one whose force is felt."""
 
-LABELS = ("p50", "p90", "p99", "p99_9", "max")
+LABELS = (*QUANTILES, "max")
 """Of durations in diagnostics."""
 
 IntArray = npt.NDArray[np.int64]
@@ -99,30 +104,91 @@ def read_trial(
     ParameterError
         It is not a bag, or lacks a signal.
     """
-    series, diagnostics = _read(bag)
-    period = NANOSECONDS / rate
-    needed = [topic.name for topic in (*SIGNALS.values(), topics.MASTER_ARM_FORCE)]
-    for name in needed:
-        if not len(series[name].stamps):
-            raise ParameterError(f"{bag}: has no message of {name}")
-    start = int(max(series[name].stamps[0] for name in needed))
-    end = int(min(series[name].stamps[-1] for name in needed))
-    length = round((end - start) / period) + 1
-    if length < 2:
-        raise ParameterError(f"{bag}: its signals do not overlap")
+    recorded = _Recorded(bag, rate)
     signals = {
-        name: _on_grid(_places(series[topic.name], start, period), series[topic.name], length)
+        name: _on_grid(recorded.places(topic.name), recorded.series[topic.name], recorded.length)
         for name, topic in SIGNALS.items()
     }
     trial = Trial(
         surface,
         controller,
         rate,
-        np.arange(length) / rate,
+        np.arange(recorded.length) / rate,
         **signals,
         high_pass_frequency=high_pass_frequency,
     )
-    return trial, _delivery(series, diagnostics, start, period, length)
+    return trial, recorded.delivery()
+
+
+def read_delivery(bag: Path, rate: float) -> Delivery:
+    """Return how samples travelled, from a bag of the graph at a rate in Hz.
+
+    Raises
+    ------
+    ParameterError
+        It is not a bag, or lacks a signal.
+    """
+    return _Recorded(bag, rate).delivery()
+
+
+class _Recorded:
+    """A bag's content, and the stretch of the sampling grid on which every signal was there."""
+
+    def __init__(self, bag: Path, rate: float) -> None:
+        self.series, self._diagnostics = _read(bag)
+        self._period = NANOSECONDS / rate
+        needed = [topic.name for topic in (*SIGNALS.values(), topics.MASTER_ARM_FORCE)]
+        for name in needed:
+            if not len(self.series[name].stamps):
+                raise ParameterError(f"{bag}: has no message of {name}")
+        self._start = int(max(self.series[name].stamps[0] for name in needed))
+        end = int(min(self.series[name].stamps[-1] for name in needed))
+        self.length = round((end - self._start) / self._period) + 1
+        if self.length < 2:
+            raise ParameterError(f"{bag}: its signals do not overlap")
+
+    def places(self, name: str) -> IntArray:
+        """Return on which sample of the stretch each message of a topic lies."""
+        stamps = self.series[name].stamps
+        return np.round((stamps - self._start) / self._period).astype(np.int64)
+
+    def delivery(self) -> Delivery:
+        """Count what is missing on the grid and what came late, and find the ages."""
+        late, seen = {}, {}
+        length = self.length
+        for name, found in self.series.items():
+            places = self.places(name)
+            within = (places >= 0) & (places < length)
+            seen[name] = np.zeros(length, dtype=bool)
+            seen[name][places[within]] = True
+            late[name] = int(np.sum((found.received - found.stamps)[within] > self._period / 2))
+        # A sample was taken if any message that it caused is there.
+        taken = {
+            arm: np.any(
+                [seen[topic.name] for topic in topics.SIGNALS if topic.source == arm], axis=0
+            )
+            for arm in ("master", "slave")
+        }
+        lost = {
+            topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name]))
+            for topic in topics.SIGNALS
+        }
+        end = self._start + length * self._period
+        nodes: dict[str, dict[str, str]] = {}
+        warnings: list[str] = []
+        for received, status in self._diagnostics:
+            nodes[status.name] = {pair.key: pair.value for pair in status.values}
+            # Before and after the trial, nodes wait for each other.
+            if self._start <= received < end and status.message != "OK":
+                warnings.append(f"{status.name}: {status.message}")
+        return Delivery(
+            durations(nodes.get("master_device", {}), f"{AGE_OF} age", ("p50", "p99", "max")),
+            lost,
+            late,
+            {arm: length - int(np.sum(found)) for arm, found in taken.items()},
+            list(dict.fromkeys(warnings)),
+            nodes,
+        )
 
 
 def _read(bag: Path) -> tuple[dict[str, _Series], list[tuple[int, Any]]]:
@@ -140,7 +206,8 @@ def _read(bag: Path) -> tuple[dict[str, _Series], list[tuple[int, Any]]]:
                 if name in rows:
                     moment = message.header.stamp
                     stamp = moment.sec * NANOSECONDS + moment.nanosec
-                    rows[name].append((stamp, received, _along_actuator(message)))
+                    along_actuator = ALONG_ACTUATOR[connection.msgtype](message)
+                    rows[name].append((stamp, received, along_actuator))
                 elif name == topics.DIAGNOSTICS.name:
                     diagnostics.extend((received, status) for status in message.status)
     except (ReaderError, OSError) as error:
@@ -156,28 +223,12 @@ def _relative(topic: str) -> str:
     return topic
 
 
-def _along_actuator(message: Any) -> float:
-    """Return the component along the actuator's axis."""
-    if hasattr(message, "accel"):
-        return float(message.accel.linear.z)
-    if hasattr(message, "wrench"):
-        return float(message.wrench.force.z)
-    if hasattr(message, "twist"):
-        return float(message.twist.linear.z)
-    return float(message.pose.position.z)
-
-
 def _series(rows: list[tuple[int, int, float]]) -> _Series:
     return _Series(
         np.array([row[0] for row in rows], dtype=np.int64),
         np.array([row[1] for row in rows], dtype=np.int64),
         np.array([row[2] for row in rows], dtype=float),
     )
-
-
-def _places(series: _Series, start: int, period: float) -> IntArray:
-    """Return on which sample of the trial each message lies."""
-    return np.round((series.stamps - start) / period).astype(np.int64)
 
 
 def _on_grid(places: IntArray, series: _Series, length: int) -> FloatArray:
@@ -189,47 +240,6 @@ def _on_grid(places: IntArray, series: _Series, length: int) -> FloatArray:
     source = np.maximum.accumulate(source)
     first = int(np.argmax(within))
     return np.asarray(series.values[np.maximum(source, first)])
-
-
-def _delivery(
-    series: Mapping[str, _Series],
-    diagnostics: Iterable[tuple[int, Any]],
-    start: int,
-    period: float,
-    length: int,
-) -> Delivery:
-    """Count what is missing on the trial's grid and what came late, and find the ages."""
-    late, seen = {}, {}
-    for name, found in series.items():
-        places = _places(found, start, period)
-        within = (places >= 0) & (places < length)
-        seen[name] = np.zeros(length, dtype=bool)
-        seen[name][places[within]] = True
-        late[name] = int(np.sum((found.received - found.stamps)[within] > period / 2))
-    # A sample was taken if any message that it caused is there.
-    taken = {
-        arm: np.any([seen[topic.name] for topic in topics.SIGNALS if topic.source == arm], axis=0)
-        for arm in ("master", "slave")
-    }
-    lost = {
-        topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name]))
-        for topic in topics.SIGNALS
-    }
-    nodes: dict[str, dict[str, str]] = {}
-    warnings: list[str] = []
-    for received, status in diagnostics:
-        nodes[status.name] = {pair.key: pair.value for pair in status.values}
-        # Before and after the trial, nodes wait for each other.
-        if start <= received < start + length * period and status.message != "OK":
-            warnings.append(f"{status.name}: {status.message}")
-    return Delivery(
-        durations(nodes.get("master_device", {}), f"{AGE_OF} age", ("p50", "p99", "max")),
-        lost,
-        late,
-        {arm: length - int(np.sum(found)) for arm, found in taken.items()},
-        list(dict.fromkeys(warnings)),
-        nodes,
-    )
 
 
 def durations(

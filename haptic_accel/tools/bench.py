@@ -22,13 +22,12 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.nodes.parameters import node_parameters
 from haptic_accel.nodes.topics import SIGNALS
 from haptic_accel.startup.arguments import GraphArguments, parse_arguments
-from haptic_accel.startup.graph import graph, graph_parameters
+from haptic_accel.startup.graph import graph
 from haptic_accel.startup.process import DONE, EXECUTOR, FAILED, INTERRUPTED
 from haptic_accel.startup.supervisor import Supervisor
-from haptic_accel.tools.bag import AGE_OF, LABELS, Delivery, durations, read_trial
+from haptic_accel.tools.bag import AGE_OF, LABELS, Delivery, durations, read_delivery
 from haptic_accel.tools.teleop import StopOnSignal, conclude
 
 ROUNDS = 2
@@ -209,15 +208,7 @@ def _run_pair(
         raise StoppedError(INTERRUPTED)
     if conclude(outcome, arguments) != DONE:
         raise StoppedError(FAILED)
-    around, _ = node_parameters("compensator", graph_parameters(arguments)["compensator"])
-    _, delivery = read_trial(
-        Path(arguments.bag),
-        arguments.surface,
-        arguments.controller,
-        arguments.rate,
-        around.high_pass_frequency,
-    )
-    return delivery
+    return read_delivery(Path(arguments.bag), arguments.rate)
 
 
 def _pair_figures(delivery: Delivery) -> Figures:

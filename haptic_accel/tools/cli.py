@@ -40,6 +40,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _take_words(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("words", nargs="*", metavar="key:=value", help="arguments of the graph")
+
+
 def _add_teleop(verbs: Verbs) -> None:
     verb = verbs.add_parser(
         "teleop",
@@ -48,7 +52,7 @@ def _add_teleop(verbs: Verbs) -> None:
         epilog=teleop.help_text(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    verb.add_argument("words", nargs="*", metavar="key:=value", help="arguments of the graph")
+    _take_words(verb)
     verb.set_defaults(run=lambda arguments: teleop.teleop(arguments.words))
 
 
@@ -62,7 +66,7 @@ def _add_experiment(verbs: Verbs) -> None:
         f" condition (default here: {experiment.DURATION:g}).\n\n" + teleop.help_text(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    verb.add_argument("words", nargs="*", metavar="key:=value", help="arguments of the graph")
+    _take_words(verb)
     verb.add_argument(
         "--lockstep", action="store_true", help="without ROS, faster than real time, repeatable"
     )
@@ -132,7 +136,7 @@ def _add_bench(verbs: Verbs) -> None:
         )
     )
     for kind, seconds in ((latency, 20.0), (sweep, 5.0)):
-        kind.add_argument("words", nargs="*", metavar="key:=value", help="arguments of the graph")
+        _take_words(kind)
         kind.add_argument(
             "--seconds",
             type=float,

@@ -442,15 +442,10 @@ def _keep_time(
     publisher = node.create_publisher(message, topic.name, interface.quality(topic))
     sender = interface.Sender(publisher, wire.StampedVector(message()))
     keeper = scheduling.RateKeeper(RATE)
-    next_due: float | None = None
+    keeper.lateness = lateness
 
     def tick() -> None:
-        nonlocal next_due
-        now = time.monotonic_ns()
-        due = keeper.tick()
-        if due is not None:
-            lateness.add((now - (next_due or due)) / 1e9)
-            next_due = due + keeper.period * 1e9
+        if keeper.tick() is not None:
             sender.send(time.time_ns(), ZERO)
 
     scheduling.start_timer(node, keeper, tick)

@@ -38,9 +38,6 @@ from haptic_accel.nodes.topics import TOOL_ACCELERATION, VECTORS
 from haptic_accel.nodes.wire import StampedVector, reader
 from haptic_accel.startup.process import DONE, FAILED
 
-QUANTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99_9": 0.999}
-"""What is told of the ages, beside the longest."""
-
 PATIENCE = 30.0
 """Time for a process to start, or to end when it should, on a busy machine, s."""
 
@@ -292,8 +289,7 @@ def _master_device(read: _Read, incoming: socket.socket) -> dict[str, Any]:
     while data := incoming.recv(LARGEST_DATAGRAM):
         moment, _ = read(data)
         age.add((time.time_ns() - moment) / NANOSECONDS)
-    ages = {name: age.quantile(q) for name, q in QUANTILES.items()} | {"max": age.maximum}
-    microseconds = {name: seconds * 1e6 for name, seconds in ages.items()}
+    microseconds = {name: seconds * 1e6 for name, seconds in age.summary().items()}
     return {"age_us": microseconds, "received": age.count}
 
 

@@ -104,3 +104,14 @@ def test_memory_does_not_grow() -> None:
     for duration in np.random.default_rng(0).lognormal(-7.0, 3.0, 10_000):
         histogram.add(float(duration))
     assert sys.getsizeof(histogram._counts) == before
+
+
+def test_the_summary_has_every_reported_quantile_and_the_maximum() -> None:
+    histogram = DurationHistogram()
+    for microseconds in range(1, 1001):
+        histogram.add(microseconds * 1e-6)
+    summary = histogram.summary()
+    assert list(summary) == ["p50", "p90", "p99", "p99_9", "max"]
+    assert summary["p50"] == pytest.approx(500e-6, rel=0.01)
+    assert summary["p99_9"] == pytest.approx(999e-6, rel=0.01)
+    assert summary["max"] == 1000 * 1e-6

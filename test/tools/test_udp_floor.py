@@ -6,7 +6,6 @@ import os
 import signal
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 from geometry_msgs.msg import AccelStamped
@@ -14,7 +13,7 @@ from rclpy.serialization import serialize_message
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.tools.udp_floor import udp_floor
-from running import Command, wait_until
+from running import Command, processes_of, wait_until
 
 ROLES = {"slave_device", "compensator", "master_device"}
 
@@ -34,17 +33,12 @@ def message(frame: str = "master_handle") -> bytes:
 
 def roles_of(domain: int) -> dict[str, int]:
     """Return the running processes with a test's environment: process id by role."""
-    wanted = f"ROS_DOMAIN_ID={domain}".encode()
-    found = {}
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            environment = (folder / "environ").read_bytes().split(b"\0")
-            words = (folder / "cmdline").read_bytes().decode().split("\0")
-        except OSError:
-            continue
-        if wanted in environment and "haptic_accel.tools.udp_floor" in words:
-            found[words[words.index("haptic_accel.tools.udp_floor") + 1]] = int(folder.name)
-    return found
+    module = "haptic_accel.tools.udp_floor"
+    return {
+        words[words.index(module) + 1]: pid
+        for pid, words in processes_of(domain)
+        if module in words
+    }
 
 
 def all_run(domain: int) -> bool:
