@@ -1,1 +1,8 @@
-"""The ROS 2 nodes: they move data between topics, devices and the core."""
+"""The ROS nodes: they move data between topics, devices and the core."""
+
+import os
+
+# A node computes on one thread. BLAS's own would spin while they wait for each other, and where
+# the spinning one is real-time and the other is not, the other may never get a core.
+for _variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")

@@ -6,6 +6,8 @@ CPU; but a fault in one node ends all. The recorder stays apart, so that writing
 
 from __future__ import annotations
 
+from functools import partial
+
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.coupler import Coupler
 from haptic_accel.nodes.master_device import MasterDevice
@@ -15,7 +17,8 @@ from haptic_accel.nodes.slave_device import SlaveDevice
 
 def main() -> None:
     """Run the nodes."""
-    run("composed", SlaveDevice, Compensator, MasterDevice, Coupler)
+    # The tool's sample makes the felt force, and both devices share one interpreter.
+    run("composed", SlaveDevice, Compensator, partial(MasterDevice, first=False), Coupler)
 
 
 if __name__ == "__main__":

@@ -81,6 +81,8 @@ class DeviceNode(GraphNode):
     devices : dict
         Device classes by name.
     position, velocity, acceleration, arm_force : Topic
+    first : bool
+        Whether its tick gives no other the precedence.
     """
 
     def __init__(
@@ -91,6 +93,8 @@ class DeviceNode(GraphNode):
         velocity: Topic,
         acceleration: Topic,
         arm_force: Topic,
+        *,
+        first: bool = True,
     ) -> None:
         super().__init__(executable)
         p = self.parameters
@@ -104,7 +108,7 @@ class DeviceNode(GraphNode):
         self._told: Counter[str] = Counter()
         self.rate_keeper = RateKeeper(p.rate)
         self.device.open()
-        start_timer(self, self.rate_keeper, self._sample)
+        start_timer(self, self.rate_keeper, self._sample, first=first)
 
     def command(self) -> Command:
         """Make the record of one kind of command."""

@@ -16,7 +16,7 @@ from rclpy.subscription import Subscription
 from haptic_accel.core.coupling import Vector
 from haptic_accel.core.parameters import ParameterError, Schema, Specification, checked
 from haptic_accel.nodes.parameters import NODES, node_parameters, node_schema
-from haptic_accel.nodes.scheduling import SupervisedNode
+from haptic_accel.nodes.scheduling import SupervisedNode, scheduling_class
 from haptic_accel.nodes.topics import DIAGNOSTICS, VECTORS, Topic
 from haptic_accel.nodes.wire import StampedVector, reader
 
@@ -121,6 +121,7 @@ class GraphNode(SupervisedNode):
     def report(self) -> None:
         """Publish the node's diagnostics."""
         warning, values = self.status()
+        values = {"scheduling": scheduling_class(), **values}
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
             name=self.get_name(),

@@ -12,9 +12,15 @@ from haptic_accel.nodes.scheduling import run
 
 
 class MasterDevice(DeviceNode):
-    """A device node that also applies the actuator's force."""
+    """A device node that also applies the actuator's force.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    first : bool
+        Whether its tick gives no other the precedence.
+    """
+
+    def __init__(self, *, first: bool = True) -> None:
         super().__init__(
             "master_device",
             MASTERS,
@@ -22,6 +28,7 @@ class MasterDevice(DeviceNode):
             topics.MASTER_VELOCITY,
             topics.HANDLE_ACCELERATION,
             topics.MASTER_ARM_FORCE,
+            first=first,
         )
         self._actuator_command = self.command()
         self._commands["actuator force"] = self._actuator_command

@@ -177,7 +177,7 @@ def main() -> None:
     # The force that is felt does not wait for its being written down. Said before the
     # middleware starts its threads, which inherit it.
     os.nice(NICENESS)
-    run("recorder", Recorder)
+    run("recorder", Recorder, realtime=False)
 
 
 if __name__ == "__main__":

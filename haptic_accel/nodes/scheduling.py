@@ -6,6 +6,7 @@ import ctypes
 import gc
 import math
 import os
+import resource
 import signal
 import sys
 import time
@@ -26,7 +27,14 @@ from haptic_accel.core.histogram import DurationHistogram
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
 from haptic_accel.startup.files import config_folder
-from haptic_accel.startup.process import DONE, EXECUTOR, FAILED, SUPERVISOR, WRONG_ARGUMENTS
+from haptic_accel.startup.process import (
+    DONE,
+    EXECUTOR,
+    FAILED,
+    REALTIME,
+    SUPERVISOR,
+    WRONG_ARGUMENTS,
+)
 
 try:
     from rclpy.executors import EventsExecutor  # ROS 2 Lyrical and newer
@@ -57,6 +65,40 @@ TIMER_OFFSET = 50e-6
 """How far from the grid a timer may start, s: about what creating one takes."""
 
 TIMER_TRIES = 50
+
+WAKES = 2
+"""Threads that wake before a timer's callback runs: the executor's timers', and its own."""
+
+FOLLOW = 50e-6
+"""How far behind the grid the timer of a tick aims that leaves another the precedence, s."""
+
+LARGEST_SHIFT = 0.2
+"""How far from the grid a timer may aim, periods; `RateKeeper.tick` takes a quarter."""
+
+LONGEST_RUN = 1_000_000
+"""How long a real-time thread may run without a pause, us, before the kernel ends its process: a
+fault in a node must not take the machine away from its user."""
+
+SLEEPS, SLEEP = 20, 1e-3
+"""How many sleeps, of how many s each, tell what waking a thread takes."""
+
+FORCE_PRIORITY = 40
+"""Real-time priority of nodes that make forces: the same for all, so that none interrupts
+another, and below the kernel's own threads at 50."""
+
+LONGEST_RUN = 1_000_000
+"""How long a real-time thread may run without a pause, us, before the kernel ends its process: a
+fault in a node must not take the machine away from its user."""
+
+SLEEPS, SLEEP = 20, 1e-3
+"""How many sleeps, of how many s each, tell what waking a thread takes."""
+
+FORCE_PRIORITY = 40
+"""Real-time priority of nodes that make forces: the same for all, so that none interrupts
+another, and below the kernel's own threads at 50."""
+
+RECORDER_PRIORITY = 20
+"""Below the forces, above everything that can wait."""
 
 TEARDOWN = 3
 """Time that the middleware has for its own end, s."""
@@ -99,15 +141,16 @@ class RateKeeper:
         """The period in s."""
         return self._period / NANOSECONDS
 
-    def wait_for_grid(self) -> None:
-        """Return just after a grid point: the moment to start a timer on."""
-        start = self._index(self._clock())
-        while self._index(self._clock()) == start:
+    def wait_for_grid(self, lead: float = 0.0) -> None:
+        """Return just after a grid point, or `lead` s before: the moment to start a timer on."""
+        ahead = lead * NANOSECONDS
+        start = self._index(self._clock() + ahead)
+        while self._index(self._clock() + ahead) == start:
             time.sleep(0)
 
-    def lateness_now(self) -> float:
-        """Return how long ago the last grid point was, s."""
-        now = self._clock()
+    def lateness_now(self, lead: float = 0.0) -> float:
+        """Return how long ago the last grid point, or `lead` s before it, was, s."""
+        now = self._clock() + lead * NANOSECONDS
         return (now - self._index(now) * self._period) / NANOSECONDS
 
     def tick(self) -> int | None:
@@ -144,17 +187,39 @@ class RateKeeper:
         return math.floor(now / self._period)
 
 
-def start_timer(node: Node, rate_keeper: RateKeeper, callback: Callable[[], None]) -> Any:
-    """Start a timer on a rate keeper's grid."""
+def start_timer(
+    node: Node, rate_keeper: RateKeeper, callback: Callable[[], None], *, first: bool = True
+) -> Any:
+    """Start a timer on a rate keeper's grid.
+
+    Parameters
+    ----------
+    first : bool
+        Aim ahead of the grid, by the time that waking takes; otherwise `FOLLOW` after it, so
+        that of two ticks for the same grid point one finds a core and the interpreter free.
+    """
     clock = Clock(clock_type=ClockType.STEADY_TIME)
+    lead = WAKES * wake_time() if first else -FOLLOW
+    limit = LARGEST_SHIFT * rate_keeper.period
+    lead = min(max(lead, -limit), limit)
     for _ in range(TIMER_TRIES):
-        rate_keeper.wait_for_grid()
+        rate_keeper.wait_for_grid(lead)
         timer = node.create_timer(rate_keeper.period, callback, clock=clock)
-        if rate_keeper.lateness_now() <= TIMER_OFFSET:
+        if rate_keeper.lateness_now(lead) <= TIMER_OFFSET:
             return timer
         # The process was held up just here; all ticks would be late by as much.
         node.destroy_timer(timer)
     return node.create_timer(rate_keeper.period, callback, clock=clock)
+
+
+def wake_time() -> float:
+    """Measure how long a sleeping thread takes to wake on this machine at best, s."""
+    late = []
+    for _ in range(SLEEPS):
+        due = time.monotonic() + SLEEP
+        time.sleep(SLEEP)
+        late.append(time.monotonic() - due)
+    return min(late)
 
 
 def system_time(steady: int) -> int:
@@ -181,7 +246,7 @@ class SupervisedNode(Node):
 Build = Callable[[], SupervisedNode]
 
 
-def run(name: str, *builds: Build) -> None:
+def run(name: str, *builds: Build, realtime: bool = True) -> None:
     """Run nodes until a signal, the end of their parent, or of one of them; then exit.
 
     Parameters
@@ -190,6 +255,8 @@ def run(name: str, *builds: Build) -> None:
         For messages.
     builds : callables
         Make the nodes; more than one share this process and its executor.
+    realtime : bool
+        Whether to ask for real-time priority.
     """
     for variable, value in MIDDLEWARE.items():
         os.environ.setdefault(variable, value)
@@ -204,12 +271,12 @@ def run(name: str, *builds: Build) -> None:
     def ended() -> bool:
         return bool(signals) or os.getppid() != parent
 
-    sys.exit(_status(builds, name, ended))
+    sys.exit(_status(builds, name, realtime, ended))
 
 
-def _status(builds: Sequence[Build], name: str, ended: Callable[[], bool]) -> int:
+def _status(builds: Sequence[Build], name: str, realtime: bool, ended: Callable[[], bool]) -> int:
     try:
-        _run(builds, ended)
+        _run(builds, realtime, ended)
     except (ParameterError, InvalidParameterException) as error:
         return _complaint(name, error, WRONG_ARGUMENTS)
     except (DeviceError, OSError) as error:
@@ -222,7 +289,7 @@ def _complaint(name: str, error: Exception, status: int) -> int:
     return status
 
 
-def _run(builds: Sequence[Build], ended: Callable[[], bool]) -> None:
+def _run(builds: Sequence[Build], realtime: bool, ended: Callable[[], bool]) -> None:
     nodes: list[SupervisedNode] = []
     try:
         try:
@@ -233,6 +300,8 @@ def _run(builds: Sequence[Build], ended: Callable[[], bool]) -> None:
             if any(word in str(error) for word in ("ROS arguments", "param")):
                 raise ParameterError(str(error)) from error
             raise
+        if realtime:
+            ask_for_realtime()
         _spin(nodes, ended)
     finally:
         _close(nodes)
@@ -281,3 +350,34 @@ def sharpen_timers() -> None:
     libc = ctypes.CDLL(None)
     if hasattr(libc, "prctl"):
         libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
+
+
+def ask_for_realtime() -> bool:
+    """Run this process ahead of everything that is not real-time, if the system lets it.
+
+    Asked for once everything is set up, because setting up would take the cores from those
+    that run; therefore for every thread that there is by now, the middleware's too.
+
+    Returns
+    -------
+    bool
+        Whether it was granted.
+    """
+    if os.environ.get(REALTIME) == "no" or not hasattr(os, "sched_setscheduler"):
+        return False
+    try:
+        resource.setrlimit(resource.RLIMIT_RTTIME, (LONGEST_RUN, LONGEST_RUN))
+        for thread in os.listdir("/proc/self/task"):
+            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(FORCE_PRIORITY))
+    except OSError:
+        return False
+    return True
+
+
+def scheduling_class() -> str:
+    """Return how the system schedules this thread, for diagnostics."""
+    if not hasattr(os, "sched_getscheduler"):
+        return "unknown"
+    if os.sched_getscheduler(0) == os.SCHED_FIFO:
+        return f"real-time {os.sched_getparam(0).sched_priority}"
+    return f"shared, niceness {os.nice(0)}"

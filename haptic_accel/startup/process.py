@@ -13,3 +13,6 @@ SUPERVISOR = "HAPTIC_ACCEL_SUPERVISOR"
 
 EXECUTOR = "HAPTIC_ACCEL_EXECUTOR"
 """Environment variable that chooses a node's executor, for comparing: events or default."""
+
+REALTIME = "HAPTIC_ACCEL_REALTIME"
+"""Environment variable that keeps nodes from asking for real-time priority, for comparing: no."""

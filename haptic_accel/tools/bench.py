@@ -156,7 +156,7 @@ def bench_latency(
         return reason.status
     figures = _latency_figures(rate, seconds, pairs, runs)
     Console().print(_latency_table(figures))
-    _save(figures, json_file)
+    save(figures, json_file)
     return DONE
 
 
@@ -359,7 +359,7 @@ def bench_sweep(
         _draw(rows).savefig(out / "sweep.png", dpi=120)
         Console().print(_sweep_table(rows))
         print(f"figure: {out / 'sweep.png'}")
-        _save({"seconds": seconds, "rate_held_hz": _rate_held(rows), "rows": rows}, json_file)
+        save({"seconds": seconds, "rate_held_hz": _rate_held(rows), "rows": rows}, json_file)
     return status
 
 
@@ -436,7 +436,8 @@ def _check_pairs(pairs: int) -> None:
         raise ParameterError(f"pairs = {pairs}: must be from 1 to {MOST_PAIRS}")
 
 
-def _save(figures: Figures, json_file: Path | None) -> None:
+def save(figures: Figures, json_file: Path | None) -> None:
+    """Write figures as JSON, if there is a file to write them to."""
     if json_file:
         json_file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
 

@@ -10,7 +10,7 @@ from typing import TypeAlias, TypeVar
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.startup.process import INTERRUPTED, WRONG_ARGUMENTS
-from haptic_accel.tools import bench, doctor, experiment, teleop
+from haptic_accel.tools import bench, doctor, experiment, soak, teleop
 
 T = TypeVar("T")
 Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -135,7 +135,18 @@ def _add_bench(verbs: Verbs) -> None:
             json_file=arguments.json,
         )
     )
-    for kind, seconds in ((latency, 20.0), (sweep, 5.0)):
+    soaking = kinds.add_parser(
+        "soak",
+        help="whether memory stays flat",
+        description="Run the graph with recording and watch the memory of its processes; exit"
+        f" status 1 if one grows by more than {soak.MOST_GROWTH:g} MiB.",
+    )
+    soaking.set_defaults(
+        run=lambda arguments: soak.bench_soak(
+            arguments.words, seconds=arguments.seconds, json_file=arguments.json
+        )
+    )
+    for kind, seconds in ((latency, 20.0), (sweep, 5.0), (soaking, 600.0)):
         _take_words(kind)
         kind.add_argument(
             "--seconds",

@@ -97,3 +97,11 @@ def test_lateness_is_counted_from_the_last_grid_point(
 ) -> None:
     clock.now = 20 * PERIOD + 300_000
     assert keeper.lateness_now() == pytest.approx(300e-6)
+    assert keeper.lateness_now(lead=100e-6) == pytest.approx(400e-6)
+
+
+def test_a_timer_may_be_started_ahead_of_the_grid() -> None:
+    keeper = RateKeeper(100)
+    keeper.wait_for_grid(lead=0.004)
+    # 4 ms before a grid point is 6 ms after the last.
+    assert 0.006 <= keeper.lateness_now() < 0.01
