@@ -143,11 +143,14 @@ class Supervisor:
 
     def _read(self, name: str, child: subprocess.Popen[str]) -> None:
         assert child.stdout is not None
-        for line in child.stdout:
-            self._last_lines[name].append(line.rstrip("\n"))
-            self.on_line(name, line.rstrip("\n"))
-        child.wait()
-        self._ended.put(name)
+        try:
+            for line in child.stdout:
+                self._last_lines[name].append(line.rstrip("\n"))
+                self.on_line(name, line.rstrip("\n"))
+        finally:
+            # Whatever becomes of its lines, the end of a process must not be missed.
+            child.wait()
+            self._ended.put(name)
 
     def _next_end(self) -> str:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import tempfile
@@ -10,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
@@ -83,7 +85,8 @@ class Usage:
 
     def watch(self, supervisor: Supervisor, line: str) -> None:
         """Take a line of output: a coupler says when its arms engage and when it is over."""
-        with self._lock:
+        # A process that is gone is a pair that failed, which says so itself.
+        with self._lock, suppress(psutil.NoSuchProcess):
             if line.endswith("engaged"):
                 self._engaged.append(supervisor)
                 if len(self._engaged) == self._graphs:
@@ -385,8 +388,7 @@ def _sweep_table(rows: Sequence[Figures]) -> Table:
         table.add_row(
             str(row["pairs"]),
             f"{row['rate_hz']:g}",
-            f"{row['age_us']['p50']:.0f}",
-            f"{row['age_us']['p99']:.0f}",
+            *(f"{row['age_us'][q]:.0f}" if row["age_us"] else "-" for q in ("p50", "p99")),
             f"{row['cpu_cores']['total']:.2f}",
             f"{100 * row['late_share']:.2f}",
             str(sum(row["lost"].values())),
@@ -406,7 +408,7 @@ def _draw(rows: Sequence[Figures]) -> Figure:
     ):
         x = [row[key] for row in found]
         for quantile in ("p50", "p99"):
-            ages = [row["age_us"][quantile] for row in found]
+            ages = [row["age_us"].get(quantile, math.nan) for row in found]
             panels[0, column].plot(x, ages, "o-", label=quantile)
         panels[1, column].plot(x, [row["cpu_cores"]["total"] for row in found], "o-")
         panels[1, column].set_xlabel(label)
