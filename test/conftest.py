@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import itertools
 import os
+
+# Before numpy is loaded: threads of BLAS that spin for each other on a busy machine take ten times
+# as long as one thread alone.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -17,6 +17,7 @@ class GraphArguments(Checked):
     """What a user may say when starting the graph."""
 
     controller: str = parameter("dynamic", "acceleration controller", choices=tuple(CONTROLLERS))
+    rig: str = parameter("paper", "the virtual rig: ideal, paper, or a .yaml file")
     surface: str = parameter(
         "plywood",
         "what the simulated slave touches: plywood, text, vinyl, recording, or a .yaml file",

@@ -32,9 +32,15 @@ def config_folder() -> Path:
     return share_folder() / "config"
 
 
-def surface_names() -> list[str]:
-    """Return the names of the surfaces there are files for."""
-    return sorted(path.stem for path in (config_folder() / "surfaces").glob("*.yaml"))
+def rig_file(rig: str) -> Path:
+    """Return a virtual rig's parameter file, by its name or as a path ending in ``.yaml``.
+
+    Raises
+    ------
+    ParameterError
+        There is none.
+    """
+    return _preset("rig", rig)
 
 
 def surface_file(surface: str) -> Path:
@@ -45,14 +51,17 @@ def surface_file(surface: str) -> Path:
     ParameterError
         There is none.
     """
-    named = config_folder() / "surfaces" / f"{surface}.yaml"
-    if surface in surface_names():
-        return named
-    if surface.endswith(".yaml") and Path(surface).is_file():
-        return Path(surface).absolute()
-    raise ParameterError(
-        f"surface = {surface!r}: must be one of {', '.join(surface_names())}, or a .yaml file"
-    )
+    return _preset("surface", surface)
+
+
+def _preset(kind: str, name: str) -> Path:
+    """Return ``config/<kind>s/<name>.yaml``, or the file that is named."""
+    known = {path.stem: path for path in sorted((config_folder() / f"{kind}s").glob("*.yaml"))}
+    if name in known:
+        return known[name]
+    if name.endswith(".yaml") and Path(name).is_file():
+        return Path(name).absolute()
+    raise ParameterError(f"{kind} = {name!r}: must be one of {', '.join(known)}, or a .yaml file")
 
 
 def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:

@@ -14,7 +14,7 @@ from haptic_accel.core.trial import RigParameters
 from haptic_accel.devices.simulated import played
 from haptic_accel.nodes.parameters import NODES, node_parameters
 from haptic_accel.startup.arguments import GraphArguments
-from haptic_accel.startup.files import config_folder, read_parameter_file, surface_file
+from haptic_accel.startup.files import config_folder, read_parameter_file, rig_file, surface_file
 
 RECORDING = "recording"
 """Name of the surface that plays a recorded acceleration."""
@@ -116,7 +116,11 @@ def rig_parameters(values: Mapping[str, Mapping[str, Any]]) -> RigParameters:
 
 def _files(arguments: GraphArguments) -> list[Path]:
     """Return the parameter files in the order in which they count."""
-    paths = [config_folder() / "teleop.yaml", surface_file(arguments.surface)]
+    paths = [
+        config_folder() / "teleop.yaml",
+        rig_file(arguments.rig),
+        surface_file(arguments.surface),
+    ]
     if arguments.config:
         paths.append(Path(arguments.config).absolute())
     return paths

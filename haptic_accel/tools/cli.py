@@ -10,7 +10,7 @@ from typing import TypeAlias, TypeVar
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.startup.process import INTERRUPTED, WRONG_ARGUMENTS
-from haptic_accel.tools import bench, doctor, experiment, soak, teleop
+from haptic_accel.tools import bench, doctor, experiment, lockstep, soak, teleop
 
 T = TypeVar("T")
 Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -70,13 +70,18 @@ def _add_experiment(verbs: Verbs) -> None:
     verb.add_argument(
         "--lockstep", action="store_true", help="without ROS, faster than real time, repeatable"
     )
+    verb.add_argument("--rig", help="the same as rig:=RIG: ideal, paper, or a .yaml file")
+    verb.add_argument(
+        "--seeds", type=int, default=1, help="users and pieces of material, each in lockstep"
+    )
     verb.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
     verb.add_argument(
         "--out", type=Path, metavar="FOLDER", help="of the report (default: results/<time>)"
     )
     verb.set_defaults(
         run=lambda arguments: experiment.experiment(
-            arguments.words,
+            [*arguments.words, *([f"rig:={arguments.rig}"] if arguments.rig else [])],
+            seeds=arguments.seeds,
             lockstep=arguments.lockstep,
             json_file=arguments.json,
             out=arguments.out,
@@ -146,7 +151,21 @@ def _add_bench(verbs: Verbs) -> None:
             arguments.words, seconds=arguments.seconds, json_file=arguments.json
         )
     )
-    for kind, seconds in ((latency, 20.0), (sweep, 5.0), (soaking, 600.0)):
+    stepping = kinds.add_parser(
+        "lockstep",
+        help="how much faster than real time a trial without ROS is",
+        description="Run one trial in lockstep on one core, and print how long it took.",
+    )
+    stepping.add_argument("--rate", type=float, default=1000.0, help="Hz (default: 1000)")
+    stepping.set_defaults(
+        run=lambda arguments: lockstep.bench_lockstep(
+            arguments.words,
+            rate=arguments.rate,
+            seconds=arguments.seconds,
+            json_file=arguments.json,
+        )
+    )
+    for kind, seconds in ((latency, 20.0), (sweep, 5.0), (soaking, 600.0), (stepping, 10.0)):
         _take_words(kind)
         kind.add_argument(
             "--seconds",

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
+from statistics import fmean, stdev
 from typing import Any
 
 from rich.console import Console
@@ -17,7 +18,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from haptic_accel.core.controllers import CONTROLLERS
-from haptic_accel.core.metrics import TABLE_II, Evaluation, evaluate
+from haptic_accel.core.metrics import REGRESSION, TABLE_II, Evaluation, evaluate
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import Trial, run_trial
 from haptic_accel.devices.simulated import played
@@ -32,6 +33,8 @@ from haptic_accel.tools.teleop import StopOnSignal, conclude
 
 SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
+
+MOST_SEEDS = 1000
 
 DURATION = 10.0
 """Default length of a condition, s."""
@@ -52,12 +55,16 @@ LIVE_NOTE = (
     "Every condition ran through the live graph, five processes on ROS 2, and was read back "
     "from the bag it recorded."
 )
-RIG_NOTE = (
-    "The simulated rig is eq. (1) to (3) of the paper with Table I and sensors: it has none of "
-    "the structure, friction and timing of the paper's real rig beyond that, so that constant "
-    "and dynamic come out below the paper's errors. The order of the controllers is what to "
-    "compare, not the value of a cell."
-)
+RIG_NOTES = {
+    "ideal": "The simulated rig is eq. (1) to (3) of the paper with Table I and nothing else: it "
+    "has none of the structure, friction and timing of a real rig, so that constant and dynamic "
+    "come out below the paper's errors. The order of the controllers is what to compare, not "
+    "the value of a cell.",
+    "paper": "The simulated rig is eq. (1) to (3) of the paper with Table I and, besides, "
+    "structure, delay, friction, gravity, sensors and users as a real one has; four of its "
+    "numbers are fitted to the paper's table in lockstep (docs/virtual_rig.md). The live graph "
+    "adds the age of its forces, which is part of the delay there.",
+}
 AVERAGE_NOTE = (
     "The paper's averages are its own; the plain means of its three surfaces are 80.9 % for "
     "constant and 73.7 % for dynamic."
@@ -74,6 +81,8 @@ class Condition:
         The signals.
     evaluation : Evaluation
         The paper's figures of them.
+    seed : int
+        Of texture, noise and user.
     delivery : Delivery or None
         How samples travelled; None in lockstep.
     bag : Path or None
@@ -82,6 +91,7 @@ class Condition:
 
     trial: Trial
     evaluation: Evaluation
+    seed: int = 0
     delivery: Delivery | None = None
     bag: Path | None = None
 
@@ -105,6 +115,7 @@ class Condition:
         figures: dict[str, Any] = {
             "surface": self.trial.surface,
             "controller": self.trial.controller,
+            "seed": self.seed,
             **{key: _defined(value) for key, value in asdict(self.evaluation).items()},
             "seconds": self.trial.seconds,
         }
@@ -127,7 +138,12 @@ class GraphFailedError(Exception):
 
 
 def experiment(
-    words: Sequence[str], *, lockstep: bool, json_file: Path | None, out: Path | None
+    words: Sequence[str],
+    *,
+    lockstep: bool,
+    json_file: Path | None,
+    out: Path | None,
+    seeds: int = 1,
 ) -> int:
     """Run the conditions, print Table II, write the report; return the exit status.
 
@@ -142,9 +158,13 @@ def experiment(
         Where to write the figures.
     out : Path, optional
         Folder of the report; ``results/<time>`` otherwise.
+    seeds : int
+        Users and pieces of material, each under every condition: the seed given and those
+        that follow it. The report shows the first.
     """
     arguments = _with_duration(words)
-    plan = _plan(words, arguments)
+    _check_seeds(seeds, lockstep)
+    plan = _plan(words, arguments, seeds)
     for planned in plan:
         graph(planned)  # everything that can be wrong is found before anything runs
     folder = out or Path("results") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
@@ -172,6 +192,13 @@ def experiment(
     return status
 
 
+def _check_seeds(seeds: int, lockstep: bool) -> None:
+    if not 1 <= seeds <= MOST_SEEDS:
+        raise ParameterError(f"seeds = {seeds}: must be from 1 to {MOST_SEEDS}")
+    if seeds > 1 and not lockstep:
+        raise ParameterError(f"seeds = {seeds}: more than one only with --lockstep")
+
+
 def _with_duration(words: Sequence[str]) -> GraphArguments:
     arguments = parse_arguments(words)
     if not any(word.startswith("duration:=") for word in words):
@@ -183,7 +210,7 @@ def _with_duration(words: Sequence[str]) -> GraphArguments:
     return arguments
 
 
-def _plan(words: Sequence[str], arguments: GraphArguments) -> list[GraphArguments]:
+def _plan(words: Sequence[str], arguments: GraphArguments, seeds: int) -> list[GraphArguments]:
     """Return the arguments of every condition; bags are named later."""
     for key in ("bag", "record"):
         if any(word.startswith(f"{key}:=") for word in words):
@@ -191,7 +218,8 @@ def _plan(words: Sequence[str], arguments: GraphArguments) -> list[GraphArgument
     surfaces = _restricted(words, "surface", arguments.surface, SURFACES)
     controllers = _restricted(words, "controller", arguments.controller, tuple(CONTROLLERS))
     return [
-        replace(arguments, surface=surface, controller=controller)
+        replace(arguments, surface=surface, controller=controller, seed=arguments.seed + seed)
+        for seed in range(seeds)
         for surface in surfaces
         for controller in controllers
     ]
@@ -219,6 +247,7 @@ def _run_all(
         bar = progress.add_task("", total=len(plan))
         for index, arguments in enumerate(plan):
             name = f"{Path(arguments.surface).stem} / {arguments.controller}"
+            name += f" / seed {arguments.seed}"
             label = f"{index + 1} of {len(plan)}: {name}"
             progress.update(bar, description=label, completed=index)
             if not console.is_terminal:
@@ -229,13 +258,14 @@ def _run_all(
                 progress.update(bar, completed=index + min(part, 1.0))
                 return stop()
 
-            yield _run_lockstep(arguments) if lockstep else _run_live(arguments, folder, asked)
+            yield run_lockstep(arguments) if lockstep else _run_live(arguments, folder, asked)
             if stop():
                 raise StopRequestedError
         progress.update(bar, completed=len(plan), description="done")
 
 
-def _run_lockstep(arguments: GraphArguments) -> Condition:
+def run_lockstep(arguments: GraphArguments) -> Condition:
+    """Run one condition without ROS."""
     values = graph_parameters(arguments)
     rig = rig_parameters(values)
     around, controllers = node_parameters("compensator", values["compensator"])
@@ -249,7 +279,7 @@ def _run_lockstep(arguments: GraphArguments) -> Condition:
         compensation=around,
         controllers=controllers,
     )
-    return Condition(trial, _evaluated(trial))
+    return Condition(trial, _evaluated(trial), arguments.seed)
 
 
 def _run_live(arguments: GraphArguments, folder: Path, stop: Callable[[], bool]) -> Condition:
@@ -266,7 +296,7 @@ def _run_live(arguments: GraphArguments, folder: Path, stop: Callable[[], bool])
     trial, delivery = read_trial(
         bag, surface, arguments.controller, arguments.rate, around.high_pass_frequency
     )
-    return Condition(trial, _evaluated(trial), delivery, bag)
+    return Condition(trial, _evaluated(trial), arguments.seed, delivery, bag)
 
 
 def _evaluated(trial: Trial) -> Evaluation:
@@ -284,11 +314,15 @@ def _conclude(
     json_file: Path | None,
     console: Console,
 ) -> None:
-    notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, RIG_NOTE, AVERAGE_NOTE]
+    seeds = list(dict.fromkeys(condition.seed for condition in done))
+    notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, AVERAGE_NOTE]
+    notes += [RIG_NOTES[arguments.rig]] if arguments.rig in RIG_NOTES else []
+    if len(seeds) > 1:
+        notes.append(f"Shown is seed {seeds[0]} of {len(seeds)}; the file of figures has all.")
     warnings = _warnings(done)
     notes += warnings
     index = write_report(
-        done,
+        [condition for condition in done if condition.seed == seeds[0]],
         folder,
         title="Haptic display of tool contact: the paper's experiment",
         settings=_settings(arguments, lockstep),
@@ -298,9 +332,16 @@ def _conclude(
     )
     if json_file:
         conditions = [condition.figures() for condition in done]
-        content = {"lockstep": lockstep, "arguments": asdict(arguments), "conditions": conditions}
+        content = {
+            "lockstep": lockstep,
+            "rig": arguments.rig,
+            "seeds": seeds,
+            "arguments": asdict(arguments),
+            "conditions": conditions,
+        }
         json_file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     console.print(_table_ii(done))
+    console.print(_regression_table(done))
     for warning in warnings:
         console.print(warning, highlight=False)
     console.print(f"report: {index}", soft_wrap=True, highlight=False)
@@ -334,7 +375,11 @@ def _warnings(done: Sequence[Condition]) -> list[str]:
 
 def _table_ii(done: Sequence[Condition]) -> Table:
     """Return Table II as measured, the paper's beside it."""
-    measured = {(c.trial.surface, c.trial.controller): c.evaluation.nrmse_percent for c in done}
+    measured: dict[tuple[str, str], list[float]] = {}
+    for c in done:
+        measured.setdefault((c.trial.surface, c.trial.controller), []).append(
+            c.evaluation.nrmse_percent
+        )
     surfaces = list(dict.fromkeys(surface for surface, _ in measured))
     controllers = list(dict.fromkeys(controller for _, controller in measured))
     table = Table(title="Table II: error of the handle's acceleration, % (paper's in brackets)")
@@ -344,12 +389,32 @@ def _table_ii(done: Sequence[Condition]) -> Table:
     # The paper's averages are over its own surfaces.
     paper = TABLE_II if tuple(surfaces) == SURFACES else _without_averages(TABLE_II)
     for controller in controllers:
-        row = [measured.get((surface, controller)) for surface in surfaces]
-        known = [value for value in row if value is not None]
-        cells = zip((*surfaces, "average"), (*row, sum(known) / len(known)), strict=True)
+        row = [measured.get((surface, controller), []) for surface in surfaces]
+        # Of each seed over the surfaces, as far as all were run.
+        average = [fmean(values) for values in zip(*(cell for cell in row if cell), strict=False)]
+        cells = zip((*surfaces, "average"), (*row, average), strict=True)
         table.add_row(
             controller,
-            *(_cell(value, paper.get((surface, controller))) for surface, value in cells),
+            *(_cell(values, paper.get((surface, controller))) for surface, values in cells),
+        )
+    return table
+
+
+def _regression_table(done: Sequence[Condition]) -> Table:
+    """Return slope and R^2 over all surfaces, the paper's beside them."""
+    table = Table(title="regression over all surfaces (paper's in brackets)")
+    for heading in ("controller", "slope, desired on actual", "slope, actual on desired", "R^2"):
+        table.add_column(heading, justify="right" if table.columns else "left")
+    # The paper's averages are over its own surfaces.
+    complete = {condition.trial.surface for condition in done} == set(SURFACES)
+    for controller in dict.fromkeys(c.trial.controller for c in done):
+        found = [c.evaluation for c in done if c.trial.controller == controller]
+        slope, r2 = REGRESSION.get(controller, (None, None)) if complete else (None, None)
+        table.add_row(
+            controller,
+            _cell([e.slope_desired_on_actual for e in found], slope, digits=2),
+            _cell([e.slope_actual_on_desired for e in found], None, digits=2),
+            _cell([e.r2 for e in found], r2, digits=2),
         )
     return table
 
@@ -358,9 +423,12 @@ def _without_averages(table: Mapping[tuple[str, str], float]) -> dict[tuple[str,
     return {key: value for key, value in table.items() if key[0] != "average"}
 
 
-def _cell(measured: float | None, paper: float | None) -> str:
-    shown = "-" if measured is None else f"{measured:.1f}"
-    return shown if paper is None else f"{shown} ({paper:.1f})"
+def _cell(measured: Sequence[float], paper: float | None, digits: int = 1) -> str:
+    """Return mean and, of several, standard deviation; the paper's value behind it."""
+    shown = f"{fmean(measured):.{digits}f}" if measured else "-"
+    if len(measured) > 1:
+        shown += f" ± {stdev(measured):.{digits}f}"
+    return shown if paper is None else f"{shown} ({paper:.{digits}f})"
 
 
 def _defined(value: Any) -> Any:

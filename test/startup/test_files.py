@@ -6,18 +6,31 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.nodes.parameters import NODES, node_parameters, node_schema
 from haptic_accel.startup.files import (
     config_folder,
     read_parameter_file,
+    rig_file,
     surface_file,
-    surface_names,
 )
 
 
-def test_the_papers_surfaces_are_there() -> None:
-    assert {"plywood", "text", "vinyl", "recording"} <= set(surface_names())
+@pytest.mark.parametrize("rig", ["ideal", "paper"])
+def test_a_rig_says_what_the_devices_know(rig: str) -> None:
+    values = read_parameter_file(rig_file(rig))
+    _, masters = node_parameters("master_device", values["master_device"])
+    _, slaves = node_parameters("slave_device", values["slave_device"])
+    # Table I in both.
+    assert masters["simulated"].handle == HandleParameters()
+    assert (masters["simulated"].structure.frequency > 0) == (rig == "paper")
+    assert (slaves["simulated"].accelerometer.noise_density > 0) == (rig == "paper")
+
+
+def test_a_rig_there_is_none_of_is_refused_with_those_there_are() -> None:
+    with pytest.raises(ParameterError, match=r"rig = 'mine'.*ideal, paper.*\.yaml"):
+        rig_file("mine")
 
 
 def test_the_default_file_says_what_the_code_does() -> None:

@@ -14,6 +14,7 @@ Start = Callable[..., Command]
 KEYS = {
     "surface",
     "controller",
+    "seed",
     "nrmse_percent",
     "slope_desired_on_actual",
     "slope_actual_on_desired",
@@ -49,6 +50,27 @@ def test_lockstep_gives_the_nine_conditions_twice_the_same(
         assert (tmp_path / "a" / name).stat().st_size > 1000
     assert "69.8" in command.text  # the paper's plywood with constant gain, beside ours
     assert f"report: {Path('b') / 'index.html'}" in command.text
+
+
+def test_seeds_are_users_and_a_rig_can_be_chosen(haptic_accel: Start, tmp_path: Path) -> None:
+    words = ["experiment", "--lockstep", "duration:=2", "surface:=text", "seed:=3"]
+    for rig in ("ideal", "paper"):
+        options = ["--rig", rig, "--seeds", "2", "--json", f"{rig}.json", "--out", rig]
+        command = haptic_accel(*words, *options)
+        assert command.end() == 0, command.text
+        assert "±" in command.text
+        assert "regression over all surfaces" in command.text
+    content = json.loads((tmp_path / "paper.json").read_text())
+    assert (content["rig"], content["seeds"]) == ("paper", [3, 4])
+    errors = {
+        rig: {(c["controller"], c["seed"]): c["nrmse_percent"] for c in figures(tmp_path / file)}
+        for rig, file in (("ideal", "ideal.json"), ("paper", "paper.json"))
+    }
+    for seed in (3, 4):
+        # What a real rig has besides the paper's model makes every controller worse.
+        for controller in ("constant", "dynamic"):
+            assert errors["ideal"][controller, seed] < errors["paper"][controller, seed]
+    assert errors["paper"]["dynamic", 3] != errors["paper"]["dynamic", 4]
 
 
 def test_live_gives_the_same_figures_and_how_samples_travelled(

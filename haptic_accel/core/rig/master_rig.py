@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections import deque
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,12 +27,19 @@ RESOLUTION = 10e-6
 STOP_STEPS = 5
 """Steps between looks at the travel stops when one is near (50 us)."""
 
-NOISE_STREAM = 1
-"""Keeps this accelerometer's noise apart from the slave's, which may have the same seed."""
+FRICTION_STEPS = 25
+"""Steps between looks at dry friction, where there is any (250 us)."""
+
+NOISE_STREAM, GRIP_STREAM = 1, 3
+"""Keep this accelerometer's noise, and the user's grip, apart from the slave's noise, which may
+have the same seed."""
 
 # Order of states and inputs of the linear mechanics.
-Y_A, V_A, Y_H, V_H, Y_U, V_U, MEASURED, X_H, VX_H, X_U, VX_U = range(11)
-F_A, F_Z, F_X, A_U, AX_U, F_STOP = range(6)
+Y_A, V_A, Y_H, V_H, X_U, Y_U, VX_U, V_U, MEASURED, X_H, VX_H, Y_M, V_M = range(13)
+F_A, F_Z, F_X, AX_U, A_U, F_BETWEEN, G = range(7)
+STATES, INPUTS = 13, 7
+# Neighbours, read and written together: one access to an array costs as much as its arithmetic.
+ACTUATOR_AND_HANDLE, HAND, HAND_ACCELERATION = slice(Y_A, X_U), slice(X_U, MEASURED), slice(3, 5)
 
 
 @dataclass(frozen=True)
@@ -49,6 +57,44 @@ class ActuatorParameters(Checked):
     stop_damping: float = parameter(
         10.0, "damping of the travel stops (assumed)", unit="N s/m", low=0, high=20.0
     )
+    delay: float = parameter(
+        0.0,
+        "from the command to the force beside the hold: converter, amplifier, computation",
+        unit="s",
+        low=0,
+        high=0.02,
+    )
+    coulomb_friction: float = parameter(
+        0.0, "dry friction of its bearing", unit="N", low=0, high=1.0
+    )
+    slip_velocity: float = parameter(
+        2e-3, "speed at which that has 0.76 of its force", unit="m/s", low=2e-3, high=1.0
+    )
+
+
+@dataclass(frozen=True)
+class StructureParameters(Checked):
+    """What lies between the actuator's frame and the accelerometer: a light mount that gives."""
+
+    frequency: float = parameter(
+        0.0, "its resonance; 0 for a rigid mount", unit="Hz", low=0, high=2000.0
+    )
+    damping: float = parameter(0.2, "its damping ratio", low=0.01, high=2.0)
+
+
+@dataclass(frozen=True)
+class GripParameters(Checked):
+    """How users differ from Table I, and how the handle is held."""
+
+    variation: float = parameter(
+        0.0,
+        "standard deviation of the logarithm of m_h, k_u and b_u from seed to seed",
+        low=0,
+        high=1.0,
+    )
+    gravity: float = parameter(
+        0.0, "gravity along the actuator's axis", unit="m/s^2", low=-9.81, high=9.81
+    )
 
 
 @dataclass(frozen=True)
@@ -56,6 +102,8 @@ class MasterRigParameters:
     """All parameters of the simulated master."""
 
     handle: HandleParameters = field(default_factory=HandleParameters)
+    grip: GripParameters = field(default_factory=GripParameters)
+    structure: StructureParameters = field(default_factory=StructureParameters)
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     accelerometer: AccelerometerParameters = field(default_factory=AccelerometerParameters)
     arm: ArmParameters = field(default_factory=ArmParameters)
@@ -65,9 +113,10 @@ class MasterRigParameters:
 class MasterRig:
     """Eq. (1) and (2) of the paper along the actuator's axis (z), a mass along x.
 
-    Linear between commands and advanced exactly; only the travel stops are not linear, and
-    are looked at every 50 us when one is within reach. The hand rests until the arm gets its
-    first force (the coupling is alive), then starts to explore.
+    Linear between commands and advanced exactly; only the travel stops and dry friction are
+    not linear. The stops are looked at every 50 us when one is within reach, friction every
+    250 us where there is any. The hand rests until the arm gets its first force (the coupling
+    is alive), then starts to explore.
 
     Parameters
     ----------
@@ -75,28 +124,36 @@ class MasterRig:
     rate : float
         Samples per second at which it is read.
     seed : int
-        Of the accelerometer's noise.
+        Of the accelerometer's noise and of the user's grip.
 
+    Attributes
+    ----------
+    handle : HandleParameters
+        As this user holds it.
     """
 
     def __init__(self, parameters: MasterRigParameters, rate: float, seed: int = 0) -> None:
         self._p = parameters
+        self.handle = held(parameters.handle, parameters.grip, seed)
         period = 1.0 / rate
         self._step = period / max(1, math.ceil(period / RESOLUTION))
         self._stall = round(LONGEST_ADVANCE / self._step)
         self._longest = min(round(period / self._step), round(TABLE_STEP / self._step))
-        self._system = LinearSystem(*_mechanics(parameters), self._step, self._longest)
+        self._system = LinearSystem(
+            *_mechanics(parameters, self.handle), self._step, self._longest
+        )
         self._exploration = Exploration(parameters.exploration)
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
         self._converter = Quantizer(parameters.actuator.peak_force, parameters.actuator.bits)
+        reduced_mass = 1 / (1 / self.handle.m_a + 1 / self.handle.m_h)
+        self._stopping = reduced_mass / (FRICTION_STEPS * self._step)
+        self._delay = round(parameters.actuator.delay / self._step)
+        self._commands: deque[tuple[int, float]] = deque()
         self._now = 0
         self._explored_since: int | None = None
         self._touching = False
         self._stop_hits = 0
-        self._place_hand()
-        state = self._system.state
-        state[Y_H] = state[Y_A] = state[Y_U]
-        state[X_H] = state[X_U]
+        self._rest()
 
     @property
     def travel(self) -> float:
@@ -114,9 +171,8 @@ class MasterRig:
                 self._explored_since += skipped
             due = self._stall
         while due > 0:
-            steps = self._step_limit(due)
-            self._advance(steps)
-            due -= steps
+            due -= self._advance(due)
+        self._take_commands()
 
     def measure(self) -> Sample:
         """Return what encoders and accelerometer say now."""
@@ -125,7 +181,10 @@ class MasterRig:
         return Sample(
             position=(encoded(float(state[X_H])), 0.0, encoded(float(state[Y_H]))),
             velocity=(float(state[VX_H]), 0.0, float(state[V_H])),
-            acceleration=self._accelerometer.measure(float(state[MEASURED])),
+            # Held against gravity, the sensor tells as much upwards.
+            acceleration=self._accelerometer.measure(
+                float(state[MEASURED]) + self._p.grip.gravity
+            ),
         )
 
     def apply_arm_force(self, force: Vector) -> None:
@@ -140,12 +199,14 @@ class MasterRig:
 
         NaN takes the force off.
         """
-        self._system.inputs[F_A] = self._converter.convert(0.0 if math.isnan(force) else force)
+        converted = self._converter.convert(0.0 if math.isnan(force) else force)
+        self._commands.append((self._now + self._delay, converted))
+        self._take_commands()
 
     def release(self) -> None:
         """Take all forces off."""
-        self.apply_actuator_force(0.0)
-        self._system.inputs[[F_X, F_Z]] = 0.0
+        self._commands.clear()
+        self._system.inputs[[F_A, F_X, F_Z]] = 0.0
 
     def status(self) -> dict[str, int]:
         """Return counts of saturated samples and commands, and of travel stops hit."""
@@ -157,7 +218,7 @@ class MasterRig:
 
     def energy(self) -> float:
         """Return kinetic and spring energy of handle, actuator, grip and stops, J."""
-        h = self._p.handle
+        h = self.handle
         y_a, v_a, y_h, v_h, y_u = self._system.state[[Y_A, V_A, Y_H, V_H, Y_U]]
         x_h, vx_h, x_u = self._system.state[[X_H, VX_H, X_U]]
         overrun = max(0.0, abs(y_a - y_h) - self._p.actuator.travel)
@@ -170,38 +231,59 @@ class MasterRig:
         self._system.state[V_H] = handle_velocity
         self._system.state[V_A] = actuator_velocity
 
-    def _step_limit(self, due: int) -> int:
-        """How many steps may pass before hand and travel stops must be looked at again."""
-        steps = min(due, self._longest)
-        state = self._system.state
-        offset = state[Y_A] - state[Y_H]
-        reach = abs(offset) + 2 * abs(state[V_A] - state[V_H]) * steps * self._step
-        return min(steps, STOP_STEPS) if reach > self._p.actuator.travel / 2 else steps
-
-    def _advance(self, steps: int) -> None:
+    def _advance(self, due: int) -> int:
+        """Advance by as many of the steps due as nothing changes in; return how many."""
         system = self._system
-        system.inputs[F_STOP] = self._stop_force()
-        self._place_hand()
-        ahead = self._hand(self._now + steps)
+        self._take_commands()
+        y_a, v_a, y_h, v_h = system.state[ACTUATOR_AND_HANDLE].tolist()
+        offset, slip = y_a - y_h, v_a - v_h
+        steps = self._step_limit(due, offset, slip)
+        system.inputs[F_BETWEEN] = self._stop_force(offset, slip) + self._friction(slip)
+        hand = self._hand(self._now)
+        _, _, v_x_ahead, v_z_ahead = self._hand(self._now + steps)
         duration = steps * self._step
-        system.inputs[A_U] = (ahead[3] - system.state[V_U]) / duration
-        system.inputs[AX_U] = (ahead[2] - system.state[VX_U]) / duration
+        system.state[HAND] = hand
+        system.inputs[HAND_ACCELERATION] = (
+            (v_x_ahead - hand[2]) / duration,
+            (v_z_ahead - hand[3]) / duration,
+        )
         system.advance(steps)
         self._now += steps
+        return steps
 
-    def _place_hand(self) -> None:
-        state = self._system.state
-        state[X_U], state[Y_U], state[VX_U], state[V_U] = self._hand(self._now)
+    def _step_limit(self, due: int, offset: float, slip: float) -> int:
+        """How many steps may pass before commands, stops and friction must be looked at again."""
+        steps = min(due, self._longest)
+        if self._commands:
+            steps = min(steps, max(1, self._commands[0][0] - self._now))
+        if self._p.actuator.coulomb_friction:
+            steps = min(steps, FRICTION_STEPS)
+        reach = abs(offset) + 2 * abs(slip) * steps * self._step
+        return min(steps, STOP_STEPS) if reach > self._p.actuator.travel / 2 else steps
+
+    def _take_commands(self) -> None:
+        """Let commands act whose delay is over."""
+        while self._commands and self._commands[0][0] <= self._now:
+            self._system.inputs[F_A] = self._commands.popleft()[1]
+
+    def _rest(self) -> None:
+        """Put everything where hand, spring and gravity balance."""
+        h, gravity, state = self.handle, self._p.grip.gravity, self._system.state
+        state[HAND] = self._hand(self._now)
+        self._system.inputs[G] = -gravity
+        sag = (h.m_a + h.m_h) * gravity / h.k_u if h.k_u else 0.0
+        state[Y_H] = state[Y_M] = state[Y_U] - sag
+        state[Y_A] = state[Y_H] - (h.m_a * gravity / h.k_s if h.k_s else 0.0)
+        state[X_H] = state[X_U]
 
     def _hand(self, now: int) -> tuple[float, float, float, float]:
         if self._explored_since is None:
             return self._exploration.at(0.0)
         return self._exploration.at((now - self._explored_since) * self._step)
 
-    def _stop_force(self) -> float:
+    def _stop_force(self, offset: float, slip: float) -> float:
         """Force of a travel stop on the actuator's mass, N; zero in free travel."""
-        state, p = self._system.state, self._p.actuator
-        offset = float(state[Y_A] - state[Y_H])
+        p = self._p.actuator
         overrun = abs(offset) - p.travel
         touching = overrun > 0
         if touching and not self._touching:
@@ -209,36 +291,79 @@ class MasterRig:
         self._touching = touching
         if not touching:
             return 0.0
-        outward = math.copysign(1.0, offset) * float(state[V_A] - state[V_H])
+        outward = math.copysign(1.0, offset) * slip
         # The force is held for a while: that of its middle gives back no more than it took.
         held = STOP_STEPS * self._step
         push = p.stop_stiffness * (overrun + outward * held / 2) + p.stop_damping * outward
         push = max(0.0, push)
         return -math.copysign(push, offset)
 
+    def _friction(self, slip: float) -> float:
+        """Dry friction of the bearing on the actuator's mass, N."""
+        p = self._p.actuator
+        if not p.coulomb_friction:
+            return 0.0
+        force = p.coulomb_friction * math.tanh(abs(slip) / p.slip_velocity)
+        # Held until it is looked at again, it may at most stop the slip, never turn it round.
+        return -math.copysign(min(force, self._stopping * abs(slip)), slip)
 
-def _mechanics(parameters: MasterRigParameters) -> tuple[FloatArray, FloatArray]:
+
+def held(handle: HandleParameters, grip: GripParameters, seed: int) -> HandleParameters:
+    """Return the handle as one user holds it: grip and mass as they vary between users.
+
+    Parameters
+    ----------
+    handle : HandleParameters
+        The average user's.
+    grip : GripParameters
+    seed : int
+        Of the user.
+    """
+    if not grip.variation:
+        return handle
+    drawn = np.random.default_rng((seed, GRIP_STREAM)).normal(0.0, grip.variation, 3)
+    # One hand holds more or less of itself against the handle: mass least, stiffness most.
+    m_h, k_u, b_u = np.exp(drawn * (0.3, 1.0, 0.7)).tolist()
+    return replace(handle, m_h=handle.m_h * m_h, k_u=handle.k_u * k_u, b_u=handle.b_u * b_u)
+
+
+def _mechanics(
+    parameters: MasterRigParameters, handle: HandleParameters
+) -> tuple[FloatArray, FloatArray]:
     """Return A and B of the linear mechanics, eq. (1) and (2) of the paper in the time domain."""
-    h = parameters.handle
-    a, b = np.zeros((11, 11)), np.zeros((11, 6))
+    h = handle
+    a, b = np.zeros((STATES, STATES)), np.zeros((STATES, INPUTS))
     for position, velocity in ((Y_A, V_A), (Y_H, V_H), (Y_U, V_U), (X_H, VX_H), (X_U, VX_U)):
         a[position, velocity] = 1.0
-    bearing = np.zeros(11)  # force of spring and bearing on the handle
+    bearing = np.zeros(STATES)  # force of spring and bearing on the handle
     bearing[[Y_A, Y_H, V_A, V_H]] = h.k_s, -h.k_s, h.b_s, -h.b_s
-    grip = np.zeros(11)  # force of the hand on the handle
+    grip = np.zeros(STATES)  # force of the hand on the handle
     grip[[Y_U, Y_H, V_U, V_H]] = h.k_u, -h.k_u, h.b_u, -h.b_u
-    grip_x = np.zeros(11)
+    grip_x = np.zeros(STATES)
     grip_x[[X_U, X_H, VX_U, VX_H]] = h.k_u, -h.k_u, h.b_u, -h.b_u
     a[V_A] = -bearing / h.m_a
-    b[V_A, [F_A, F_STOP]] = -1 / h.m_a, 1 / h.m_a
+    b[V_A, [F_A, F_BETWEEN, G]] = -1 / h.m_a, 1 / h.m_a, 1.0
     a[V_H] = (bearing + grip) / h.m_h
-    b[V_H, [F_A, F_STOP, F_Z]] = 1 / h.m_h, -1 / h.m_h, 1 / h.m_h
+    b[V_H, [F_A, F_BETWEEN, F_Z, G]] = 1 / h.m_h, -1 / h.m_h, 1 / h.m_h, 1.0
     a[VX_H] = grip_x / (h.m_a + h.m_h)
     b[VX_H, F_X] = 1 / (h.m_a + h.m_h)
     b[V_U, A_U] = b[VX_U, AX_U] = 1.0
-    # The accelerometer's first-order low-pass of the handle's acceleration.
+    mount = _mount(parameters.structure, a, b)
+    # The accelerometer's first-order low-pass of its mount's acceleration.
     corner = 2 * np.pi * parameters.accelerometer.bandwidth
-    a[MEASURED] = corner * a[V_H]
+    a[MEASURED] = corner * a[mount]
     a[MEASURED, MEASURED] = -corner
-    b[MEASURED] = corner * b[V_H]
+    b[MEASURED] = corner * b[mount]
     return a, b
+
+
+def _mount(structure: StructureParameters, a: FloatArray, b: FloatArray) -> int:
+    """Add the accelerometer's mount to A and B; return the state that is its velocity."""
+    if not structure.frequency:
+        return V_H
+    omega = 2 * np.pi * structure.frequency
+    # So light that the handle does not feel it.
+    a[Y_M, V_M] = 1.0
+    a[V_M, [Y_H, Y_M]] = omega**2, -(omega**2)
+    a[V_M, [V_H, V_M]] = 2 * structure.damping * omega, -2 * structure.damping * omega
+    return V_M

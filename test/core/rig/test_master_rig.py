@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -15,7 +16,14 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.instruments import AccelerometerParameters
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE
-from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import (
+    ActuatorParameters,
+    GripParameters,
+    MasterRig,
+    MasterRigParameters,
+    StructureParameters,
+    held,
+)
 
 RATE = 1000.0
 PERIOD = 1 / RATE
@@ -41,8 +49,11 @@ def run(rig: MasterRig, first: int, last: int) -> list[float]:
 # The handle's dynamics
 
 
-def continuous(frequency: float) -> complex:
-    """Accelerometer's reading over actuator force: eq. (1), (2), and a 500 Hz low-pass."""
+def continuous(frequency: float, mode: tuple[float, float] | None = None) -> complex:
+    """Accelerometer's reading over actuator force: eq. (1), (2), and a 500 Hz low-pass.
+
+    The mode, if any, is frequency and damping ratio of the accelerometer's mount.
+    """
     p = HandleParameters()
     s = 2j * math.pi * frequency
     spring = p.k_s + p.b_s * s
@@ -53,25 +64,45 @@ def continuous(frequency: float) -> complex:
         ]
     )
     _, y_h = np.linalg.solve(motion, np.array([-1.0, 1.0]))
-    return complex(s**2 * y_h / (1 + s / (2 * math.pi * 500.0)))
+    mount = 1.0 + 0j
+    if mode:
+        omega = 2 * math.pi * mode[0]
+        damper = 2 * mode[1] * omega * s
+        mount = (omega**2 + damper) / (s**2 + damper + omega**2)
+    return complex(mount * s**2 * y_h / (1 + s / (2 * math.pi * 500.0)))
 
 
-def sampled(frequency: float, rate: float) -> complex:
+def sampled(
+    frequency: float,
+    rate: float,
+    mode: tuple[float, float] | None = None,
+    delay: float = 0.0,
+) -> complex:
     """Return the same behind a zero-order hold, as samples see it: with all its aliases."""
     total = 0j
     for turn in range(-400, 401):
         alias = frequency + turn * rate
         # sin(pi f T) / (pi f T) and half a sample of delay
         hold = np.sinc(alias / rate) * np.exp(-1j * math.pi * alias / rate)
-        total += complex(hold) * continuous(alias)
+        late = np.exp(-2j * math.pi * alias * delay)
+        total += complex(hold * late) * continuous(alias, mode)
     return total
 
 
 @pytest.mark.parametrize("rate", [1000.0, 4000.0])
+@pytest.mark.parametrize(
+    ("mode", "delay"), [(None, 0.0), ((280.0, 0.18), 0.0), (None, 230e-6), ((320.0, 0.1), 1.3e-3)]
+)
 def test_the_handle_follows_eq_3_behind_hold_and_low_pass(
-    ideal_master: MasterRigParameters, rate: float
+    ideal_master: MasterRigParameters,
+    rate: float,
+    mode: tuple[float, float] | None,
+    delay: float,
 ) -> None:
-    rig = MasterRig(ideal_master, rate)
+    parameters = replace(ideal_master, actuator=replace(ideal_master.actuator, delay=delay))
+    if mode:
+        parameters = replace(parameters, structure=StructureParameters(*mode))
+    rig = MasterRig(parameters, rate)
     frequencies = [10, 15, 17, 20, 30, 50, 100, 150, 200]
     count = int(rate)  # one second: whole periods of each sine
     time = np.arange(count) / rate
@@ -87,7 +118,8 @@ def test_the_handle_follows_eq_3_behind_hold_and_low_pass(
     # The third second: the slowest mode has decayed by more than 1e-20.
     gain = np.fft.rfft(measured[-count:]) / np.fft.rfft(force)
     for frequency in frequencies:
-        assert abs(gain[frequency] / sampled(frequency, rate) - 1) < 0.01
+        expected = sampled(frequency, rate, mode, delay)
+        assert abs(gain[frequency] / expected - 1) < 0.01
     assert rig.status() == {
         "accelerometer_saturated": 0,
         "actuator_saturated": 0,
@@ -390,3 +422,105 @@ def test_the_seed_decides_about_the_noise() -> None:
 def test_an_impossible_actuator_is_refused(field: str, value: float) -> None:
     with pytest.raises(ParameterError, match=f"^{field} = {value}: must be "):
         ActuatorParameters(**{field: value})  # type: ignore[arg-type]
+
+
+# What a real rig has besides
+
+
+@few
+@given(
+    friction=st.floats(0.0, 1.0),
+    slip=st.floats(2e-3, 1.0),
+    v_h=st.floats(-0.2, 0.2),
+    v_a=st.floats(-0.2, 0.2),
+)
+def test_dry_friction_only_takes_energy(
+    friction: float, slip: float, v_h: float, v_a: float
+) -> None:
+    actuator = ActuatorParameters(coulomb_friction=friction, slip_velocity=slip)
+    rig = MasterRig(replace(STILL, actuator=actuator), RATE)
+    rig.disturb(handle_velocity=v_h, actuator_velocity=v_a)
+    energies = [rig.energy(), *run(rig, 0, 200)]
+    for before, after in pairwise(energies):
+        assert after <= before * (1 + 1e-9) + 1e-15
+
+
+def test_dry_friction_stops_a_small_swing_away_from_the_middle() -> None:
+    actuator = ActuatorParameters(coulomb_friction=0.1)
+    free = replace(STILL.handle, b_s=0.0, m_h=1e3, k_u=0.0, b_u=0.0)
+    rig = MasterRig(replace(STILL, handle=free, actuator=actuator), RATE)
+    rig.disturb(actuator_velocity=0.1)
+    amplitudes = []
+    for index in range(400):
+        rig.advance(index * PERIOD)
+        amplitudes.append(abs(rig.travel))
+    # Up to the first turn, kinetic energy goes into the spring and into friction.
+    k_s, m_a, force, velocity = 266.0, 0.018, 0.1, 0.1
+    first = (math.sqrt(force**2 + k_s * m_a * velocity**2) - force) / k_s
+    assert max(amplitudes) == pytest.approx(first, rel=0.02)
+    # After that it is within F / k of the middle, and does not swing back.
+    assert max(amplitudes[50:]) < force / k_s
+    assert all(after <= before for before, after in pairwise(amplitudes[50:]))
+
+
+def test_a_handle_held_against_gravity_is_at_rest_and_its_sensor_tells_gravity(
+    ideal_master: MasterRigParameters,
+) -> None:
+    rig = MasterRig(replace(ideal_master, grip=GripParameters(gravity=6.9)), RATE)
+    before = rig.travel
+    assert before == pytest.approx(-0.018 * 6.9 / 266)
+    for index in range(200):
+        rig.advance(index * PERIOD)
+        assert rig.measure().acceleration == pytest.approx(6.9, abs=1e-6)
+    assert rig.travel == pytest.approx(before, abs=1e-9)
+
+
+def test_users_differ_from_seed_to_seed_about_the_average_one() -> None:
+    average, grip = HandleParameters(), GripParameters(variation=0.2)
+    users = [held(average, grip, seed) for seed in range(400)]
+    stiffness = np.log([user.k_u / average.k_u for user in users])
+    assert abs(stiffness.mean()) < 0.03  # three standard errors
+    assert stiffness.std() == pytest.approx(0.2, rel=0.12)
+    # The actuator is the same in every hand.
+    assert {(user.m_a, user.k_s, user.b_s) for user in users} == {(0.018, 266.0, 2.0)}
+    assert held(average, grip, 7) == held(average, grip, 7)
+
+
+@few
+@given(
+    m_a=st.floats(1e-3, 1.0),
+    k_s=st.floats(0.0, 1e5),
+    b_s=st.floats(0.0, 100.0),
+    m_h=st.floats(5e-3, 10.0),
+    k_u=st.floats(0.0, 1e5),
+    b_u=st.floats(0.0, 500.0),
+    frequency=st.floats(0.0, 2000.0),
+    friction=st.floats(0.0, 1.0),
+    delay=st.floats(0.0, 0.02),
+    rate=st.sampled_from([200.0, 1000.0, 5000.0]),
+)
+def test_whatever_is_physically_possible_runs(
+    m_a: float,
+    k_s: float,
+    b_s: float,
+    m_h: float,
+    k_u: float,
+    b_u: float,
+    frequency: float,
+    friction: float,
+    delay: float,
+    rate: float,
+) -> None:
+    parameters = replace(
+        STILL,
+        handle=HandleParameters(m_a=m_a, k_s=k_s, b_s=b_s, m_h=m_h, k_u=k_u, b_u=b_u),
+        structure=StructureParameters(frequency=frequency),
+        actuator=ActuatorParameters(coulomb_friction=friction, delay=delay),
+    )
+    rig = MasterRig(parameters, rate)
+    for index in range(100):
+        rig.advance(index / rate)
+        rig.apply_actuator_force(1.0 if index % 20 < 10 else -1.0)
+    # 1 N on the lightest mass for 0.5 s, and springs that can give back what they got.
+    assert rig.energy() < 1e3
+    assert math.isfinite(rig.measure().acceleration)

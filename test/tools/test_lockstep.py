@@ -1,0 +1,21 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from running import Command
+
+Start = Callable[..., Command]
+
+
+def test_the_speed_of_a_trial_is_that_of_its_seconds(haptic_accel: Start, tmp_path: Path) -> None:
+    command = haptic_accel("bench", "lockstep", "--seconds", "2", "--json", "speed.json")
+    assert command.end() == 0, command.text
+    figures = json.loads((tmp_path / "speed.json").read_text())
+    assert (figures["rate_hz"], figures["simulated_seconds"]) == (1000.0, 2.0)
+    assert figures["wall_seconds"] > 0
+    assert figures["times_real_time"] == pytest.approx(2.0 / figures["wall_seconds"])
+    assert "times real time" in command.text
