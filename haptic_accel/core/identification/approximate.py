@@ -1,0 +1,95 @@
+"""The paper's kind of invertible model for any handle."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from haptic_accel.core.model import ApproximateModel, FloatArray, HandleParameters, handle_model
+from haptic_accel.core.parameters import ParameterError
+
+LOWEST_FREQUENCY = 15.0
+"""Where the high-pass begins to pass, and the model to matter, Hz (paper)."""
+
+HIGHEST_FREQUENCY = 200.0
+"""Upper end of the identified band, Hz (paper)."""
+
+_LINES = 200  # evenly spaced in the logarithm of frequency, as ears and hands judge
+_FREQUENCIES = (4.0, 60.0)  # Hz; a slower inverse would wander, paper 9 to 20 Hz (assumed)
+_DAMPING = (0.15, 1.5)  # less would ring in the inverse; paper 0.3 to 0.5 (assumed)
+_PULL = 0.01  # towards the paper's values: decides only what the response leaves open
+
+_FREE = tuple(field.name for field in fields(ApproximateModel) if field.name != "gain")
+
+
+def approximate_model(
+    handle: HandleParameters,
+    band: tuple[float, float] = (LOWEST_FREQUENCY, HIGHEST_FREQUENCY),
+    phase_weight: float = 0.0,
+) -> ApproximateModel:
+    """Choose the zero and pole pairs of the paper's model for a handle.
+
+    Fits the logarithm of the magnitude, starting from the paper's values. The gain at zero
+    frequency, which the high-pass hides, stays 1.
+
+    Parameters
+    ----------
+    handle : HandleParameters
+        What to approximate.
+    band : tuple of float
+        Where, Hz.
+    phase_weight : float
+        Weight of an error of phase of one radian against one of magnitude of a factor e; the
+        paper's choice is 0. Anything else costs magnitude.
+
+    Returns
+    -------
+    ApproximateModel
+
+    Raises
+    ------
+    ParameterError
+        Band or weight is out of range, or the handle is no spring-mounted mass: nothing of it
+        is left in the band.
+    """
+    from scipy.optimize import least_squares
+
+    low, high = band
+    if not 0 < low < high < np.inf:
+        raise ParameterError(f"band = {low:g} to {high:g} Hz: must rise from above 0")
+    if not 0 <= phase_weight <= 100:
+        raise ParameterError(f"phase_weight = {phase_weight}: must be from 0 to 100")
+    frequency = np.geomspace(low, high, _LINES)
+    wanted = handle_model(handle).response(frequency)
+    if not np.isfinite(wanted).all() or (wanted == 0).any():
+        raise ParameterError(
+            f"handle = {handle}: has no finite response from {low:g} to {high:g} Hz"
+        )
+    paper = np.log([getattr(ApproximateModel(), name) for name in _FREE])
+    bounds = np.log([_FREQUENCIES if name.endswith("frequency") else _DAMPING for name in _FREE])
+
+    def residuals(point: FloatArray) -> FloatArray:
+        ratio = _model(point).model().response(frequency) / wanted
+        parts = [np.log(np.abs(ratio)), _PULL * (point - paper)]
+        if phase_weight:
+            parts.append(phase_weight * np.angle(ratio))
+        return np.concatenate(parts)
+
+    found = least_squares(residuals, paper, bounds=(bounds[:, 0], bounds[:, 1]), x_scale=1.0)
+    return _model(found.x)
+
+
+def magnitude_error(
+    model: ApproximateModel,
+    handle: HandleParameters,
+    band: tuple[float, float] = (LOWEST_FREQUENCY, HIGHEST_FREQUENCY),
+) -> float:
+    """Return how far a model's magnitude is from a handle's, root mean square over a band, dB."""
+    frequency = np.geomspace(*band, _LINES)
+    ratio = model.model().response(frequency) / handle_model(handle).response(frequency)
+    return float(np.sqrt(np.mean((20 * np.log10(np.abs(ratio))) ** 2)))
+
+
+def _model(point: FloatArray) -> ApproximateModel:
+    return ApproximateModel(**dict(zip(_FREE, np.exp(point).tolist(), strict=True)))

@@ -1,0 +1,272 @@
+"""A discrete rational model of the handle, for what its physics does not explain."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from haptic_accel.core.identification.estimate import RecordingError, check_pair
+from haptic_accel.core.model import ComplexArray, FloatArray
+from haptic_accel.core.parameters import ParameterError
+
+# scipy.signal takes half a second to import: only who identifies waits for it.
+
+HIGHEST_ORDER = 40
+"""Largest number of poles."""
+
+LONGEST_DELAY_SAMPLES = 100
+"""Largest delay in samples."""
+
+ITERATIONS = 30
+"""Largest number of relocations of the poles; five to ten suffice."""
+
+_LARGEST_RADIUS = 1.0 - 1e-6  # of a pole: what is reflected onto the unit circle would ring on
+_CONVERGED = 1e-7  # largest step of a pole
+_FARTHEST_ZERO = 1e4  # what lies beyond is rounding of a zero at infinity
+
+
+@dataclass(frozen=True)
+class DiscreteModel:
+    """A stable transfer function in z with a delay.
+
+    Attributes
+    ----------
+    sections : ndarray, shape (n, 6)
+        Second-order sections, rows b0 b1 b2 a0 a1 a2 with a0 = 1; from N to m/s^2.
+    rate : float
+        Samples per second.
+    delay_samples : int
+        Whole samples of delay before the sections.
+    """
+
+    sections: FloatArray
+    rate: float
+    delay_samples: int
+
+    def response(self, frequency: npt.ArrayLike) -> ComplexArray:
+        """Return the complex response at frequencies in Hz, m/s^2 per N."""
+        z = np.exp(2j * np.pi * np.asarray(frequency, dtype=np.float64) / self.rate)
+        response = z**-self.delay_samples
+        for section in self.sections:
+            response = response * np.polyval(section[:3], z) / np.polyval(section[3:], z)
+        return np.asarray(response)
+
+    def acceleration(self, force: FloatArray) -> FloatArray:
+        """Return what the model makes of a force from rest, m/s^2, shape (n,) as the force."""
+        from scipy import signal
+
+        delayed = _delayed(np.asarray(force, dtype=np.float64), self.delay_samples)
+        return np.asarray(signal.sosfilt(self.sections, delayed))
+
+
+def identify_discrete(
+    force: FloatArray,
+    acceleration: FloatArray,
+    order: int,
+    rate: float,
+    delay_samples: int = 1,
+) -> DiscreteModel:
+    """Identify a discrete model from a recording that starts at rest.
+
+    Steiglitz-McBride iterations (IEEE Trans. Automatic Control 10, 1965), unbiased with white
+    noise in the acceleration, on partial fractions instead of powers of z (vector fitting in
+    the time domain: Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999), which stay
+    well-conditioned at high orders and rates. Poles outside the unit circle are reflected.
+
+    Parameters
+    ----------
+    force, acceleration : ndarray, shape (n,)
+        N and m/s^2. The mean of the acceleration is removed: it is the sensor's offset, as the
+        handle answers no constant force.
+    order : int
+        Number of poles, and of zeros.
+    rate : float
+        Samples per second.
+    delay_samples : int
+        Whole samples from a force to the first acceleration that shows it. In a loop that
+        applies its force after it has measured, this is 1.
+
+    Returns
+    -------
+    DiscreteModel
+        Stable. Its delay is longer than the given one where the model has fewer zeros than
+        poles.
+
+    Raises
+    ------
+    ParameterError
+        Order, rate or delay is out of range.
+    RecordingError
+        Signals that differ in length, are too short, not finite, or constant.
+    """
+    _check(order, rate, delay_samples)
+    _check_recording(force, acceleration, order, delay_samples)
+    force = _delayed(np.asarray(force, dtype=np.float64), delay_samples)
+    acceleration = np.asarray(acceleration, dtype=np.float64) - float(np.mean(acceleration))
+    poles = _starting_poles(order, rate)
+    for _ in range(ITERATIONS):
+        moved = _stable(_relocated(poles, force, acceleration))
+        step = np.abs(moved - poles).max()
+        poles = moved
+        if step < _CONVERGED:
+            break
+    columns = _with_direct(_fractions(poles, force), force)
+    terms = np.asarray(np.linalg.lstsq(columns, acceleration)[0], dtype=np.float64)
+    sections, missing = _sections(poles, terms[:-1], float(terms[-1]))
+    return DiscreteModel(sections, rate, delay_samples + missing)
+
+
+def _starting_poles(order: int, rate: float) -> ComplexArray:
+    """Return damped pairs spread over the band in equal ratios, conjugates side by side."""
+    frequencies = np.geomspace(1e-3 * rate, 0.4 * rate, max(1, order // 2))
+    upper = np.exp(2 * np.pi * frequencies / rate * (1j - 0.2))
+    pairs = np.column_stack([upper, upper.conj()]).ravel()[: 2 * (order // 2)]
+    return np.concatenate([pairs, [0.5 + 0j] * (order % 2)])
+
+
+def _fractions(poles: ComplexArray, values: FloatArray) -> FloatArray:
+    """Pass a signal through 1/(z - p) of each pole, pairs as their real and imaginary part.
+
+    Returns
+    -------
+    ndarray, shape (n, order)
+    """
+    from scipy import signal
+
+    columns = np.empty((len(values), len(poles)))
+    index = 0
+    while index < len(poles):
+        pole = poles[index]
+        passed = signal.lfilter([0.0, 1.0], [1.0, -pole], values)
+        if pole.imag == 0.0:
+            columns[:, index] = passed.real
+            index += 1
+        else:
+            columns[:, index], columns[:, index + 1] = 2 * passed.real, -2 * passed.imag
+            index += 2
+    return columns
+
+
+def _with_direct(columns: FloatArray, values: FloatArray) -> FloatArray:
+    return np.column_stack([columns, values])
+
+
+def _relocated(poles: ComplexArray, force: FloatArray, acceleration: FloatArray) -> ComplexArray:
+    """Return better poles: the zeros of the weight under which both signals fit linearly."""
+    from scipy.linalg import qr
+
+    order = len(poles)
+    explained = _with_direct(_fractions(poles, force), force)
+    weight = _fractions(poles, acceleration)
+    both = np.column_stack([explained, -weight])
+    scale = np.linalg.norm(both, axis=0)
+    scale[scale == 0.0] = 1.0
+    # The triangle of a QR factorisation solves the same least squares, with fewer rows.
+    triangle = np.asarray(qr(np.column_stack([both / scale, acceleration]), mode="r")[0])
+    columns = 2 * order + 1
+    solution = np.linalg.lstsq(triangle[:columns, :columns], triangle[:columns, columns])[0]
+    residues = (solution / scale)[order + 1 :]
+    a, b = _realised(poles)
+    moved = np.linalg.eigvals(a - np.outer(b, residues))
+    return _ordered(np.asarray(moved, dtype=np.complex128))
+
+
+def _realised(poles: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """Return real A and B whose states are what `_fractions` gives."""
+    order = len(poles)
+    a, b = np.zeros((order, order)), np.zeros(order)
+    index = 0
+    while index < order:
+        real, imag = float(poles[index].real), float(poles[index].imag)
+        if imag == 0.0:
+            a[index, index], b[index] = real, 1.0
+            index += 1
+        else:
+            a[index : index + 2, index : index + 2] = [[real, imag], [-imag, real]]
+            b[index] = 2.0
+            index += 2
+    return a, b
+
+
+def _ordered(roots: ComplexArray) -> ComplexArray:
+    """Return roots of a real polynomial as exact conjugate pairs, then the real ones."""
+    upper = roots[roots.imag > 0]
+    upper = upper[np.argsort(np.angle(upper))]
+    real = np.sort(roots[roots.imag == 0].real)
+    pairs = np.column_stack([upper, upper.conj()]).ravel()
+    return np.concatenate([pairs, real.astype(np.complex128)])
+
+
+def _stable(poles: ComplexArray) -> ComplexArray:
+    """Reflect poles outside the unit circle into it."""
+    radius = np.abs(poles)
+    outside = radius > 1.0
+    inside = np.where(outside, 1.0 / np.where(outside, radius, 1.0), radius)
+    inside = np.minimum(inside, _LARGEST_RADIUS)
+    factor = np.divide(inside, radius, out=np.ones_like(radius), where=radius > 0)
+    return np.asarray(poles * factor)
+
+
+def _sections(poles: ComplexArray, residues: FloatArray, direct: float) -> tuple[FloatArray, int]:
+    """Return the sum of partial fractions as second-order sections, and samples of delay.
+
+    Each zero at infinity is a sample of delay: sections have as many zeros as poles.
+    """
+    from scipy import linalg, signal
+
+    a, b = _realised(poles)
+    order = len(poles)
+    # Zeros are the finite eigenvalues of the system's pencil, also where there is no direct term.
+    pencil = np.block([[a, b[:, None]], [residues[None, :], np.array([[direct]])]])
+    turned = np.diag(np.append(np.ones(order), 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = np.asarray(linalg.eigvals(pencil, turned), dtype=np.complex128)
+    zeros = _paired(found[np.isfinite(found) & (np.abs(found) < _FARTHEST_ZERO)])
+    # The gain by comparing both forms at a point away from poles and zeros.
+    at = 2.0 + np.max(np.abs(zeros), initial=1.0)
+    value = residues @ np.linalg.solve(at * np.eye(order) - a, b) + direct
+    gain = float(np.real(value * np.prod(at - poles) / np.prod(at - zeros)))
+    # Pads missing zeros with zeros at the origin, each an advance by a sample.
+    sections: FloatArray = signal.zpk2sos(zeros, poles, gain)  # type: ignore[arg-type]
+    return sections, order - len(zeros)
+
+
+def _paired(roots: ComplexArray) -> ComplexArray:
+    """Return roots whose conjugates, or reality, rounding has blurred, as exact ones."""
+    real = np.abs(roots.imag) <= 1e-9 * np.maximum(np.abs(roots), 1e-9)
+    upper = roots[~real & (roots.imag > 0)]
+    return np.concatenate([upper, upper.conj(), roots[real].real.astype(np.complex128)])
+
+
+def _delayed(values: FloatArray, samples: int) -> FloatArray:
+    if samples == 0:
+        return values
+    return np.concatenate([np.zeros(min(samples, len(values))), values[:-samples]])
+
+
+def _check(order: int, rate: float, delay_samples: int) -> None:
+    if not 1 <= order <= HIGHEST_ORDER:
+        raise ParameterError(f"order = {order}: must be from 1 to {HIGHEST_ORDER}")
+    if not (math.isfinite(rate) and rate > 0):
+        raise ParameterError(f"rate = {rate}: must be above 0 Hz")
+    if not 0 <= delay_samples <= LONGEST_DELAY_SAMPLES:
+        raise ParameterError(
+            f"delay_samples = {delay_samples}: must be from 0 to {LONGEST_DELAY_SAMPLES}"
+        )
+
+
+def _check_recording(
+    force: FloatArray, acceleration: FloatArray, order: int, delay_samples: int
+) -> None:
+    check_pair(force, acceleration)
+    fewest = 10 * (2 * order + 1) + delay_samples
+    if len(force) < fewest:
+        raise RecordingError(
+            f"recording: {len(force)} samples, must be at least {fewest} for order {order}"
+        )
+    for name, values in (("actuator_force", force), ("handle_acceleration", acceleration)):
+        if np.ptp(values) == 0.0:
+            raise RecordingError(f"{name}: is constant, which identifies nothing")

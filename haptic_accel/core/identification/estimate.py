@@ -1,0 +1,350 @@
+"""The handle's frequency response from recorded force and acceleration, and its credibility."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.model import ComplexArray, FloatArray
+from haptic_accel.core.parameters import ParameterError
+
+# scipy.signal takes half a second to import: only who estimates waits for it.
+
+Band = tuple[float, float]
+
+SEGMENT_SECONDS = 0.5
+"""Length of the segments of averaged estimates, s: lines 2 Hz apart."""
+
+SMALLEST_FORCE = 0.01
+"""Root mean square below which nothing is excited, N (assumed; a dozen steps of the paper's
+14-bit converter)."""
+
+LARGEST_SATURATED_SHARE = 1e-3
+"""Share of samples at the end of the sensor's range that is borne (assumed)."""
+
+SMALLEST_COHERENCE = 0.7
+"""Mean coherence over the band below which the response is not believed (assumed; Table I with
+the paper's sweep and accelerometer has 0.99)."""
+
+_FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is 1 whatever it holds
+
+_NOISE_LINES = 25
+"""Lines over which the noise is averaged: two repeats alone leave one line's noise uncertain by
+its own size, 25 lines by a fifth of that; noise is smooth in frequency."""
+
+_HANN_OVERLAP = 1.0 / 36.0
+"""Squared correlation of Hann-windowed segments that overlap by half (Welch 1967)."""
+
+_AT_RANGE = 0.999  # of the range: a converter's largest step may lie a little below it
+
+
+class RecordingError(ValueError):
+    """A recording is not fit for identification; the message is one line that says why."""
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """An estimate of handle acceleration over actuator force.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (n,)
+        Rising, above 0, below half the rate, Hz.
+    response : ndarray, shape (n,)
+        Complex, m/s^2 per N.
+    coherence : ndarray, shape (n,)
+        Magnitude-squared, 0 to 1: share of the acceleration's power that the force explains.
+    rate : float
+        Samples per second of the signals.
+    averages : float
+        Independent periods or segments that the estimate is the mean of.
+    """
+
+    frequency: FloatArray
+    response: ComplexArray
+    coherence: FloatArray
+    rate: float
+    averages: float
+
+    @property
+    def standard_deviation(self) -> FloatArray:
+        """Of the real and of the imaginary part, m/s^2 per N, shape (n,).
+
+        For Gaussian noise in the acceleration: Bendat and Piersol, Random Data, chapter 9.
+        """
+        noise_to_signal = (1.0 - self.coherence) / np.maximum(self.coherence, _TINY)
+        deviation = np.abs(self.response) * np.sqrt(noise_to_signal / (2.0 * self.averages))
+        return np.asarray(deviation)
+
+
+_TINY = 1e-12
+
+
+def dft_ratio(
+    force: FloatArray, acceleration: FloatArray, rate: float, band: Band, repeats: int = 2
+) -> FrequencyResponse:
+    """Return DFT(acceleration) / DFT(force) of a force that repeats itself, as the paper has it.
+
+    Free of leakage once the handle has settled. The repeats' mean, weighted with the force's
+    power; what differs between them is the noise, whose spectrum is smoothed over neighbouring
+    lines as two repeats alone say little of it.
+
+    Parameters
+    ----------
+    force, acceleration : ndarray, shape (repeats * n,)
+        Whole repeats, N and m/s^2, the first (settling) one dropped: see `kept_repeats`.
+    rate : float
+        Samples per second.
+    band : tuple of float
+        Lowest and highest frequency of interest, Hz.
+    repeats : int
+        How many the signals hold, at least 2.
+
+    Returns
+    -------
+    FrequencyResponse
+        At the lines of one repeat within the band where there is force.
+
+    Raises
+    ------
+    ParameterError
+        Band, rate or number of repeats is out of range, or no line lies in the band.
+    RecordingError
+        Signals that do not fit each other, are not finite, or have no force in the band.
+    """
+    _check_band(rate, band)
+    check_pair(force, acceleration)
+    if repeats < 2 or len(force) % repeats:
+        raise ParameterError(
+            f"repeats = {repeats}: must be at least 2 and divide the {len(force)} samples"
+        )
+    samples = len(force) // repeats
+    frequency: FloatArray = np.fft.rfftfreq(samples, 1.0 / rate).astype(np.float64)
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    if not inside.any():
+        raise ParameterError(
+            f"band = {band[0]:g} to {band[1]:g} Hz: holds no line of the spectrum"
+        )
+    spectra_force = np.fft.rfft(force.reshape(repeats, samples))
+    spectra_acceleration = np.fft.rfft(acceleration.reshape(repeats, samples))
+    power = np.mean(np.abs(spectra_force) ** 2, axis=0)
+    cross = np.mean(np.conj(spectra_force) * spectra_acceleration, axis=0)
+    strongest = float(power[inside].max())
+    if strongest <= 0.0:
+        raise RecordingError(f"actuator_force: zero from {band[0]:g} to {band[1]:g} Hz")
+    inside &= power > _WEAKEST_LINE * strongest
+    response = np.divide(cross, power, out=np.zeros_like(cross), where=power > 0)
+    rest = np.abs(spectra_acceleration - response * spectra_force) ** 2
+    noise = _smoothed(np.sum(rest[:, inside], axis=0) / (repeats - 1))
+    explained = np.abs(response[inside]) ** 2 * power[inside]
+    total = explained + noise
+    coherence = np.divide(explained, total, out=np.zeros_like(total), where=total > 0)
+    return FrequencyResponse(frequency[inside], response[inside], coherence, rate, float(repeats))
+
+
+_WEAKEST_LINE = 1e-6  # of the strongest line's power; below it there is only rounding
+
+
+def h1(
+    force: FloatArray,
+    acceleration: FloatArray,
+    rate: float,
+    band: Band,
+    segment_seconds: float = SEGMENT_SECONDS,
+) -> FrequencyResponse:
+    """Estimate the response with noise in the acceleration: cross spectrum over force spectrum.
+
+    Averaged over Hann-windowed segments that overlap by half. For any force, where `dft_ratio`
+    needs one that repeats itself; near a resonance narrower than a line it is biased by leakage.
+
+    Parameters
+    ----------
+    force, acceleration : ndarray, shape (n,)
+        N and m/s^2.
+    rate : float
+        Samples per second.
+    band : tuple of float
+        Lowest and highest frequency of interest, Hz.
+    segment_seconds : float
+        Length of a segment, s.
+
+    Returns
+    -------
+    FrequencyResponse
+        At the lines within the band; zero where there is no force.
+
+    Raises
+    ------
+    ParameterError
+        Band, rate or segment is out of range.
+    RecordingError
+        Signals that do not fit each other, are not finite, or are too short.
+    """
+    return _averaged(force, acceleration, rate, band, segment_seconds, second=False)
+
+
+def h2(
+    force: FloatArray,
+    acceleration: FloatArray,
+    rate: float,
+    band: Band,
+    segment_seconds: float = SEGMENT_SECONDS,
+) -> FrequencyResponse:
+    """Estimate the response with noise in the force: acceleration spectrum over cross spectrum.
+
+    Parameters, result and errors as of `h1`.
+    """
+    return _averaged(force, acceleration, rate, band, segment_seconds, second=True)
+
+
+def check_recording(
+    force: FloatArray,
+    acceleration: FloatArray,
+    rate: float,
+    band: Band,
+    acceleration_range: float,
+    *,
+    smallest_coherence: float = SMALLEST_COHERENCE,
+    largest_saturated_share: float = LARGEST_SATURATED_SHARE,
+) -> None:
+    """Refuse a recording that no fit would make sense of.
+
+    Parameters
+    ----------
+    force, acceleration : ndarray, shape (n,)
+        N and m/s^2.
+    rate : float
+        Samples per second.
+    band : tuple of float
+        What the force excites, Hz.
+    acceleration_range : float
+        Largest acceleration that the sensor gives either way, m/s^2.
+    smallest_coherence : float
+        Mean over the band that is asked for, 0 to 1.
+    largest_saturated_share : float
+        Share of samples that may lie at the end of the range, 0 to 1.
+
+    Raises
+    ------
+    RecordingError
+        In one line: which signal is wrong, its value, and what is allowed.
+    ParameterError
+        Band or rate is out of range.
+    """
+    _check_band(rate, band)
+    check_pair(force, acceleration)
+    fewest = _FEWEST_SEGMENTS * round(SEGMENT_SECONDS * rate)
+    if len(force) < fewest:
+        raise RecordingError(
+            f"recording: {len(force)} samples at {rate:g} Hz, must be at least {fewest}"
+        )
+    excited = float(np.std(force))
+    if excited < SMALLEST_FORCE:
+        raise RecordingError(
+            f"actuator_force: {excited:.3g} N root mean square excites nothing,"
+            f" must be at least {SMALLEST_FORCE:g} N"
+        )
+    share = float(np.mean(np.abs(acceleration) >= _AT_RANGE * acceleration_range))
+    if share > largest_saturated_share:
+        raise RecordingError(
+            f"handle_acceleration: {100 * share:.2g} % of its samples are at the sensor's range"
+            f" of {acceleration_range:g} m/s^2,"
+            f" must be at most {100 * largest_saturated_share:g} %"
+        )
+    coherence = float(np.mean(h1(force, acceleration, rate, band).coherence))
+    if coherence < smallest_coherence:
+        raise RecordingError(
+            f"coherence = {coherence:.2f} on average from {band[0]:g} to {band[1]:g} Hz:"
+            f" must be at least {smallest_coherence:g}"
+        )
+
+
+def _averaged(
+    force: FloatArray,
+    acceleration: FloatArray,
+    rate: float,
+    band: Band,
+    segment_seconds: float,
+    *,
+    second: bool,
+) -> FrequencyResponse:
+    from scipy import signal
+
+    _check_band(rate, band)
+    check_pair(force, acceleration)
+    if not (math.isfinite(segment_seconds) and segment_seconds * rate >= 4):
+        raise ParameterError(
+            f"segment_seconds = {segment_seconds}: must be at least {4 / rate:g} s, four samples"
+        )
+    segment = round(segment_seconds * rate)
+    fewest = _FEWEST_SEGMENTS * segment
+    if len(force) < fewest:
+        raise RecordingError(f"recording: {len(force)} samples, must be at least {fewest}")
+    frequency, power_force = signal.welch(force, rate, nperseg=segment)
+    _, power_acceleration = signal.welch(acceleration, rate, nperseg=segment)
+    _, cross = signal.csd(force, acceleration, rate, nperseg=segment)
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    if not inside.any():
+        raise ParameterError(
+            f"band = {band[0]:g} to {band[1]:g} Hz: holds no line of the spectrum"
+        )
+    power_force, power_acceleration = power_force[inside], power_acceleration[inside]
+    cross = cross[inside]
+    product = power_force * power_acceleration
+    coherence = np.zeros_like(product)
+    np.divide(np.abs(cross) ** 2, product, out=coherence, where=product > 0)
+    response = np.zeros_like(cross)
+    if second:
+        np.divide(power_acceleration, np.conj(cross), out=response, where=cross != 0)
+    else:
+        np.divide(cross, power_force, out=response, where=power_force > 0)
+    segments = 2 * len(force) // segment - 1
+    return FrequencyResponse(
+        frequency=np.asarray(frequency[inside], dtype=np.float64),
+        response=response,
+        coherence=np.minimum(coherence, 1.0),
+        rate=rate,
+        averages=segments / (1.0 + 2.0 * _HANN_OVERLAP * (segments - 1) / segments),
+    )
+
+
+def _smoothed(values: FloatArray) -> FloatArray:
+    """Return the moving average over `_NOISE_LINES`, over fewer at the ends."""
+    window = np.ones(min(_NOISE_LINES, len(values)))
+    counts = np.convolve(np.ones_like(values), window, "same")
+    return np.asarray(np.convolve(values, window, "same") / counts)
+
+
+def _check_band(rate: float, band: Band) -> None:
+    if not (math.isfinite(rate) and rate > 0):
+        raise ParameterError(f"rate = {rate}: must be above 0 Hz")
+    low, high = band
+    if not 0 < low < high < rate / 2:
+        raise ParameterError(
+            f"band = {low:g} to {high:g} Hz: must rise from above 0 to below half the rate,"
+            f" {rate / 2:g} Hz"
+        )
+
+
+def check_pair(force: FloatArray, acceleration: FloatArray) -> None:
+    """Refuse signals that do not fit each other.
+
+    Raises
+    ------
+    RecordingError
+        They differ in length, are empty, not finite, or have more than one dimension.
+    """
+    for name, values in (("actuator_force", force), ("handle_acceleration", acceleration)):
+        if values.ndim != 1:
+            raise RecordingError(f"{name}: has {values.ndim} dimensions, must have one")
+        if not np.isfinite(values).all():
+            raise RecordingError(f"{name}: holds NaN or infinity, must be finite")
+    if len(force) != len(acceleration):
+        raise RecordingError(
+            f"actuator_force and handle_acceleration: have {len(force)} and {len(acceleration)}"
+            " samples, must be equal"
+        )
+    if len(force) == 0:
+        raise RecordingError("recording: holds no samples")

@@ -1,0 +1,425 @@
+"""Physical parameters of the handle, fitted to estimates of its frequency response."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass, fields
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from haptic_accel.core.identification.estimate import Band, FrequencyResponse
+from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
+from haptic_accel.core.parameters import ParameterError
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
+
+# scipy.optimize and scipy.linalg take a while to import: only who fits waits for them.
+
+ACCELEROMETER_CORNER = 500.0
+"""Corner of the accelerometer's first-order low-pass, Hz (paper: ADXL320J)."""
+
+DEFAULT_FREE = ("b_s", "m_h", "k_u", "b_u", "delay")
+"""What is fitted. Mass and spring of the actuator can be measured on the bench."""
+
+LONGEST_DELAY = 0.01
+"""Longest delay that is looked for, s: ten times the paper's."""
+
+EARLIEST_DELAY = -0.001
+"""Smallest delay that is looked for, s: the acceleration may be sampled after its stamp."""
+
+_HANDLE = tuple(field.name for field in fields(HandleParameters))
+_DELAY_UNIT = 1e-3  # s; makes the fitted number of order one
+_REACH = math.log(1e3)  # a parameter is looked for within this factor of its start
+_START_FACTORS = (0.3, 1.0, 3.0)  # of the grip: stiffness and damping vary that much in people
+_START_DELAYS = 2.5e-4  # s, apart: a sixth of a turn at 200 Hz would be 8e-4
+_START_LINES = 40  # of a response that the search for a start looks at
+
+
+@dataclass(frozen=True)
+class HandleFit:
+    """The handle that explains the responses best.
+
+    Attributes
+    ----------
+    handle : HandleParameters
+        Fitted and known parameters.
+    delay : float
+        Beside the hold and the accelerometer's low-pass, s. In lockstep, where a force acts
+        right after the sample that it was computed from, it is 0.
+    standard_errors : dict
+        Of what was fitted, by name, in its unit; from the Jacobian and the residual, so they
+        hold for noise, not for what the model lacks.
+    residual : float
+        Root mean square of the error over the estimates' own standard deviation: 1 where the
+        model lacks nothing.
+    relative_residual : float
+        Root mean square of |error| over |response|.
+    band : tuple of float
+        Lowest and highest frequency that was fitted, Hz.
+    low_pass_frequency : float
+        The accelerometer's corner, Hz.
+    hold : bool
+        Whether the force was held over each sample.
+    """
+
+    handle: HandleParameters
+    delay: float
+    standard_errors: dict[str, float]
+    residual: float
+    relative_residual: float
+    band: Band
+    low_pass_frequency: float
+    hold: bool
+
+    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
+        """Return the fitted response at frequencies in Hz, for signals sampled at a rate."""
+        return sampled_response(
+            self.handle, frequency, rate, self.delay, self.low_pass_frequency, hold=self.hold
+        )
+
+
+def fit_handle(
+    responses: FrequencyResponse | Sequence[FrequencyResponse],
+    *,
+    known: HandleParameters | None = None,
+    free: Sequence[str] = DEFAULT_FREE,
+    delay: float = 0.0,
+    low_pass_frequency: float = ACCELEROMETER_CORNER,
+    hold: bool = True,
+    band: Band | None = None,
+) -> HandleFit:
+    """Fit eq. (3) of the paper, with delay, hold and low-pass, to one or more responses.
+
+    Complex least squares, each line weighted by its standard deviation. Parameters are fitted
+    as logarithms, which keeps them positive.
+
+    Parameters
+    ----------
+    responses : FrequencyResponse or sequence of FrequencyResponse
+        Of one handle held in one way; several are pooled.
+    known : HandleParameters, optional
+        Values of what is not free, and where the search starts; Table I otherwise.
+    free : sequence of str
+        What is fitted: fields of `HandleParameters`, at most five, and ``"delay"``.
+    delay : float
+        The delay where it is not free, s.
+    low_pass_frequency : float
+        Corner of the accelerometer's first-order low-pass, Hz.
+    hold : bool
+        Whether the force is held from one sample to the next, as a converter does.
+    band : tuple of float, optional
+        Frequencies to use, Hz; all otherwise.
+
+    Returns
+    -------
+    HandleFit
+
+    Raises
+    ------
+    ParameterError
+        Nothing or too much is free, a name is unknown, or too few lines lie in the band.
+    """
+    known = known or HandleParameters()
+    if isinstance(responses, FrequencyResponse):
+        responses = [responses]
+    _check(known, free, delay, low_pass_frequency)
+    problem = _Problem(responses, known, tuple(free), delay, low_pass_frequency, hold, band)
+    return problem.solve()
+
+
+def sampled_response(
+    handle: HandleParameters,
+    frequency: npt.ArrayLike,
+    rate: float,
+    delay: float = 0.0,
+    low_pass_frequency: float = ACCELEROMETER_CORNER,
+    *,
+    hold: bool = True,
+) -> ComplexArray:
+    """Response of sampled acceleration to actuator force, behind delay and low-pass.
+
+    With a held force it is exact for what samples see: sin(x)/x and half a sample of delay, and
+    all aliases, which at 1 kHz behind a 500 Hz first-order low-pass make up 14 % at 200 Hz.
+
+    Parameters
+    ----------
+    handle : HandleParameters
+    frequency : array_like, shape (n,)
+        Hz, above 0 and below half the rate.
+    rate : float
+        Samples per second.
+    delay : float
+        Beside that of the hold, s.
+    low_pass_frequency : float
+        Corner of the accelerometer's first-order low-pass, Hz.
+    hold : bool
+        Whether the force is held from one sample to the next; otherwise the response of the
+        continuous system.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Complex, m/s^2 per N.
+    """
+    frequency = np.asarray(frequency, dtype=np.float64)
+    if not hold:
+        low_pass = 1.0 + 1j * frequency / low_pass_frequency
+        lag = np.exp(-2j * np.pi * frequency * delay)
+        return np.asarray(handle_model(handle).response(frequency) * lag / low_pass)
+    a, b = _mechanics(handle, low_pass_frequency)
+    late = math.ceil(delay * rate)  # whole samples until the force is first seen
+    over, step = _held(a, b, 1.0 / rate)
+    # A force held from sample m acts from then plus the delay: at each later sample what remains
+    # of the last period is added to what the earlier ones left.
+    over_rest, step_rest = _held(a, b, late / rate - delay)
+    z = np.exp(2j * np.pi * frequency / rate)
+    # x[n+1] = over x[n] + step u[n], by solving (z - over) x = step for all z at once.
+    states = len(b)
+    resolvent = z[:, None, None] * np.eye(states) - over
+    state = np.linalg.solve(resolvent, np.broadcast_to(step, (len(z), states))[..., None])
+    seen = state[..., 0] @ over_rest[-1] + step_rest[-1]
+    return np.asarray(seen * z**-late)
+
+
+def _mechanics(handle: HandleParameters, corner: float) -> tuple[FloatArray, FloatArray]:
+    """Return A and B of eq. (1) and (2) with the hand at rest; the last state is the output.
+
+    States: actuator's position and velocity, handle's position and velocity, acceleration behind
+    the low-pass.
+    """
+    h = handle
+    a = np.zeros((5, 5))
+    a[0, 1] = a[2, 3] = 1.0
+    bearing = np.array([h.k_s, h.b_s, -h.k_s, -h.b_s, 0.0])
+    grip = np.array([0.0, 0.0, h.k_u, h.b_u, 0.0])
+    a[1], a[3] = -bearing / h.m_a, (bearing - grip) / h.m_h
+    b = np.array([0.0, -1.0 / h.m_a, 0.0, 1.0 / h.m_h, 0.0])
+    omega = 2 * np.pi * corner
+    a[4], b[4] = omega * a[3], omega * b[3]
+    a[4, 4] = -omega
+    return a, b
+
+
+def _held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
+    """Return what a time in s makes of the state, and of an input held over it."""
+    from scipy.linalg import expm
+
+    states = len(b)
+    exponent = np.zeros((states + 1, states + 1))
+    exponent[:states, :states], exponent[:states, states] = a * time, b * time
+    transition = np.asarray(expm(exponent), dtype=np.float64)
+    return transition[:states, :states], transition[:states, states]
+
+
+class _Problem:
+    """The residuals as a function of what is free."""
+
+    def __init__(
+        self,
+        responses: Sequence[FrequencyResponse],
+        known: HandleParameters,
+        free: tuple[str, ...],
+        delay: float,
+        low_pass_frequency: float,
+        hold: bool,
+        band: Band | None,
+    ) -> None:
+        self._known, self._free, self._delay = known, free, delay
+        self._low_pass_frequency, self._hold = low_pass_frequency, hold
+        self._lines = [_Lines(response, band) for response in responses]
+        count = sum(len(lines.frequency) for lines in self._lines)
+        if count <= len(free):
+            where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
+            raise ParameterError(
+                f"responses: {count} lines{where} with some coherence,"
+                f" must be at least {len(free) + 1}"
+            )
+
+    def solve(self) -> HandleFit:
+        found = self._searched(self._start())
+        if {"b_s", "b_u"} <= set(self._free):
+            other = self._searched(self._mirrored(found.x))
+            found = other if other.cost < found.cost else found
+        handle, delay = self._decoded(found.x)
+        jacobian = np.asarray(found.jac)
+        count = len(found.fun)
+        variance = 2.0 * found.cost / (count - len(self._free))
+        covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
+        errors = dict(zip(self._free, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+        return HandleFit(
+            handle=handle,
+            delay=delay,
+            standard_errors={
+                name: error * (_DELAY_UNIT if name == "delay" else getattr(handle, name))
+                for name, error in errors.items()
+            },
+            residual=math.sqrt(2.0 * found.cost / count),
+            relative_residual=self._relative(handle, delay),
+            band=(
+                min(float(lines.frequency[0]) for lines in self._lines),
+                max(float(lines.frequency[-1]) for lines in self._lines),
+            ),
+            low_pass_frequency=self._low_pass_frequency,
+            hold=self._hold,
+        )
+
+    def _searched(self, start: FloatArray) -> OptimizeResult:
+        """Return what least squares finds from a start."""
+        from scipy.optimize import least_squares
+
+        reach = np.array([_REACH if name != "delay" else math.inf for name in self._free])
+        low, high = start - reach, start + reach
+        if "delay" in self._free:
+            at = self._free.index("delay")
+            low[at], high[at] = EARLIEST_DELAY / _DELAY_UNIT, LONGEST_DELAY / _DELAY_UNIT
+
+        def residuals(point: FloatArray) -> FloatArray:
+            return self._residuals(point, self._lines)
+
+        return least_squares(residuals, start, bounds=(low, high), x_scale="jac")
+
+    def _mirrored(self, point: FloatArray) -> FloatArray:
+        """Return the point where bearing and grip have exchanged their damping.
+
+        Of the coefficients of eq. (3) that tell the two apart, that of s^3 knows only
+        b_u + (1 + m_h/m_a) b_s and that of s^2 only b_u b_s: two solutions, between which only
+        the coefficients that fade above 10 Hz decide. The search may have found the wrong one.
+        """
+        handle, _ = self._decoded(point)
+        ratio = 1.0 + handle.m_h / handle.m_a
+        mirrored = point.copy()
+        mirrored[self._free.index("b_s")] = math.log(handle.b_u / ratio)
+        mirrored[self._free.index("b_u")] = math.log(handle.b_s * ratio)
+        return mirrored
+
+    def _decoded(self, point: FloatArray) -> tuple[HandleParameters, float]:
+        values = dict(zip(_HANDLE, astuple(self._known), strict=True))
+        delay = self._delay
+        for name, value in zip(self._free, point.tolist(), strict=True):
+            if name == "delay":
+                delay = value * _DELAY_UNIT
+            else:
+                values[name] = math.exp(value)
+        return HandleParameters(**values), delay
+
+    def _encoded(self, values: dict[str, float]) -> FloatArray:
+        return np.array(
+            [
+                values[name] / _DELAY_UNIT if name == "delay" else math.log(values[name])
+                for name in self._free
+            ]
+        )
+
+    def _residuals(self, point: FloatArray, lines: Sequence[_Lines]) -> FloatArray:
+        handle, delay = self._decoded(point)
+        parts = []
+        for line in lines:
+            error = (self._model(handle, delay, line) - line.response) / line.deviation
+            parts += [error.real, error.imag]
+        return np.concatenate(parts)
+
+    def _model(self, handle: HandleParameters, delay: float, lines: _Lines) -> ComplexArray:
+        return sampled_response(
+            handle, lines.frequency, lines.rate, delay, self._low_pass_frequency, hold=self._hold
+        )
+
+    def _relative(self, handle: HandleParameters, delay: float) -> float:
+        errors = [
+            np.abs(self._model(handle, delay, lines) / lines.response - 1.0) ** 2
+            for lines in self._lines
+        ]
+        return float(np.sqrt(np.mean(np.concatenate(errors))))
+
+    def _start(self) -> FloatArray:
+        """Return the best point of a coarse grid: far off, the search may end in a wrong valley.
+
+        Relative errors decide here: weighted by their deviation, a few lines would.
+        """
+        lines = [line.thinned() for line in self._lines]
+        delays = [self._delay]
+        if "delay" in self._free:
+            delays = np.arange(0.0, LONGEST_DELAY, _START_DELAYS).tolist()
+        best: dict[str, float] = {}
+        best_cost = math.inf
+        for values in self._grid():
+            costs = self._costs(HandleParameters(**values), delays, lines)
+            at = int(np.argmin(costs))
+            if costs[at] < best_cost:
+                best, best_cost = values | {"delay": delays[at]}, costs[at]
+        return self._encoded(best)
+
+    def _grid(self) -> Iterator[dict[str, float]]:
+        """Yield handles around the known one, by field."""
+        known = dict(zip(_HANDLE, astuple(self._known), strict=True))
+        varied = [name for name in ("b_s", "m_h", "k_u", "b_u") if name in self._free]
+        for factors in product(_START_FACTORS, repeat=len(varied)):
+            yield known | {n: known[n] * f for n, f in zip(varied, factors, strict=True)}
+
+    def _costs(
+        self, handle: HandleParameters, delays: Sequence[float], lines: Sequence[_Lines]
+    ) -> FloatArray:
+        """Return the summed squared relative errors for each of several delays."""
+        costs = np.zeros(len(delays))
+        for line in lines:
+            ratio = self._model(handle, 0.0, line) / line.response
+            # A turned phase for the delay: near enough for a start.
+            turns = np.exp(-2j * np.pi * np.outer(delays, line.frequency))
+            costs += np.sum(np.minimum(np.abs(turns * ratio - 1.0), 2.0) ** 2, axis=1)
+        return costs
+
+
+class _Lines:
+    """What is fitted of one response: its lines in the band that have any coherence."""
+
+    def __init__(self, response: FrequencyResponse, band: Band | None) -> None:
+        low, high = band or (0.0, math.inf)
+        used = (response.frequency >= low) & (response.frequency <= high)
+        used &= (response.coherence > 0.0) & (np.abs(response.response) > 0.0)
+        self.frequency = response.frequency[used]
+        self.response = response.response[used]
+        # Where a record without noise gives a coherence of one, rounding is left.
+        smallest = _ROUNDING * np.abs(self.response)
+        self.deviation = np.maximum(response.standard_deviation[used], smallest)
+        self.rate = response.rate
+
+    def thinned(self) -> _Lines:
+        """Return a few of the lines, which a search for a start can do with."""
+        few = object.__new__(_Lines)
+        every = max(1, len(self.frequency) // _START_LINES)
+        few.frequency, few.response = self.frequency[::every], self.response[::every]
+        few.deviation, few.rate = self.deviation[::every], self.rate
+        return few
+
+
+_ROUNDING = 1e-9  # relative
+
+
+def _check(
+    known: HandleParameters, free: Sequence[str], delay: float, low_pass_frequency: float
+) -> None:
+    names = (*_HANDLE, "delay")
+    for name in free:
+        if name not in names:
+            raise ParameterError(f"free = {name!r}: must be among {', '.join(names)}")
+        if name != "delay" and getattr(known, name) == 0.0:
+            raise ParameterError(f"{name} = 0: must be above 0 to be the start of a fit")
+    if not free:
+        raise ParameterError("free = (): must hold at least one parameter")
+    if len(set(free)) < len(free):
+        raise ParameterError(f"free = {', '.join(free)}: must hold each parameter once")
+    if set(_HANDLE) <= set(free):
+        raise ParameterError(
+            "free = all six parameters of the handle: must be at most five, as eq. (3) has only"
+            " five coefficients"
+        )
+    if not EARLIEST_DELAY <= delay <= LONGEST_DELAY:
+        raise ParameterError(
+            f"delay = {delay}: must be from {EARLIEST_DELAY:g} to {LONGEST_DELAY:g} s"
+        )
+    if not (math.isfinite(low_pass_frequency) and low_pass_frequency > 0.0):
+        raise ParameterError(f"low_pass_frequency = {low_pass_frequency}: must be above 0 Hz")

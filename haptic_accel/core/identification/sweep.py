@@ -1,0 +1,252 @@
+"""The force that excites the handle, a logarithmic sine sweep, and the trial that applies it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+
+DROPPED_REPEATS = 1
+"""Repeats at the start that are not evaluated: the handle settles in them (paper)."""
+
+
+@dataclass(frozen=True)
+class SweepParameters(Checked):
+    """The paper's excitation: frequency grows exponentially, amplitude linearly, in time.
+
+    The amplitude is small where the actuator travels far.
+    """
+
+    start_frequency: float = parameter(
+        10.0, "frequency at the start (paper)", unit="Hz", low=0.1, high=100e3
+    )
+    end_frequency: float = parameter(
+        200.0, "frequency at the end (paper)", unit="Hz", low=0.1, high=100e3
+    )
+    duration: float = parameter(2.0, "of one repeat (paper)", unit="s", low=0.1, high=60.0)
+    start_amplitude: float = parameter(
+        0.24, "force at the start (paper)", unit="N", low=0, high=100.0
+    )
+    end_amplitude: float = parameter(
+        1.68, "force at the end (paper)", unit="N", low=0, high=100.0, above=True
+    )
+    repeats: int = parameter(
+        3, "repeats one after the other, of which the first is dropped (paper)", low=3, high=100
+    )
+
+    def __post_init__(self) -> None:
+        """Check all fields, and the two frequencies against each other.
+
+        Raises
+        ------
+        ParameterError
+            Naming the field, its value and what is allowed.
+        """
+        super().__post_init__()
+        if not self.end_frequency > self.start_frequency:
+            raise ParameterError(
+                f"end_frequency = {self.end_frequency:g}: must be above start_frequency"
+                f" = {self.start_frequency:g} Hz"
+            )
+        if self._cycles(self.duration) < 1:
+            raise ParameterError(
+                f"duration = {self.duration:g}: must hold at least one cycle of the sweep,"
+                f" of {self.start_frequency:g} to {self.end_frequency:g} Hz"
+            )
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Start and end frequency, Hz."""
+        return self.start_frequency, self.end_frequency
+
+    @property
+    def _growth(self) -> float:
+        """Time in which the frequency grows by the factor e, s."""
+        return self.duration / math.log(self.end_frequency / self.start_frequency)
+
+    def _cycles(self, time: float) -> float:
+        """How many cycles have passed at a time in s."""
+        return self.start_frequency * self._growth * math.expm1(time / self._growth)
+
+    def _time(self, cycles: float) -> float:
+        """When a number of cycles has passed, s."""
+        return self._growth * math.log1p(cycles / (self.start_frequency * self._growth))
+
+
+def sweep(parameters: SweepParameters, rate: float) -> FloatArray:
+    """Return one repeat of the sweep.
+
+    It ends with its last whole cycle, so that force is zero, without a jump, at both ends and
+    repeats can follow one another; what is left of the duration, less than a cycle, stays zero.
+
+    Parameters
+    ----------
+    parameters : SweepParameters
+    rate : float
+        Samples per second, more than twice the end frequency.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Force, N; n is duration times rate, rounded.
+
+    Raises
+    ------
+    ParameterError
+        The end frequency is not below half the rate.
+    """
+    samples = repeat_samples(parameters, rate)
+    time = np.arange(samples) / rate
+    end = parameters._time(math.floor(parameters._cycles(float(time[-1]))))
+    amplitude = parameters.start_amplitude + (time / parameters.duration) * (
+        parameters.end_amplitude - parameters.start_amplitude
+    )
+    growth = parameters._growth
+    cycles = parameters.start_frequency * growth * np.expm1(time / growth)
+    force = amplitude * np.sin(2 * np.pi * cycles)
+    force[time >= end] = 0.0
+    return np.asarray(force)
+
+
+def excitation(parameters: SweepParameters, rate: float) -> FloatArray:
+    """Return all repeats of the sweep, one after the other.
+
+    Returns
+    -------
+    ndarray, shape (repeats * n,)
+        Force, N.
+
+    Raises
+    ------
+    ParameterError
+        The end frequency is not below half the rate.
+    """
+    return np.tile(sweep(parameters, rate), parameters.repeats)
+
+
+def repeat_samples(parameters: SweepParameters, rate: float) -> int:
+    """Return the number of samples of one repeat.
+
+    Raises
+    ------
+    ParameterError
+        The rate is not a number, or the end frequency is not below half of it.
+    """
+    if not (math.isfinite(rate) and rate > 0):
+        raise ParameterError(f"rate = {rate}: must be above 0 Hz")
+    if not parameters.end_frequency < rate / 2:
+        raise ParameterError(
+            f"end_frequency = {parameters.end_frequency:g}: must be below half the rate,"
+            f" {rate / 2:g} Hz"
+        )
+    return round(parameters.duration * rate)
+
+
+def kept_repeats(values: FloatArray, parameters: SweepParameters, rate: float) -> FloatArray:
+    """Return the part of a recorded signal that is evaluated: all repeats but the first.
+
+    Parameters
+    ----------
+    values : ndarray, shape (m,)
+        Recorded since the first sample of `excitation`; m at least its length.
+
+    Returns
+    -------
+    ndarray, shape ((repeats - 1) * n,)
+        A view.
+
+    Raises
+    ------
+    ParameterError
+        The signal is shorter than the excitation.
+    """
+    samples = repeat_samples(parameters, rate)
+    whole = parameters.repeats * samples
+    if len(values) < whole:
+        raise ParameterError(f"signal: {len(values)} samples, must be at least {whole}")
+    return values[DROPPED_REPEATS * samples : whole]
+
+
+@dataclass(frozen=True)
+class IdentificationTrial:
+    """What one trial recorded; both signals of shape (n,) on the same sampling times.
+
+    Attributes
+    ----------
+    rate : float
+        Samples per second.
+    actuator_force : ndarray
+        As commanded right after each sample was measured, N.
+    handle_acceleration : ndarray
+        As the accelerometer gave it, m/s^2.
+    status : dict
+        The rig's counts of what went beyond a range, by name: all zero in a good trial.
+    """
+
+    rate: float
+    actuator_force: FloatArray
+    handle_acceleration: FloatArray
+    status: dict[str, int]
+
+
+def run_identification(
+    rig: MasterRigParameters | None = None,
+    parameters: SweepParameters | None = None,
+    rate: float = 1000.0,
+    seed: int = 0,
+    trials: int = 1,
+) -> list[IdentificationTrial]:
+    """Excite the simulated handle in lockstep: no clock, the same result every time.
+
+    Each sample the rig is read, then the force applied, which acts until the next; so the
+    acceleration shows it one sample later at the earliest. The arm is silent and the hand rests.
+
+    Parameters
+    ----------
+    rig : MasterRigParameters, optional
+        Table I otherwise.
+    parameters : SweepParameters, optional
+        The paper's otherwise.
+    rate : float
+        Samples per second.
+    seed : int
+        Of the noise; each trial has its own.
+    trials : int
+        How many, each from rest.
+
+    Returns
+    -------
+    list of IdentificationTrial
+
+    Raises
+    ------
+    ParameterError
+        No trial is asked for, or the end frequency is not below half the rate.
+    """
+    if trials < 1:
+        raise ParameterError(f"trials = {trials}: must be at least 1")
+    force = excitation(parameters or SweepParameters(), rate)
+    rig = rig or MasterRigParameters()
+    return [
+        _run(MasterRig(rig, rate, _trial_seed(seed, index)), force, rate)
+        for index in range(trials)
+    ]
+
+
+def _trial_seed(seed: int, trial: int) -> int:
+    """Return a seed such that trials of neighbouring seeds do not share their noise."""
+    return int(np.random.SeedSequence((seed, trial)).generate_state(1)[0])
+
+
+def _run(master: MasterRig, force: FloatArray, rate: float) -> IdentificationTrial:
+    acceleration = np.zeros(len(force))
+    for index, value in enumerate(force.tolist()):
+        master.advance(index / rate)
+        acceleration[index] = master.measure().acceleration
+        master.apply_actuator_force(value)
+    return IdentificationTrial(rate, force, acceleration, master.status())

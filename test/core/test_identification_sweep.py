@@ -1,0 +1,168 @@
+"""The sweep's amplitude, ends and band; the trial that applies it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.identification import (
+    SweepParameters,
+    excitation,
+    kept_repeats,
+    run_identification,
+    sweep,
+)
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+
+RATE = 1000.0
+SHORT = SweepParameters(duration=0.2)
+
+untimed = settings(deadline=None, max_examples=50)
+
+
+@st.composite
+def sweeps(draw: st.DrawFn) -> tuple[SweepParameters, float]:
+    """Any sweep of at least ten cycles, and a rate that can carry it."""
+    start = draw(st.floats(5.0, 50.0))
+    end = start * draw(st.floats(1.5, 20.0))
+    parameters = SweepParameters(
+        start_frequency=start,
+        end_frequency=end,
+        duration=draw(st.floats(10.0 / start, 20.0 / start)),
+        start_amplitude=draw(st.floats(0.1, 1.0)),
+        end_amplitude=draw(st.floats(0.1, 2.0)),
+    )
+    return parameters, end * draw(st.floats(2.1, 10.0))
+
+
+# The force
+
+
+@untimed
+@given(sweeps())
+def test_the_force_stays_within_its_amplitude(case: tuple[SweepParameters, float]) -> None:
+    parameters, rate = case
+    force = sweep(parameters, rate)
+    time = np.arange(len(force)) / rate
+    first, last = parameters.start_amplitude, parameters.end_amplitude
+    amplitude = first + (last - first) * time / parameters.duration
+    assert (np.abs(force) <= amplitude * (1 + 1e-12)).all()
+
+
+@untimed
+@given(sweeps())
+def test_it_is_zero_at_both_ends(case: tuple[SweepParameters, float]) -> None:
+    force = sweep(*case)
+    assert force[0] == 0.0
+    assert force[-1] == 0.0
+
+
+@untimed
+@given(sweeps())
+def test_its_energy_lies_within_the_band(case: tuple[SweepParameters, float]) -> None:
+    parameters, rate = case
+    assume(rate > 3 * parameters.end_frequency)  # room above the band
+    power = np.abs(np.fft.rfft(sweep(parameters, rate))) ** 2
+    frequency = np.fft.rfftfreq(2 * (len(power) - 1), 1 / rate)
+    # An octave part beside the band for what any sudden start and end costs.
+    inside = (frequency > 0.7 * parameters.start_frequency) & (
+        frequency < 1.4 * parameters.end_frequency
+    )
+    assert power[inside].sum() > 0.95 * power.sum()
+
+
+def test_the_frequency_grows_by_equal_ratios_in_equal_times() -> None:
+    parameters = SweepParameters()
+    rate = 100e3
+    force = sweep(parameters, rate)
+    rising = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0)) / rate
+    middle = (rising[1:] + rising[:-1]) / 2
+    expected = 10.0 * 20.0 ** (middle / 2.0)
+    assert 1 / np.diff(rising) == pytest.approx(expected, rel=5e-3)
+
+
+def test_the_papers_sweep_grows_from_0_24_to_1_68_n() -> None:
+    force = sweep(SweepParameters(), RATE)
+    assert len(force) == 2000
+    assert 0.24 < np.abs(force[:100]).max() < 0.24 + 0.72 * 0.1
+    assert np.abs(force[-100:]).max() == pytest.approx(1.68, abs=0.06)
+
+
+def test_repeats_follow_one_another() -> None:
+    one, all_of_them = sweep(SHORT, RATE), excitation(SHORT, RATE)
+    assert (all_of_them == np.concatenate([one, one, one])).all()
+    kept = kept_repeats(all_of_them, SHORT, RATE)
+    assert (kept == np.concatenate([one, one])).all()
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        (
+            {"start_frequency": 200.0, "end_frequency": 100.0},
+            "^end_frequency = 100: must be above start_frequency = 200 Hz$",
+        ),
+        (
+            {"start_frequency": 200.0},
+            "^end_frequency = 200: must be above start_frequency = 200 Hz$",
+        ),
+        (
+            {"start_frequency": 0.5, "end_frequency": 1.0, "duration": 1.0},
+            "^duration = 1: must hold at least one cycle of the sweep, of 0.5 to 1 Hz$",
+        ),
+        ({"repeats": 2}, "^repeats = 2: must be a whole number, from 3 to 100$"),
+        ({"end_amplitude": 0.0}, "^end_amplitude = 0.0: must be above 0 to 100 N$"),
+        ({"duration": math.nan}, "^duration = nan: must be from 0.1 to 60 s$"),
+    ],
+)
+def test_an_impossible_sweep_is_refused(fields: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        SweepParameters(**fields)
+
+
+def test_a_rate_that_cannot_carry_the_sweep_is_refused() -> None:
+    message = "^end_frequency = 200: must be below half the rate, 200 Hz$"
+    with pytest.raises(ParameterError, match=message):
+        sweep(SweepParameters(), 400.0)
+    with pytest.raises(ParameterError, match="^rate = nan: must be above 0 Hz$"):
+        sweep(SweepParameters(), math.nan)
+
+
+def test_a_signal_shorter_than_the_excitation_is_refused() -> None:
+    with pytest.raises(ParameterError, match="^signal: 599 samples, must be at least 600$"):
+        kept_repeats(np.zeros(599), SHORT, RATE)
+
+
+# The trial
+
+
+def test_a_force_is_seen_one_sample_later(ideal_master: MasterRigParameters) -> None:
+    (trial,) = run_identification(ideal_master, SHORT)
+    first = int(np.flatnonzero(trial.actuator_force)[0])
+    assert np.abs(trial.handle_acceleration[: first + 1]).max() < 1e-7
+    assert abs(trial.handle_acceleration[first + 1]) > 0.01
+
+
+def test_the_papers_sweep_keeps_clear_of_the_stops() -> None:
+    (trial,) = run_identification()
+    assert not any(trial.status.values())
+    assert np.abs(trial.handle_acceleration).max() < 20.0
+
+
+def test_trials_differ_in_noise_alone_and_repeat_with_their_seed() -> None:
+    first, second = run_identification(parameters=SHORT, seed=3, trials=2)
+    again, _ = run_identification(parameters=SHORT, seed=3, trials=2)
+    assert (first.handle_acceleration == again.handle_acceleration).all()
+    difference = first.handle_acceleration - second.handle_acceleration
+    noise = MasterRigParameters().accelerometer.noise
+    assert difference.std() == pytest.approx(math.sqrt(2) * noise, rel=0.15)
+
+
+def test_no_trial_is_refused() -> None:
+    with pytest.raises(ParameterError, match="^trials = 0: must be at least 1$"):
+        run_identification(trials=0)
