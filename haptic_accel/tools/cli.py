@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.identification import SweepParameters
+from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.startup.process import INTERRUPTED, WRONG_ARGUMENTS
-from haptic_accel.tools import bench, doctor, experiment, lockstep, soak, teleop
+from haptic_accel.tools import bench, doctor, experiment, identify, lockstep, soak, teleop
 
 T = TypeVar("T")
 Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -35,6 +36,7 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB")
     _add_teleop(verbs)
     _add_experiment(verbs)
+    _add_identify(verbs)
     _add_bench(verbs)
     _add_doctor(verbs)
     return parser
@@ -83,6 +85,43 @@ def _add_experiment(verbs: Verbs) -> None:
             [*arguments.words, *([f"rig:={arguments.rig}"] if arguments.rig else [])],
             seeds=arguments.seeds,
             lockstep=arguments.lockstep,
+            json_file=arguments.json,
+            out=arguments.out,
+        )
+    )
+
+
+def _add_identify(verbs: Verbs) -> None:
+    verb = verbs.add_parser(
+        "identify",
+        help="find the handle's parameters with the paper's sweep",
+        description="Excite the handle with the paper's sweep, fit its model, and write a"
+        " parameter file for config:=FILE, with the paper's figures 4 and 5.",
+    )
+    _take_words(verb)
+    verb.add_argument("--lockstep", action="store_true", help="without ROS, simulated handle")
+    verb.add_argument("--trials", type=int, default=4, help="pooled in the fit (default: 4)")
+    for name, (default, given) in schema(SweepParameters).items():
+        unit = f", {given.unit}" if given.unit else ""
+        verb.add_argument(
+            f"--{name.replace('_', '-')}",
+            type=type(default),
+            default=default,
+            metavar="N",
+            help=f"{given.text}{unit} (default: {default:g})",
+        )
+    verb.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
+    verb.add_argument(
+        "--out", type=Path, metavar="FOLDER", help="of what is written (default: results/<time>)"
+    )
+    verb.set_defaults(
+        run=lambda arguments: identify.identify(
+            arguments.words,
+            lockstep=arguments.lockstep,
+            trials=arguments.trials,
+            sweep=SweepParameters(
+                **{name: getattr(arguments, name) for name in schema(SweepParameters)}
+            ),
             json_file=arguments.json,
             out=arguments.out,
         )

@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.identification import (
+    DEFAULT_FREE,
+    MOUNT,
     FrequencyResponse,
     HandleFit,
     SweepParameters,
@@ -25,7 +27,7 @@ from haptic_accel.core.identification import (
 )
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.rig.master_rig import MasterRigParameters, StructureParameters
 
 RATE = 1000.0
 SWEEP = SweepParameters()
@@ -190,7 +192,11 @@ def test_a_model_that_lacks_something_shows_in_the_residual() -> None:
     ("arguments", "message"),
     [
         ({"free": ()}, r"^free = \(\): must hold at least one parameter$"),
-        ({"free": ("m",)}, "^free = 'm': must be among m_a, k_s, b_s, m_h, k_u, b_u, delay$"),
+        (
+            {"free": ("m",)},
+            "^free = 'm': must be among m_a, k_s, b_s, m_h, k_u, b_u, mount_frequency,"
+            " mount_damping, delay$",
+        ),
         ({"free": ("m_h", "m_h")}, "^free = m_h, m_h: must hold each parameter once$"),
         (
             {"free": ("m_a", "k_s", "b_s", "m_h", "k_u", "b_u")},
@@ -240,3 +246,26 @@ def test_what_cannot_be_approximated_is_refused() -> None:
         approximate_model(TABLE_I, (200.0, 15.0))
     with pytest.raises(ParameterError, match="^phase_weight = nan: must be from 0 to 100$"):
         approximate_model(TABLE_I, phase_weight=math.nan)
+
+
+@pytest.mark.parametrize("frequency", [180.0, 300.0])
+def test_the_accelerometers_mount_is_found_with_the_handle(frequency: float) -> None:
+    mount = StructureParameters(frequency=frequency, damping=0.13)
+    rig = MasterRigParameters(structure=mount)
+    parameters = SweepParameters(end_frequency=450.0)
+    (trial,) = run_identification(rig, parameters, RATE, seed=4)
+    response = dft_ratio(
+        kept_repeats(trial.actuator_force, parameters, RATE),
+        kept_repeats(trial.handle_acceleration, parameters, RATE),
+        RATE,
+        parameters.band,
+    )
+    start = StructureParameters(frequency=250.0, damping=0.2)
+    found = fit_handle(response, free=(*DEFAULT_FREE, *MOUNT), mount=start)
+    assert found.mount.frequency == pytest.approx(frequency, rel=0.01)
+    assert found.mount.damping == pytest.approx(0.13, rel=0.02)
+    assert found.handle.m_h == pytest.approx(0.128, rel=0.02)
+    assert found.handle.k_u == pytest.approx(1500.0, rel=0.02)
+    assert found.delay == pytest.approx(0.0, abs=20e-6)
+    # Without the mode nothing fits.
+    assert fit_handle(response).residual > 10 * found.residual

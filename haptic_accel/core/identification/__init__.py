@@ -10,7 +10,13 @@ from haptic_accel.core.identification.estimate import (
     h1,
     h2,
 )
-from haptic_accel.core.identification.fit import HandleFit, fit_handle, sampled_response
+from haptic_accel.core.identification.fit import (
+    DEFAULT_FREE,
+    MOUNT,
+    HandleFit,
+    fit_handle,
+    sampled_response,
+)
 from haptic_accel.core.identification.sweep import (
     IdentificationTrial,
     SweepParameters,
@@ -21,6 +27,8 @@ from haptic_accel.core.identification.sweep import (
 )
 
 __all__ = [
+    "DEFAULT_FREE",
+    "MOUNT",
     "DiscreteModel",
     "FrequencyResponse",
     "HandleFit",

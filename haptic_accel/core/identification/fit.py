@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ import numpy.typing as npt
 from haptic_accel.core.identification.estimate import Band, FrequencyResponse
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.rig.master_rig import StructureParameters
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -32,9 +33,18 @@ LONGEST_DELAY = 0.01
 EARLIEST_DELAY = -0.001
 """Smallest delay that is looked for, s: the acceleration may be sampled after its stamp."""
 
+MOUNT = ("mount_frequency", "mount_damping")
+"""What else can be fitted: the mode of the accelerometer's mount."""
+
+RIGID = StructureParameters()
+"""A mount without a mode."""
+
 _HANDLE = tuple(field.name for field in fields(HandleParameters))
+_VARIED: tuple[str, ...] = ("b_s", "m_h", "k_u", "b_u")  # at the start of the search
 _DELAY_UNIT = 1e-3  # s; makes the fitted number of order one
 _REACH = math.log(1e3)  # a parameter is looked for within this factor of its start
+_MOUNT_BOUNDS = {"mount_frequency": (20.0, 2000.0), "mount_damping": (0.011, 1.9)}  # Hz, 1
+_MOUNT_FACTORS = (0.7, 1.0, 1.4)  # of its frequency at the start
 _START_FACTORS = (0.3, 1.0, 3.0)  # of the grip: stiffness and damping vary that much in people
 _START_DELAYS = 2.5e-4  # s, apart: a sixth of a turn at 200 Hz would be 8e-4
 _START_LINES = 40  # of a response that the search for a start looks at
@@ -48,6 +58,8 @@ class HandleFit:
     ----------
     handle : HandleParameters
         Fitted and known parameters.
+    mount : StructureParameters
+        Of the accelerometer, fitted or known.
     delay : float
         Beside the hold and the accelerometer's low-pass, s. In lockstep, where a force acts
         right after the sample that it was computed from, it is 0.
@@ -68,6 +80,7 @@ class HandleFit:
     """
 
     handle: HandleParameters
+    mount: StructureParameters
     delay: float
     standard_errors: dict[str, float]
     residual: float
@@ -79,7 +92,13 @@ class HandleFit:
     def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
         """Return the fitted response at frequencies in Hz, for signals sampled at a rate."""
         return sampled_response(
-            self.handle, frequency, rate, self.delay, self.low_pass_frequency, hold=self.hold
+            self.handle,
+            frequency,
+            rate,
+            self.delay,
+            self.low_pass_frequency,
+            hold=self.hold,
+            mount=self.mount,
         )
 
 
@@ -91,6 +110,7 @@ def fit_handle(
     delay: float = 0.0,
     low_pass_frequency: float = ACCELEROMETER_CORNER,
     hold: bool = True,
+    mount: StructureParameters = RIGID,
     band: Band | None = None,
 ) -> HandleFit:
     """Fit eq. (3) of the paper, with delay, hold and low-pass, to one or more responses.
@@ -105,13 +125,16 @@ def fit_handle(
     known : HandleParameters, optional
         Values of what is not free, and where the search starts; Table I otherwise.
     free : sequence of str
-        What is fitted: fields of `HandleParameters`, at most five, and ``"delay"``.
+        What is fitted: fields of `HandleParameters`, at most five, ``"delay"``, and of the mount
+        ``"mount_frequency"`` and ``"mount_damping"``.
     delay : float
         The delay where it is not free, s.
     low_pass_frequency : float
         Corner of the accelerometer's first-order low-pass, Hz.
     hold : bool
         Whether the force is held from one sample to the next, as a converter does.
+    mount : StructureParameters
+        Of the accelerometer, where it is not free, and where the search starts; rigid otherwise.
     band : tuple of float, optional
         Frequencies to use, Hz; all otherwise.
 
@@ -127,9 +150,9 @@ def fit_handle(
     known = known or HandleParameters()
     if isinstance(responses, FrequencyResponse):
         responses = [responses]
-    _check(known, free, delay, low_pass_frequency)
-    problem = _Problem(responses, known, tuple(free), delay, low_pass_frequency, hold, band)
-    return problem.solve()
+    start = _Point(known, mount, delay)
+    _check(start, free, low_pass_frequency)
+    return _Problem(responses, start, tuple(free), low_pass_frequency, hold, band).solve()
 
 
 def sampled_response(
@@ -140,6 +163,7 @@ def sampled_response(
     low_pass_frequency: float = ACCELEROMETER_CORNER,
     *,
     hold: bool = True,
+    mount: StructureParameters = RIGID,
 ) -> ComplexArray:
     """Response of sampled acceleration to actuator force, behind delay and low-pass.
 
@@ -160,6 +184,8 @@ def sampled_response(
     hold : bool
         Whether the force is held from one sample to the next; otherwise the response of the
         continuous system.
+    mount : StructureParameters
+        Of the accelerometer.
 
     Returns
     -------
@@ -170,8 +196,9 @@ def sampled_response(
     if not hold:
         low_pass = 1.0 + 1j * frequency / low_pass_frequency
         lag = np.exp(-2j * np.pi * frequency * delay)
-        return np.asarray(handle_model(handle).response(frequency) * lag / low_pass)
-    a, b = _mechanics(handle, low_pass_frequency)
+        followed = _mount_response(mount, frequency)
+        return np.asarray(handle_model(handle).response(frequency) * followed * lag / low_pass)
+    a, b = _mechanics(handle, low_pass_frequency, mount)
     late = math.ceil(delay * rate)  # whole samples until the force is first seen
     over, step = _held(a, b, 1.0 / rate)
     # A force held from sample m acts from then plus the delay: at each later sample what remains
@@ -186,22 +213,42 @@ def sampled_response(
     return np.asarray(seen * z**-late)
 
 
-def _mechanics(handle: HandleParameters, corner: float) -> tuple[FloatArray, FloatArray]:
+def _mount_response(mount: StructureParameters, frequency: FloatArray) -> ComplexArray:
+    """Return acceleration of the accelerometer over that of the handle."""
+    if not mount.frequency:
+        return np.ones(len(frequency), dtype=np.complex128)
+    ratio = frequency / mount.frequency
+    passed = 1.0 + 2j * mount.damping * ratio
+    return np.asarray(passed / (passed - ratio**2))
+
+
+def _mechanics(
+    handle: HandleParameters, corner: float, mount: StructureParameters
+) -> tuple[FloatArray, FloatArray]:
     """Return A and B of eq. (1) and (2) with the hand at rest; the last state is the output.
 
-    States: actuator's position and velocity, handle's position and velocity, acceleration behind
-    the low-pass.
+    States: actuator's position and velocity, handle's, mount's if it is not rigid, acceleration
+    behind the low-pass.
     """
     h = handle
-    a = np.zeros((5, 5))
+    states = 7 if mount.frequency else 5
+    a, b = np.zeros((states, states)), np.zeros(states)
     a[0, 1] = a[2, 3] = 1.0
-    bearing = np.array([h.k_s, h.b_s, -h.k_s, -h.b_s, 0.0])
-    grip = np.array([0.0, 0.0, h.k_u, h.b_u, 0.0])
+    bearing, grip = np.zeros(states), np.zeros(states)
+    bearing[:4] = h.k_s, h.b_s, -h.k_s, -h.b_s
+    grip[2:4] = h.k_u, h.b_u
     a[1], a[3] = -bearing / h.m_a, (bearing - grip) / h.m_h
-    b = np.array([0.0, -1.0 / h.m_a, 0.0, 1.0 / h.m_h, 0.0])
+    b[1], b[3] = -1.0 / h.m_a, 1.0 / h.m_h
+    sensed = 3
+    if mount.frequency:
+        omega = 2 * np.pi * mount.frequency
+        damping = 2 * mount.damping * omega
+        a[4, 5] = 1.0
+        a[5, 2:6] = omega**2, damping, -(omega**2), -damping
+        sensed = 5
     omega = 2 * np.pi * corner
-    a[4], b[4] = omega * a[3], omega * b[3]
-    a[4, 4] = -omega
+    a[-1], b[-1] = omega * a[sensed], omega * b[sensed]
+    a[-1, -1] = -omega
     return a, b
 
 
@@ -216,20 +263,45 @@ def _held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatA
     return transition[:states, :states], transition[:states, states]
 
 
+@dataclass(frozen=True)
+class _Point:
+    """All that a response depends on."""
+
+    handle: HandleParameters
+    mount: StructureParameters
+    delay: float
+
+    def value(self, name: str) -> float:
+        if name == "delay":
+            return self.delay
+        if name in MOUNT:
+            return float(getattr(self.mount, name.removeprefix("mount_")))
+        return float(getattr(self.handle, name))
+
+    def replaced(self, values: dict[str, float]) -> _Point:
+        """Return the point with other values of what is named."""
+        handle = {n: v for n, v in values.items() if n in _HANDLE}
+        mount = {n.removeprefix("mount_"): v for n, v in values.items() if n in MOUNT}
+        return _Point(
+            replace(self.handle, **handle),
+            replace(self.mount, **mount),
+            values.get("delay", self.delay),
+        )
+
+
 class _Problem:
     """The residuals as a function of what is free."""
 
     def __init__(
         self,
         responses: Sequence[FrequencyResponse],
-        known: HandleParameters,
+        known: _Point,
         free: tuple[str, ...],
-        delay: float,
         low_pass_frequency: float,
         hold: bool,
         band: Band | None,
     ) -> None:
-        self._known, self._free, self._delay = known, free, delay
+        self._known, self._free = known, free
         self._low_pass_frequency, self._hold = low_pass_frequency, hold
         self._lines = [_Lines(response, band) for response in responses]
         count = sum(len(lines.frequency) for lines in self._lines)
@@ -245,21 +317,22 @@ class _Problem:
         if {"b_s", "b_u"} <= set(self._free):
             other = self._searched(self._mirrored(found.x))
             found = other if other.cost < found.cost else found
-        handle, delay = self._decoded(found.x)
+        point = self._decoded(found.x)
         jacobian = np.asarray(found.jac)
         count = len(found.fun)
         variance = 2.0 * found.cost / (count - len(self._free))
         covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
         errors = dict(zip(self._free, np.sqrt(np.diag(covariance)).tolist(), strict=True))
         return HandleFit(
-            handle=handle,
-            delay=delay,
+            handle=point.handle,
+            mount=point.mount,
+            delay=point.delay,
             standard_errors={
-                name: error * (_DELAY_UNIT if name == "delay" else getattr(handle, name))
+                name: error * (_DELAY_UNIT if name == "delay" else point.value(name))
                 for name, error in errors.items()
             },
             residual=math.sqrt(2.0 * found.cost / count),
-            relative_residual=self._relative(handle, delay),
+            relative_residual=self._relative(point),
             band=(
                 min(float(lines.frequency[0]) for lines in self._lines),
                 max(float(lines.frequency[-1]) for lines in self._lines),
@@ -277,6 +350,10 @@ class _Problem:
         if "delay" in self._free:
             at = self._free.index("delay")
             low[at], high[at] = EARLIEST_DELAY / _DELAY_UNIT, LONGEST_DELAY / _DELAY_UNIT
+        for name, bounds in _MOUNT_BOUNDS.items():
+            if name in self._free:
+                at = self._free.index(name)
+                low[at], high[at] = np.log(bounds)
 
         def residuals(point: FloatArray) -> FloatArray:
             return self._residuals(point, self._lines)
@@ -290,48 +367,50 @@ class _Problem:
         b_u + (1 + m_h/m_a) b_s and that of s^2 only b_u b_s: two solutions, between which only
         the coefficients that fade above 10 Hz decide. The search may have found the wrong one.
         """
-        handle, _ = self._decoded(point)
+        handle = self._decoded(point).handle
         ratio = 1.0 + handle.m_h / handle.m_a
         mirrored = point.copy()
         mirrored[self._free.index("b_s")] = math.log(handle.b_u / ratio)
         mirrored[self._free.index("b_u")] = math.log(handle.b_s * ratio)
         return mirrored
 
-    def _decoded(self, point: FloatArray) -> tuple[HandleParameters, float]:
-        values = dict(zip(_HANDLE, astuple(self._known), strict=True))
-        delay = self._delay
-        for name, value in zip(self._free, point.tolist(), strict=True):
-            if name == "delay":
-                delay = value * _DELAY_UNIT
-            else:
-                values[name] = math.exp(value)
-        return HandleParameters(**values), delay
+    def _decoded(self, point: FloatArray) -> _Point:
+        values = {
+            name: value * _DELAY_UNIT if name == "delay" else math.exp(value)
+            for name, value in zip(self._free, point.tolist(), strict=True)
+        }
+        return self._known.replaced(values)
 
-    def _encoded(self, values: dict[str, float]) -> FloatArray:
+    def _encoded(self, point: _Point) -> FloatArray:
         return np.array(
             [
-                values[name] / _DELAY_UNIT if name == "delay" else math.log(values[name])
+                point.value(name) / _DELAY_UNIT if name == "delay" else math.log(point.value(name))
                 for name in self._free
             ]
         )
 
     def _residuals(self, point: FloatArray, lines: Sequence[_Lines]) -> FloatArray:
-        handle, delay = self._decoded(point)
+        decoded = self._decoded(point)
         parts = []
         for line in lines:
-            error = (self._model(handle, delay, line) - line.response) / line.deviation
+            error = (self._model(decoded, line) - line.response) / line.deviation
             parts += [error.real, error.imag]
         return np.concatenate(parts)
 
-    def _model(self, handle: HandleParameters, delay: float, lines: _Lines) -> ComplexArray:
+    def _model(self, point: _Point, lines: _Lines) -> ComplexArray:
         return sampled_response(
-            handle, lines.frequency, lines.rate, delay, self._low_pass_frequency, hold=self._hold
+            point.handle,
+            lines.frequency,
+            lines.rate,
+            point.delay,
+            self._low_pass_frequency,
+            hold=self._hold,
+            mount=point.mount,
         )
 
-    def _relative(self, handle: HandleParameters, delay: float) -> float:
+    def _relative(self, point: _Point) -> float:
         errors = [
-            np.abs(self._model(handle, delay, lines) / lines.response - 1.0) ** 2
-            for lines in self._lines
+            np.abs(self._model(point, lines) / lines.response - 1.0) ** 2 for lines in self._lines
         ]
         return float(np.sqrt(np.mean(np.concatenate(errors))))
 
@@ -341,32 +420,35 @@ class _Problem:
         Relative errors decide here: weighted by their deviation, a few lines would.
         """
         lines = [line.thinned() for line in self._lines]
-        delays = [self._delay]
+        delays = [self._known.delay]
         if "delay" in self._free:
             delays = np.arange(0.0, LONGEST_DELAY, _START_DELAYS).tolist()
-        best: dict[str, float] = {}
-        best_cost = math.inf
-        for values in self._grid():
-            costs = self._costs(HandleParameters(**values), delays, lines)
+        best, best_cost = self._known, math.inf
+        for point in self._grid():
+            costs = self._costs(point, delays, lines)
             at = int(np.argmin(costs))
             if costs[at] < best_cost:
-                best, best_cost = values | {"delay": delays[at]}, costs[at]
+                best, best_cost = point.replaced({"delay": delays[at]}), costs[at]
         return self._encoded(best)
 
-    def _grid(self) -> Iterator[dict[str, float]]:
-        """Yield handles around the known one, by field."""
-        known = dict(zip(_HANDLE, astuple(self._known), strict=True))
-        varied = [name for name in ("b_s", "m_h", "k_u", "b_u") if name in self._free]
-        for factors in product(_START_FACTORS, repeat=len(varied)):
-            yield known | {n: known[n] * f for n, f in zip(varied, factors, strict=True)}
+    def _grid(self) -> Iterator[_Point]:
+        """Yield points around the known one."""
+        known = self._known
+        varied = [name for name in _VARIED if name in self._free]
+        choices = [_START_FACTORS] * len(varied)
+        if "mount_frequency" in self._free:
+            varied, choices = [*varied, "mount_frequency"], [*choices, _MOUNT_FACTORS]
+        for factors in product(*choices):
+            pairs = zip(varied, factors, strict=True)
+            yield known.replaced({name: known.value(name) * factor for name, factor in pairs})
 
     def _costs(
-        self, handle: HandleParameters, delays: Sequence[float], lines: Sequence[_Lines]
+        self, point: _Point, delays: Sequence[float], lines: Sequence[_Lines]
     ) -> FloatArray:
         """Return the summed squared relative errors for each of several delays."""
         costs = np.zeros(len(delays))
         for line in lines:
-            ratio = self._model(handle, 0.0, line) / line.response
+            ratio = self._model(point.replaced({"delay": 0.0}), line) / line.response
             # A turned phase for the delay: near enough for a start.
             turns = np.exp(-2j * np.pi * np.outer(delays, line.frequency))
             costs += np.sum(np.minimum(np.abs(turns * ratio - 1.0), 2.0) ** 2, axis=1)
@@ -399,14 +481,12 @@ class _Lines:
 _ROUNDING = 1e-9  # relative
 
 
-def _check(
-    known: HandleParameters, free: Sequence[str], delay: float, low_pass_frequency: float
-) -> None:
-    names = (*_HANDLE, "delay")
+def _check(start: _Point, free: Sequence[str], low_pass_frequency: float) -> None:
+    names = (*_HANDLE, *MOUNT, "delay")
     for name in free:
         if name not in names:
             raise ParameterError(f"free = {name!r}: must be among {', '.join(names)}")
-        if name != "delay" and getattr(known, name) == 0.0:
+        if name != "delay" and start.value(name) == 0.0:
             raise ParameterError(f"{name} = 0: must be above 0 to be the start of a fit")
     if not free:
         raise ParameterError("free = (): must hold at least one parameter")
@@ -417,9 +497,9 @@ def _check(
             "free = all six parameters of the handle: must be at most five, as eq. (3) has only"
             " five coefficients"
         )
-    if not EARLIEST_DELAY <= delay <= LONGEST_DELAY:
+    if not EARLIEST_DELAY <= start.delay <= LONGEST_DELAY:
         raise ParameterError(
-            f"delay = {delay}: must be from {EARLIEST_DELAY:g} to {LONGEST_DELAY:g} s"
+            f"delay = {start.delay}: must be from {EARLIEST_DELAY:g} to {LONGEST_DELAY:g} s"
         )
     if not (math.isfinite(low_pass_frequency) and low_pass_frequency > 0.0):
         raise ParameterError(f"low_pass_frequency = {low_pass_frequency}: must be above 0 Hz")
