@@ -76,8 +76,8 @@ LARGEST_SHIFT = 0.2
 """How far from the grid a timer may aim, periods; `RateKeeper.tick` takes a quarter."""
 
 LONGEST_RUN = 1_000_000
-"""How long a real-time thread may run without a pause, us, before the kernel ends its process: a
-fault in a node must not take the machine away from its user."""
+"""How long a real-time thread may run without a pause, us, before the kernel ends its process
+(with SIGXCPU): a fault in a node must not take the machine away from its user."""
 
 SLEEPS, SLEEP = 20, 1e-3
 """How many sleeps, of how many s each, tell what waking a thread takes."""
@@ -85,20 +85,6 @@ SLEEPS, SLEEP = 20, 1e-3
 FORCE_PRIORITY = 40
 """Real-time priority of nodes that make forces: the same for all, so that none interrupts
 another, and below the kernel's own threads at 50."""
-
-LONGEST_RUN = 1_000_000
-"""How long a real-time thread may run without a pause, us, before the kernel ends its process: a
-fault in a node must not take the machine away from its user."""
-
-SLEEPS, SLEEP = 20, 1e-3
-"""How many sleeps, of how many s each, tell what waking a thread takes."""
-
-FORCE_PRIORITY = 40
-"""Real-time priority of nodes that make forces: the same for all, so that none interrupts
-another, and below the kernel's own threads at 50."""
-
-RECORDER_PRIORITY = 20
-"""Below the forces, above everything that can wait."""
 
 TEARDOWN = 3
 """Time that the middleware has for its own end, s."""
@@ -366,7 +352,7 @@ def ask_for_realtime() -> bool:
     if os.environ.get(REALTIME) == "no" or not hasattr(os, "sched_setscheduler"):
         return False
     try:
-        resource.setrlimit(resource.RLIMIT_RTTIME, (LONGEST_RUN, LONGEST_RUN))
+        resource.setrlimit(resource.RLIMIT_RTTIME, (LONGEST_RUN, 2 * LONGEST_RUN))
         for thread in os.listdir("/proc/self/task"):
             os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(FORCE_PRIORITY))
     except OSError:

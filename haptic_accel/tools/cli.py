@@ -46,6 +46,10 @@ def _take_words(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("words", nargs="*", metavar="key:=value", help="arguments of the graph")
 
 
+def _take_json(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
+
+
 def _add_teleop(verbs: Verbs) -> None:
     verb = verbs.add_parser(
         "teleop",
@@ -76,7 +80,7 @@ def _add_experiment(verbs: Verbs) -> None:
     verb.add_argument(
         "--seeds", type=int, default=1, help="users and pieces of material, each in lockstep"
     )
-    verb.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
+    _take_json(verb)
     verb.add_argument(
         "--out", type=Path, metavar="FOLDER", help="of the report (default: results/<time>)"
     )
@@ -110,7 +114,7 @@ def _add_identify(verbs: Verbs) -> None:
             metavar="N",
             help=f"{given.text}{unit} (default: {default:g})",
         )
-    verb.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
+    _take_json(verb)
     verb.add_argument(
         "--out", type=Path, metavar="FOLDER", help="of what is written (default: results/<time>)"
     )
@@ -212,7 +216,7 @@ def _add_bench(verbs: Verbs) -> None:
             default=seconds,
             help=f"length of each measurement (default: {seconds:g})",
         )
-        kind.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
+        _take_json(kind)
 
 
 def _numbers(kind: Callable[[str], T]) -> Callable[[str], list[T]]:
@@ -236,7 +240,7 @@ def _add_doctor(verbs: Verbs) -> None:
         " measure how late a 1 kHz timer is. Changes nothing.",
     )
     verb.add_argument("--seconds", type=float, default=5.0, help="to measure (default: 5)")
-    verb.add_argument("--json", type=Path, metavar="FILE", help="write the findings as JSON")
+    _take_json(verb)
     verb.set_defaults(run=lambda arguments: doctor.doctor(arguments.seconds, arguments.json))
 
 
