@@ -347,22 +347,35 @@ def bench_sweep(
     plan = list(dict.fromkeys([(rate, 1) for rate in rates] + [(KILOHERTZ, n) for n in pairs]))
     _check_pairs(max(pairs))
     rows: list[Figures] = []
+    not_run: list[Figures] = []
     status = DONE
-    try:
-        with StopOnSignal() as stop:
-            for index, (rate, count) in enumerate(plan):
-                _say(f"{index + 1} of {len(plan)}: {count} x {rate:g} Hz, {seconds:g} s")
+    with StopOnSignal() as stop:
+        for index, (rate, count) in enumerate(plan):
+            _say(f"{index + 1} of {len(plan)}: {count} x {rate:g} Hz, {seconds:g} s")
+            try:
                 figures = measure(_arguments(words, rate, seconds), count, "events", stop)
-                rows.append({"rate_hz": rate, "pairs": count, **figures})
-                rows[-1]["late_share"] = _late_share(rows[-1])
-    except StoppedError as reason:
-        status = reason.status
+            except StoppedError as reason:
+                status = reason.status
+                if status == INTERRUPTED:
+                    break
+                # More than the machine can do is an outcome; what comes after may be less.
+                not_run.append({"rate_hz": rate, "pairs": count})
+                continue
+            rows.append({"rate_hz": rate, "pairs": count, **figures})
+            rows[-1]["late_share"] = _late_share(rows[-1])
     if rows:
         out.mkdir(parents=True, exist_ok=True)
         _draw(rows).savefig(out / "sweep.png", dpi=120)
         Console().print(_sweep_table(rows))
         print(f"figure: {out / 'sweep.png'}")
-        save({"seconds": seconds, "rate_held_hz": _rate_held(rows), "rows": rows}, json_file)
+        for row in not_run:
+            print(f"could not be run: {row['pairs']} x {row['rate_hz']:g} Hz")
+        held = _rate_held(rows)
+        save(
+            {"seconds": seconds, "rate_held_hz": held, "rows": rows, "not_run": not_run},
+            json_file,
+        )
+        status = INTERRUPTED if status == INTERRUPTED else DONE
     return status
 
 
