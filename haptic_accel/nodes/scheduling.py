@@ -11,7 +11,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 import rclpy
@@ -354,7 +354,8 @@ def ask_for_realtime() -> bool:
     try:
         resource.setrlimit(resource.RLIMIT_RTTIME, (LONGEST_RUN, 2 * LONGEST_RUN))
         for thread in os.listdir("/proc/self/task"):
-            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(FORCE_PRIORITY))
+            with suppress(ProcessLookupError):  # one that has just ended
+                os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(FORCE_PRIORITY))
     except OSError:
         return False
     return True

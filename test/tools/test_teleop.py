@@ -10,6 +10,8 @@ import sys
 import time
 import wave
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -261,11 +263,18 @@ def test_what_makes_forces_is_real_time_where_that_is_allowed(
     expected = os.SCHED_FIFO if wanted and realtime_is_allowed() else os.SCHED_OTHER
     nodes = nodes_of(domain)
     for name, process in nodes.items():
-        threads = [int(thread) for thread in os.listdir(f"/proc/{process}/task")]
-        classes = {os.sched_getscheduler(thread) for thread in threads}
         # Writing to the disk can wait.
-        assert classes == {os.SCHED_OTHER if name == "recorder" else expected}, name
+        wanted_class = os.SCHED_OTHER if name == "recorder" else expected
+        wait_until(partial(runs_as, process, wanted_class), f"{name} is scheduled as it should be")
     assert command.end(signal.SIGINT) == 0, command.text
+
+
+def runs_as(process: int, scheduling_class: int) -> bool:
+    """Whether all threads of a process are scheduled in one way."""
+    threads = os.listdir(f"/proc/{process}/task")
+    with suppress(ProcessLookupError):  # a thread that has just ended
+        return {os.sched_getscheduler(int(thread)) for thread in threads} == {scheduling_class}
+    return False
 
 
 def realtime_is_allowed() -> bool:
