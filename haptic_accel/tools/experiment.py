@@ -168,9 +168,9 @@ def experiment(
     for planned in plan:
         graph(planned)  # everything that can be wrong is found before anything runs
     folder = out or Path("results") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
-    _make_folder(folder)
+    make_folder(folder)
     if json_file:
-        _check_writable(json_file)
+        check_writable(json_file)
     done: list[Condition] = []
     status = DONE
     console = Console()
@@ -435,7 +435,14 @@ def _defined(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _make_folder(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
+    """Make the folder of a report.
+
+    Raises
+    ------
+    ParameterError
+        It exists already or cannot be made.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=False)
     except FileExistsError:
@@ -444,7 +451,14 @@ def _make_folder(folder: Path) -> None:
         raise ParameterError(f"out = '{folder}': {error.strerror}") from None
 
 
-def _check_writable(file: Path) -> None:
+def check_writable(file: Path) -> None:
+    """Refuse a file that cannot be written, before anything runs for it.
+
+    Raises
+    ------
+    ParameterError
+        Naming the file and the reason.
+    """
     try:
         file.open("a", encoding="utf-8").close()
     except OSError as error:

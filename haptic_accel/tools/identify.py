@@ -47,6 +47,7 @@ from haptic_accel.core.rig.master_rig import MasterRigParameters, StructureParam
 from haptic_accel.startup.arguments import parse_arguments
 from haptic_accel.startup.graph import graph_parameters, rig_parameters
 from haptic_accel.startup.process import DONE, FAILED
+from haptic_accel.tools.experiment import check_writable, make_folder
 
 ORDER = 7
 """Of the discrete model: eq. (3) has 4, the accelerometer 1, its mount 2."""
@@ -131,6 +132,10 @@ def identify(
     arguments = parse_arguments(words)
     parameters = rig_parameters(graph_parameters(arguments)).master
     rig = _of_one_user(parameters, arguments.seed)
+    folder = out or Path("results") / f"identify_{datetime.now():%Y-%m-%d_%H-%M-%S}"
+    make_folder(folder)
+    if json_file:
+        check_writable(json_file)
     recorded = run_identification(rig, sweep, arguments.rate, arguments.seed, trials)
     try:
         found = evaluate(recorded, sweep, rig.accelerometer.range, rig.accelerometer.bandwidth)
@@ -140,32 +145,36 @@ def identify(
     # Not beyond what was excited, nor where the true response lies in the accelerometer's noise.
     band = max(LOWEST_COMPARED, sweep.start_frequency), min(0.9 * sweep.end_frequency, 400.0)
     errors = _errors(found, rig, sweep, arguments.rate, band)
-    folder = out or Path("results") / f"identify_{datetime.now():%Y-%m-%d_%H-%M-%S}"
-    folder.mkdir(parents=True, exist_ok=True)
     (folder / "handle.yaml").write_text(parameter_file(found), encoding="utf-8")
     _draw_sweep(recorded[0], sweep).savefig(folder / "fig4_sweep.png", dpi=120)
     _draw_models(found, arguments.rate).savefig(folder / "fig5_models.png", dpi=120)
-    figures = _figures(found, errors, band)
     if json_file:
+        figures = _figures(found, errors, band)
         json_file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    console = Console()
-    console.print(_table(found, rig.handle))
+    _print(found, rig.handle, errors, band)
+    if any(trial.status["travel_stops_hit"] for trial in recorded):
+        print("the actuator hit its stops: use a smaller amplitude, do not use the fit")
+    print(f"parameters: {folder / 'handle.yaml'}")
+    return DONE
+
+
+def _print(
+    found: Identification,
+    truth: HandleParameters,
+    errors: dict[str, ModelError],
+    band: tuple[float, float],
+) -> None:
+    Console().print(_table(found, truth))
     for name, error in errors.items():
-        console.print(
+        print(
             f"{name} model against the true response, {band[0]:g} to {band[1]:g} Hz: at most"
-            f" {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees",
-            highlight=False,
+            f" {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
         )
     if found.fit.residual > UNEXPLAINED:
-        console.print(
+        print(
             f"the physical model leaves {found.fit.residual:.1f} times the noise unexplained, of"
-            " which its standard errors know nothing",
-            highlight=False,
+            " which its standard errors know nothing"
         )
-    if any(trial.status["travel_stops_hit"] for trial in recorded):
-        console.print("the actuator hit its stops: use a smaller amplitude, do not use the fit")
-    console.print(f"parameters: {folder / 'handle.yaml'}", soft_wrap=True, highlight=False)
-    return DONE
 
 
 def evaluate(
