@@ -8,7 +8,15 @@ from setuptools import find_packages, setup
 NAME = "haptic_accel"
 VERSION = "0.1.0"
 
-NODES = ("master_device", "slave_device", "coupler", "compensator", "recorder", "composed")
+NODES = (
+    "master_device",
+    "slave_device",
+    "coupler",
+    "compensator",
+    "recorder",
+    "identifier",
+    "composed",
+)
 
 
 def ros_wheels(distribution: str) -> list[str]:

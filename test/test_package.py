@@ -15,7 +15,7 @@ import pytest
 from catkin_pkg.package import Package, parse_package
 
 SOURCE = Path(__file__).resolve().parents[1]
-NODES = ("master_device", "slave_device", "coupler", "compensator", "recorder")
+NODES = ("master_device", "slave_device", "coupler", "compensator", "recorder", "identifier")
 
 ROSDEP_KEYS = {
     "jinja2": "python3-jinja2",

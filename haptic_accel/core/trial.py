@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field, replace
 
 import numpy as np
 
 from haptic_accel.core.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling import CouplingParameters, PositionPositionCoupling
 from haptic_accel.core.filters import HIGH_PASS_FREQUENCY, high_passed
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters
@@ -21,11 +21,23 @@ DEFAULT_RATE = 1000.0
 
 @dataclass(frozen=True)
 class RigParameters:
-    """Both sides of the virtual rig and what couples them."""
+    """Both sides of the virtual rig and what couples them.
+
+    Parameters
+    ----------
+    handle : HandleParameters, optional
+        In place of the master's: another plant in one call.
+    """
 
     master: MasterRigParameters = field(default_factory=MasterRigParameters)
     slave: SlaveRigParameters = field(default_factory=SlaveRigParameters)
     coupling: CouplingParameters = field(default_factory=CouplingParameters)
+    handle: InitVar[HandleParameters | None] = None
+
+    def __post_init__(self, handle: HandleParameters | None) -> None:
+        """Put the handle in its place."""
+        if handle is not None:
+            object.__setattr__(self, "master", replace(self.master, handle=handle))
 
 
 @dataclass(frozen=True)

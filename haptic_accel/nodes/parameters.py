@@ -9,7 +9,10 @@ from typing import Any
 from haptic_accel.core.compensation import CompensationParameters, check_rate
 from haptic_accel.core.controllers import CONTROLLERS
 from haptic_accel.core.coupling import CouplingParameters
+from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.parameters import Checked, Schema, from_flat, parameter, schema
+from haptic_accel.core.rig.instruments import AccelerometerParameters
+from haptic_accel.core.travel import SuspensionParameters
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES
 
@@ -31,6 +34,11 @@ def rate_parameter() -> Any:
 def timeout_parameter() -> Any:
     """Declare how long silence is borne, which several nodes share."""
     return parameter(0.1, "silence after which forces go to zero", unit="s", low=0.005, high=10.0)
+
+
+def trials_parameter() -> Any:
+    """Declare how often a handle is excited."""
+    return parameter(4, "trials, each of all repeats (paper: four a user)", low=1, high=1000)
 
 
 @dataclass(frozen=True)
@@ -92,6 +100,27 @@ class CompensatorNodeParameters(CompensationParameters):
 
 
 @dataclass(frozen=True)
+class IdentifierNodeParameters(SweepParameters):
+    """Of `identifier`."""
+
+    rate: float = rate_parameter()
+    timeout: float = timeout_parameter()
+    trials: int = trials_parameter()
+    rest: float = parameter(
+        1.0, "without force before each trial: the handle settles", unit="s", low=0.1, high=600.0
+    )
+    listeners: int = parameter(
+        1,
+        "subscribers of the actuator's force to wait for: the device, a recorder",
+        low=1,
+        high=100,
+    )
+    travel_share: float = parameter(
+        0.95, "of the free travel, at which a trial is ended", low=0, high=1.0, above=True
+    )
+
+
+@dataclass(frozen=True)
 class RecorderNodeParameters(Checked):
     """Of `recorder`."""
 
@@ -106,6 +135,10 @@ NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     "master_device": (MasterNodeParameters, {n: d.Parameters for n, d in MASTERS.items()}),
     "slave_device": (SlaveNodeParameters, {n: d.Parameters for n, d in SLAVES.items()}),
     "coupler": (CouplerNodeParameters, {}),
+    "identifier": (
+        IdentifierNodeParameters,
+        {"suspension": SuspensionParameters, "accelerometer": AccelerometerParameters},
+    ),
     "compensator": (
         CompensatorNodeParameters,
         {name: controller.Parameters for name, controller in CONTROLLERS.items()},

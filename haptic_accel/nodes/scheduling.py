@@ -257,7 +257,12 @@ def run(name: str, *builds: Build, realtime: bool = True) -> None:
     def ended() -> bool:
         return bool(signals) or os.getppid() != parent
 
-    sys.exit(_status(builds, name, realtime, ended))
+    status = _status(builds, name, realtime, ended)
+    # A second signal (launch sends one after the terminal's own) must not fail an end that is
+    # under way: Python's own end would put the default back, but leaves what is ignored.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    sys.exit(status)
 
 
 def _status(builds: Sequence[Build], name: str, realtime: bool, ended: Callable[[], bool]) -> int:

@@ -4,12 +4,51 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar, overload
 
 from haptic_accel.core.controllers import CONTROLLERS
+from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
+from haptic_accel.core.rig.master_rig import POSTURES
 from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.nodes.parameters import rate_parameter
+from haptic_accel.nodes.parameters import rate_parameter, trials_parameter
+
+A = TypeVar("A", bound=Checked)
+
+AVERAGE_GRIP = "average"
+"""That of Table I."""
+
+
+def rig_argument() -> Any:
+    """Declare the virtual rig."""
+    return parameter("paper", "the virtual rig: ideal, paper, or a .yaml file")
+
+
+def grip_argument() -> Any:
+    """Declare how the simulated hand holds the handle."""
+    return parameter(
+        AVERAGE_GRIP, "how the simulated hand holds the handle", choices=tuple(POSTURES)
+    )
+
+
+def master_argument() -> Any:
+    """Declare the master device."""
+    return parameter("simulated", "master device", choices=tuple(MASTERS))
+
+
+def bag_argument() -> Any:
+    """Declare the bag."""
+    return parameter("", "folder of the bag; empty for bags/<date and time>")
+
+
+def config_argument() -> Any:
+    """Declare the user's parameter file."""
+    return parameter("", "ROS parameter file over config/teleop.yaml")
+
+
+def seed_argument() -> Any:
+    """Declare the seed."""
+    return parameter(0, "of texture and noise of simulated devices", low=0, high=2**31 - 1)
 
 
 @dataclass(frozen=True)
@@ -17,7 +56,8 @@ class GraphArguments(Checked):
     """What a user may say when starting the graph."""
 
     controller: str = parameter("dynamic", "acceleration controller", choices=tuple(CONTROLLERS))
-    rig: str = parameter("paper", "the virtual rig: ideal, paper, or a .yaml file")
+    rig: str = rig_argument()
+    grip: str = grip_argument()
     surface: str = parameter(
         "plywood",
         "what the simulated slave touches: plywood, text, vinyl, recording, or a .yaml file",
@@ -31,30 +71,59 @@ class GraphArguments(Checked):
     recording_column: str = parameter(
         "", "column of a CSV recording; empty for acceleration, accel, acc or a"
     )
-    master: str = parameter("simulated", "master device", choices=tuple(MASTERS))
+    master: str = master_argument()
     slave: str = parameter("simulated", "slave device", choices=tuple(SLAVES))
     rate: float = rate_parameter()
     duration: float = parameter(
         0.0, "time from engaging to the end; 0 = until stopped", unit="s", low=0.0, high=1e6
     )
     record: bool = parameter(True, "whether to record every topic")
-    bag: str = parameter("", "folder of the bag; empty for bags/<date and time>")
+    bag: str = bag_argument()
     composed: bool = parameter(
         False, "whether all nodes but the recorder share one process: quicker, less robust"
     )
-    config: str = parameter("", "ROS parameter file over config/teleop.yaml")
-    seed: int = parameter(0, "of texture and noise of simulated devices", low=0, high=2**31 - 1)
+    config: str = config_argument()
+    seed: int = seed_argument()
 
 
-def parse_arguments(words: Iterable[str]) -> GraphArguments:
+@dataclass(frozen=True)
+class IdentifyArguments(SweepParameters):
+    """What a user may say when identifying a handle: the excitation, and the graph that runs."""
+
+    trials: int = trials_parameter()
+    rig: str = rig_argument()
+    grip: str = grip_argument()
+    master: str = master_argument()
+    rate: float = rate_parameter()
+    bag: str = bag_argument()
+    config: str = config_argument()
+    seed: int = seed_argument()
+
+    @property
+    def sweep(self) -> SweepParameters:
+        """The excitation alone."""
+        return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
+
+
+@overload
+def parse_arguments(words: Iterable[str]) -> GraphArguments: ...
+@overload
+def parse_arguments(words: Iterable[str], kind: type[A]) -> A: ...
+def parse_arguments(words: Iterable[str], kind: type[Checked] = GraphArguments) -> Checked:
     """Read ``key:=value`` words.
+
+    Parameters
+    ----------
+    words : iterable of str
+    kind : type
+        Dataclass of the arguments there are.
 
     Raises
     ------
     ParameterError
         A word of another form, an unknown key, a key given twice, a value not allowed.
     """
-    known = schema(GraphArguments)
+    known = schema(kind)
     values: dict[str, Any] = {}
     for word in words:
         key, separator, text = word.partition(":=")
@@ -65,7 +134,7 @@ def parse_arguments(words: Iterable[str]) -> GraphArguments:
         if key in values:
             raise ParameterError(f"{key}: given twice")
         values[key] = _value(text, known[key][0])
-    return GraphArguments(**values)
+    return kind(**values)
 
 
 def _value(text: str, default: Any) -> Any:
@@ -80,10 +149,10 @@ def _value(text: str, default: Any) -> Any:
         return text
 
 
-def described() -> list[tuple[str, str, str]]:
+def described(kind: type[Checked] = GraphArguments) -> list[tuple[str, str, str]]:
     """Return name, default and description of every argument, for help texts."""
     lines = []
-    for name, (default, specification) in schema(GraphArguments).items():
+    for name, (default, specification) in schema(kind).items():
         shown = str(default).lower() if isinstance(default, bool) else f"{default}"
         unit = f" [{specification.unit}]" if specification.unit else ""
         allowed = f"; one of {', '.join(specification.choices)}" if specification.choices else ""

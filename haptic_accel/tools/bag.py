@@ -14,6 +14,7 @@ from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_accel.core.histogram import QUANTILES
+from haptic_accel.core.identification import RecordingError
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import Trial
@@ -38,6 +39,9 @@ AGE_OF = "actuator force"
 
 LABELS = (*QUANTILES, "max")
 """Of durations in diagnostics."""
+
+SAME_PERIOD = 0.1
+"""By how much of itself the median of periods may differ from the expected one."""
 
 IntArray = npt.NDArray[np.int64]
 
@@ -118,6 +122,59 @@ def read_trial(
         high_pass_frequency=high_pass_frequency,
     )
     return trial, recorded.delivery()
+
+
+def read_excited(bag: Path, rate: float) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """Return actuator force and handle acceleration of an identification's bag.
+
+    Parameters
+    ----------
+    bag : Path
+        Folder written by the recorder.
+    rate : float
+        Samples per second of the graph.
+
+    Returns
+    -------
+    actuator_force, handle_acceleration : ndarray, shape (n,)
+        N and m/s^2, each force at the sample that caused it.
+    missing : ndarray of bool, shape (n,)
+        Which samples are not there, and are given the value of the one before.
+
+    Raises
+    ------
+    ParameterError
+        It is not a bag.
+    RecordingError
+        It lacks a signal, or is of another rate.
+    """
+    series, _ = _read(bag)
+    force, acceleration = (
+        series[topic.name] for topic in (topics.ACTUATOR_FORCE, topics.HANDLE_ACCELERATION)
+    )
+    for topic in (topics.ACTUATOR_FORCE, topics.HANDLE_ACCELERATION):
+        if len(series[topic.name].stamps) < 2:
+            raise RecordingError(f"{bag}: has no {topic.name}")
+    period = NANOSECONDS / rate
+    found = float(np.median(np.diff(acceleration.stamps)))
+    if abs(found - period) > SAME_PERIOD * period:
+        raise RecordingError(
+            f"{bag}: {topics.HANDLE_ACCELERATION.name} has {NANOSECONDS / found:.5g} samples per"
+            f" second, must have rate = {rate:g} Hz"
+        )
+    start = int(acceleration.stamps[0])
+    length = round((int(acceleration.stamps[-1]) - start) / period) + 1
+
+    def places(signal: _Series) -> IntArray:
+        return np.asarray(np.round((signal.stamps - start) / period), dtype=np.int64)
+
+    missing = np.ones(length, dtype=np.bool_)
+    missing[places(acceleration)] = False
+    return (
+        _on_grid(places(force), force, length),
+        _on_grid(places(acceleration), acceleration, length),
+        missing,
+    )
 
 
 def read_delivery(bag: Path, rate: float) -> Delivery:

@@ -209,7 +209,7 @@ def _run_pair(
     outcome = supervisor.run(stop)
     if not outcome.first:
         raise StoppedError(INTERRUPTED)
-    if conclude(outcome, arguments) != DONE:
+    if conclude(outcome) != DONE:
         raise StoppedError(FAILED)
     return read_delivery(Path(arguments.bag), arguments.rate)
 

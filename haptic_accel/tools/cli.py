@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
-from haptic_accel.core.identification import SweepParameters
+from haptic_accel.core.identification import DEFAULT_FREE, SweepParameters
 from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.startup.arguments import IdentifyArguments
 from haptic_accel.startup.process import INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.tools import bench, doctor, experiment, identify, lockstep, soak, teleop
 
@@ -86,7 +87,7 @@ def _add_experiment(verbs: Verbs) -> None:
     )
     verb.set_defaults(
         run=lambda arguments: experiment.experiment(
-            [*arguments.words, *([f"rig:={arguments.rig}"] if arguments.rig else [])],
+            [*arguments.words, *_as_words(arguments, ["rig"])],
             seeds=arguments.seeds,
             lockstep=arguments.lockstep,
             json_file=arguments.json,
@@ -101,18 +102,42 @@ def _add_identify(verbs: Verbs) -> None:
         help="find the handle's parameters with the paper's sweep",
         description="Excite the handle with the paper's sweep, fit its model, and write a"
         " parameter file for config:=FILE, with the paper's figures 4 and 5.",
+        epilog=teleop.help_text(IdentifyArguments),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     _take_words(verb)
     verb.add_argument("--lockstep", action="store_true", help="without ROS, simulated handle")
-    verb.add_argument("--trials", type=int, default=4, help="pooled in the fit (default: 4)")
-    for name, (default, given) in schema(SweepParameters).items():
-        unit = f", {given.unit}" if given.unit else ""
+    verb.add_argument(
+        "--grips",
+        type=_words,
+        default=[],
+        metavar="GRIP,GRIP,...",
+        help="ways to hold the handle, one after the other, fitted one by one and pooled",
+    )
+    verb.add_argument(
+        "--from",
+        dest="sources",
+        action="append",
+        default=[],
+        metavar="[GRIP=]FILE",
+        help="evaluate a bag of an identification, or a CSV file with columns"
+        f" {' and '.join(identify.COLUMNS)}, in place of a run; may be given many times",
+    )
+    verb.add_argument(
+        "--recording-rate", type=float, default=0.0, metavar="HZ", help="of CSV files"
+    )
+    verb.add_argument(
+        "--free",
+        type=_words,
+        default=list(DEFAULT_FREE),
+        metavar="NAME,NAME,...",
+        help=f"what is fitted (default: {','.join(DEFAULT_FREE)})",
+    )
+    shortened = {**schema(SweepParameters), "trials": schema(IdentifyArguments)["trials"]}
+    shortened["rig"] = schema(IdentifyArguments)["rig"]
+    for name in shortened:
         verb.add_argument(
-            f"--{name.replace('_', '-')}",
-            type=type(default),
-            default=default,
-            metavar="N",
-            help=f"{given.text}{unit} (default: {default:g})",
+            f"--{name.replace('_', '-')}", metavar="VALUE", help=f"the same as {name}:=VALUE"
         )
     _take_json(verb)
     verb.add_argument(
@@ -120,12 +145,12 @@ def _add_identify(verbs: Verbs) -> None:
     )
     verb.set_defaults(
         run=lambda arguments: identify.identify(
-            arguments.words,
+            [*arguments.words, *_as_words(arguments, shortened)],
             lockstep=arguments.lockstep,
-            trials=arguments.trials,
-            sweep=SweepParameters(
-                **{name: getattr(arguments, name) for name in schema(SweepParameters)}
-            ),
+            grips=arguments.grips,
+            sources=arguments.sources,
+            recording_rate=arguments.recording_rate,
+            free=arguments.free,
             json_file=arguments.json,
             out=arguments.out,
         )
@@ -217,6 +242,16 @@ def _add_bench(verbs: Verbs) -> None:
             help=f"length of each measurement (default: {seconds:g})",
         )
         _take_json(kind)
+
+
+def _words(text: str) -> list[str]:
+    return text.split(",")
+
+
+def _as_words(arguments: argparse.Namespace, names: Iterable[str]) -> list[str]:
+    """Return options that have the meaning of an argument of the graph as such."""
+    given = {name: getattr(arguments, name) for name in names}
+    return [f"{name}:={value}" for name, value in given.items() if value is not None]
 
 
 def _numbers(kind: Callable[[str], T]) -> Callable[[str], list[T]]:

@@ -289,7 +289,7 @@ def _run_live(arguments: GraphArguments, folder: Path, stop: Callable[[], bool])
     outcome = Supervisor(graph(arguments)).run(stop)
     if not outcome.first:
         raise StopRequestedError
-    status = conclude(outcome, arguments)
+    status = conclude(outcome)
     if status != DONE:
         raise GraphFailedError(status)
     around, _ = node_parameters("compensator", graph_parameters(arguments)["compensator"])

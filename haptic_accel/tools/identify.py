@@ -5,229 +5,373 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from haptic_accel.core.identification import (
-    DEFAULT_FREE,
-    MOUNT,
-    DiscreteModel,
+    SAMPLES_MISSING,
+    UNEXPLAINED,
     FrequencyResponse,
     HandleFit,
+    Identification,
     IdentificationTrial,
     RecordingError,
     SweepParameters,
-    approximate_model,
-    check_recording,
+    centred,
     dft_ratio,
-    fit_handle,
-    identify_discrete,
+    find_trials,
+    identify_handle,
     kept_repeats,
     run_identification,
 )
-from haptic_accel.core.model import (
-    ApproximateModel,
-    ComplexArray,
-    FloatArray,
-    HandleParameters,
-    handle_model,
-)
+from haptic_accel.core.model import ComplexArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.rig.master_rig import MasterRigParameters, StructureParameters, held
-from haptic_accel.startup.arguments import parse_arguments
-from haptic_accel.startup.graph import graph_parameters, rig_parameters
-from haptic_accel.startup.process import DONE, FAILED
+from haptic_accel.core.recording import read_recording
+from haptic_accel.core.rig.instruments import AccelerometerParameters
+from haptic_accel.core.rig.master_rig import POSTURES, MasterRigParameters, held
+from haptic_accel.core.travel import SuspensionParameters
+from haptic_accel.nodes.parameters import node_parameters
+from haptic_accel.startup.arguments import AVERAGE_GRIP, IdentifyArguments, parse_arguments
+from haptic_accel.startup.graph import SIMULATED, graph_parameters, identification_graph
+from haptic_accel.startup.process import DONE, FAILED, INTERRUPTED
+from haptic_accel.startup.supervisor import Supervisor
+from haptic_accel.tools.bag import read_excited
 from haptic_accel.tools.experiment import check_writable, make_folder
-
-ORDER = 7
-"""Of the discrete model: eq. (3) has 4, the accelerometer 1, its mount 2."""
+from haptic_accel.tools.identification_report import ModelError, write_identification_report
+from haptic_accel.tools.teleop import StopOnSignal, conclude
 
 LOWEST_COMPARED = 15.0
 """Below it the compensator's high-pass lets nothing through (paper), Hz."""
 
-UNEXPLAINED = 2.0
-"""Residual, in standard deviations of the noise, above which a model is said to lack something."""
+HIGHEST_COMPARED = 400.0
+"""Above it the true response lies in the accelerometer's noise, Hz."""
 
-MOUNT_START = StructureParameters(frequency=280.0, damping=0.15)
-"""Where the search for a mode of the accelerometer's mount starts, as on the paper's rig."""
+MOST_MISSING = 0.01
+"""Share of its samples that a trial can do without (assumed)."""
 
-MASS_LIKE = 60.0
-"""Between suspension and structure, where handles are little more than their mass, Hz."""
-
-POINTS = 400
-"""Frequencies at which models are drawn."""
+COLUMNS = ("actuator_force", "handle_acceleration")
+"""Of a CSV file, N and m/s^2."""
 
 DEGREES = 180 / math.pi
 
-
-@dataclass(frozen=True)
-class Identification:
-    """What was found of a handle.
-
-    Attributes
-    ----------
-    responses : list of FrequencyResponse
-        The paper's DFT ratio of each trial.
-    fit : HandleFit
-        Physical parameters, all trials pooled.
-    discrete : DiscreteModel
-        What a compensator can use where physics does not explain all.
-    approximate : ApproximateModel
-        The paper's kind of invertible model.
-    band : tuple of float
-        Of the sweep, Hz.
-    """
-
-    responses: list[FrequencyResponse]
-    fit: HandleFit
-    discrete: DiscreteModel
-    approximate: ApproximateModel
-    band: tuple[float, float]
+Recorded = dict[str, list[IdentificationTrial]]
+"""Trials by the name of the grip."""
 
 
-@dataclass(frozen=True)
-class ModelError:
-    """Largest differences of a model's response from the true one over a band."""
+class _StoppedError(Exception):
+    """The procedure did not come to its end, which has been shown; the exit status."""
 
-    magnitude_db: float
-    phase_deg: float
+    def __init__(self, status: int) -> None:
+        super().__init__(f"status {status}")
+        self.status = status
 
 
 def identify(
     words: Sequence[str],
     *,
     lockstep: bool,
-    trials: int,
-    sweep: SweepParameters,
+    grips: Sequence[str],
+    sources: Sequence[str],
+    recording_rate: float,
+    free: Sequence[str],
     json_file: Path | None,
     out: Path | None,
 ) -> int:
-    """Run the paper's procedure, fit, and write parameter file, figures and numbers.
+    """Run the paper's procedure, fit, and write parameter file, report and numbers.
 
     Parameters
     ----------
     words : sequence of str
-        Arguments of the graph as ``key:=value``: rig, rate, seed and config count.
+        Arguments as ``key:=value``: the excitation, and the graph's.
     lockstep : bool
         Without ROS, on the simulated handle.
-    trials : int
-        Each from rest; pooled.
-    sweep : SweepParameters
-        The excitation.
+    grips : sequence of str
+        Ways to hold the handle, one after the other; empty for the one of the arguments.
+    sources : sequence of str
+        Bags and CSV files to evaluate in place of a run, as ``FILE`` or ``GRIP=FILE``.
+    recording_rate : float
+        Of CSV files, Hz.
+    free : sequence of str
+        What is fitted.
     json_file, out : Path, optional
         Where to write figures, and everything else.
     """
-    if not lockstep:
-        raise ParameterError("identify: only with --lockstep, on the simulated handle")
-    arguments = parse_arguments(words)
-    parameters = rig_parameters(graph_parameters(arguments)).master
-    rig = _of_one_user(parameters, arguments.seed)
+    arguments = parse_arguments(words, IdentifyArguments)
+    grips = _checked_grips(grips, arguments)
+    if lockstep and arguments.master != SIMULATED:
+        raise ParameterError(f"master = {arguments.master!r}: with --lockstep must be simulated")
+    if lockstep and sources:
+        raise ParameterError("from: not with --lockstep, which makes its own recordings")
+    for grip in grips:
+        identification_graph(replace(arguments, grip=grip))  # everything wrong is found first
     folder = out or Path("results") / f"identify_{datetime.now():%Y-%m-%d_%H-%M-%S}"
     make_folder(folder)
     if json_file:
         check_writable(json_file)
-    recorded = run_identification(rig, sweep, arguments.rate, arguments.seed, trials)
     try:
-        found = evaluate(recorded, sweep, rig.accelerometer.range, rig.accelerometer.bandwidth)
+        if sources:
+            recorded = _read(sources, arguments, recording_rate)
+        elif lockstep:
+            recorded = _run_lockstep(arguments, grips)
+        else:
+            recorded = _run_live(arguments, grips, folder)
+        suspension, sensor = _bench(arguments)
+        found = identify_handle(
+            recorded,
+            arguments.sweep,
+            sensor.range,
+            sensor.bandwidth,
+            known=HandleParameters(
+                m_a=suspension.m_a, k_s=suspension.k_s, b_s=suspension.b_s or HandleParameters.b_s
+            ),
+            free=free,
+        )
     except RecordingError as reason:
         print(f"haptic-accel: {reason}", file=sys.stderr)
         return FAILED
-    # Not beyond what was excited, nor where the true response lies in the accelerometer's noise.
-    band = max(LOWEST_COMPARED, sweep.start_frequency), min(0.9 * sweep.end_frequency, 400.0)
-    errors = _errors(found, rig, sweep, arguments.rate, band)
-    (folder / "handle.yaml").write_text(parameter_file(found), encoding="utf-8")
-    _draw_sweep(recorded[0], sweep).savefig(folder / "fig4_sweep.png", dpi=120)
-    _draw_models(found, arguments.rate).savefig(folder / "fig5_models.png", dpi=120)
-    if json_file:
-        figures = _figures(found, errors, band)
-        json_file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    _print(found, rig.handle, errors, band)
-    if any(trial.status["travel_stops_hit"] for trial in recorded):
-        print("the actuator hit its stops: use a smaller amplitude, do not use the fit")
-    print(f"parameters: {folder / 'handle.yaml'}")
+    except _StoppedError as stopped:
+        return stopped.status
+    _conclude(found, arguments, lockstep, sources, folder, json_file)
     return DONE
 
 
-def _print(
+def _checked_grips(grips: Sequence[str], arguments: IdentifyArguments) -> list[str]:
+    for grip in grips:
+        if grip not in POSTURES:
+            raise ParameterError(f"grips = {grip!r}: must be among {', '.join(POSTURES)}")
+    if len(set(grips)) < len(grips):
+        raise ParameterError(f"grips = {', '.join(grips)}: must hold each grip once")
+    return list(grips) or [arguments.grip]
+
+
+def _bench(
+    arguments: IdentifyArguments,
+) -> tuple[SuspensionParameters, AccelerometerParameters]:
+    """Return what is known of actuator and accelerometer."""
+    _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
+    return known["suspension"], known["accelerometer"]
+
+
+# Recordings
+
+
+def _run_lockstep(arguments: IdentifyArguments, grips: Sequence[str]) -> Recorded:
+    return {
+        grip: run_identification(
+            _rig(replace(arguments, grip=grip)),
+            arguments.sweep,
+            arguments.rate,
+            arguments.seed,
+            arguments.trials,
+        )
+        for grip in grips
+    }
+
+
+def _run_live(arguments: IdentifyArguments, grips: Sequence[str], folder: Path) -> Recorded:
+    """Run the graph once for each grip, and read its bags."""
+    recorded: Recorded = {}
+    bags = {grip: _bag(arguments, grip, grips, folder) for grip in grips}
+    for grip, bag in bags.items():
+        _ask_for(grip, arguments, len(grips))
+        _run_graph(replace(arguments, grip=grip, bag=str(bag)))
+        recorded[grip] = _trials(bag, arguments)
+    return recorded
+
+
+def _trials(bag: Path, arguments: IdentifyArguments) -> list[IdentificationTrial]:
+    """Return a bag's trials, without those of which too much is missing.
+
+    Raises
+    ------
+    RecordingError
+        None is left.
+    """
+    force, acceleration, missing = read_excited(bag, arguments.rate)
+    found = find_trials(force, acceleration, arguments.sweep, arguments.rate, missing)
+    most = MOST_MISSING * len(found[0].actuator_force)
+    whole = [trial for trial in found if trial.status[SAMPLES_MISSING] <= most]
+    if len(whole) < len(found):
+        counts = ", ".join(str(trial.status[SAMPLES_MISSING]) for trial in found)
+        reason = (
+            f"{bag}: {len(found) - len(whole)} of {len(found)} trials left out, of which more than"
+            f" {100 * MOST_MISSING:g} % of the samples are missing ({counts})"
+        )
+        if not whole:
+            raise RecordingError(reason)
+        print(reason, file=sys.stderr)
+    return whole
+
+
+def _bag(arguments: IdentifyArguments, grip: str, grips: Sequence[str], folder: Path) -> Path:
+    if arguments.bag:
+        return Path(arguments.bag) / grip if len(grips) > 1 else Path(arguments.bag)
+    return folder / "bags" / grip
+
+
+def _ask_for(grip: str, arguments: IdentifyArguments, count: int) -> None:
+    """Let a person take the handle; a simulated hand needs no time."""
+    if arguments.master != SIMULATED and count > 1 and sys.stdin.isatty():
+        input(f"hold the handle with the {grip} grip, then press Enter")
+
+
+def _run_graph(arguments: IdentifyArguments) -> None:
+    sweep = arguments.sweep
+    repeats = arguments.trials * sweep.repeats
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with (
+        StopOnSignal() as stop,
+        Progress(*columns, console=Console(stderr=True), refresh_per_second=2) as progress,
+    ):
+        task = progress.add_task(f"{arguments.grip} grip: starting", total=repeats)
+
+        def follow(executable: str, line: str) -> None:
+            if executable == "identifier" and "trial " in line:
+                # As the node says it: "trial 2 of 4, repeat 3 of 3".
+                told = line[line.rindex("trial ") :]
+                trial, repeat = int(told.split()[1]), int(told.split()[5])
+                done = (trial - 1) * sweep.repeats + repeat - 1
+                progress.update(task, description=f"{arguments.grip} grip: {told}", completed=done)
+                if not progress.console.is_terminal:
+                    progress.console.print(f"{arguments.grip} grip: {told}", highlight=False)
+
+        outcome = Supervisor(identification_graph(arguments), on_line=follow).run(stop)
+        if outcome.first and outcome.status == 0:
+            progress.update(task, completed=repeats, description=f"{arguments.grip} grip: done")
+    if not outcome.first:
+        print(f"interrupted; recorded so far: {arguments.bag}", file=sys.stderr)
+        raise _StoppedError(INTERRUPTED)
+    status = conclude(outcome)
+    if status != DONE:
+        raise _StoppedError(status)
+
+
+def _read(sources: Sequence[str], arguments: IdentifyArguments, recording_rate: float) -> Recorded:
+    """Read trials from bags and CSV files."""
+    recorded: Recorded = {}
+    for source in sources:
+        grip, separator, path = source.partition("=")
+        if not separator:
+            grip, path = arguments.grip, source
+        if Path(path).is_dir():
+            trials = _trials(Path(path), arguments)
+        else:
+            rate = recording_rate or arguments.rate
+            force, acceleration = (
+                read_recording(path, rate, rate, column=column) for column in COLUMNS
+            )
+            trials = find_trials(force, acceleration, arguments.sweep, rate)
+        recorded.setdefault(grip, []).extend(trials)
+    rates = {trial.rate for trials in recorded.values() for trial in trials}
+    if len(rates) > 1:
+        raise ParameterError(f"from: recordings of {len(rates)} rates, must be of one")
+    return recorded
+
+
+def _rig(arguments: IdentifyArguments) -> MasterRigParameters:
+    """Return the simulated master as one user holds it, whatever the seeds of the noise."""
+    _, devices = node_parameters("master_device", graph_parameters(arguments)["master_device"])
+    rig: MasterRigParameters = devices[SIMULATED]
+    handle = held(rig.handle, rig.grip, arguments.seed)
+    return replace(rig, handle=handle, grip=replace(rig.grip, variation=0.0, posture=AVERAGE_GRIP))
+
+
+# Results
+
+
+def _conclude(
     found: Identification,
-    truth: HandleParameters,
-    errors: dict[str, ModelError],
-    band: tuple[float, float],
+    arguments: IdentifyArguments,
+    lockstep: bool,
+    sources: Sequence[str],
+    folder: Path,
+    json_file: Path | None,
 ) -> None:
-    Console().print(_table(found, truth))
+    sweep, rate = arguments.sweep, found.discrete.rate
+    band = (
+        max(LOWEST_COMPARED, sweep.start_frequency),
+        min(0.9 * sweep.end_frequency, HIGHEST_COMPARED),
+    )
+    truth, errors = None, {}
+    grips = list(found.grips)
+    if arguments.master == SIMULATED and not sources and len(grips) == 1:
+        rig = _rig(replace(arguments, grip=grips[0]))
+        truth, errors = rig.handle, _errors(found, rig, sweep, rate, band, lockstep)
+    notes = _notes(found)
+    (folder / "handle.yaml").write_text(parameter_file(found), encoding="utf-8")
+    index = write_identification_report(
+        found,
+        sweep,
+        folder,
+        settings=_settings(arguments, lockstep, sources),
+        truth=truth,
+        errors=errors,
+        band=band,
+        notes=notes,
+    )
+    if json_file:
+        figures = _figures(found, errors, band)
+        json_file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    console = Console()
+    console.print(_table(found, truth))
     for name, error in errors.items():
         print(
             f"{name} model against the true response, {band[0]:g} to {band[1]:g} Hz: at most"
             f" {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
         )
+    for note in notes:
+        print(note)
     if found.fit.residual > UNEXPLAINED:
         print(
             f"the physical model leaves {found.fit.residual:.1f} times the noise unexplained, of"
             " which its standard errors know nothing"
         )
+    print(f"parameters: {folder / 'handle.yaml'}")
+    print(f"report: {index}")
 
 
-def evaluate(
-    recorded: Sequence[IdentificationTrial],
-    sweep: SweepParameters,
-    acceleration_range: float,
-    bandwidth: float,
-) -> Identification:
-    """Estimate, fit and choose models from recordings of one handle held in one way.
-
-    Parameters
-    ----------
-    recorded : sequence of IdentificationTrial
-    sweep : SweepParameters
-        What excited the handle.
-    acceleration_range, bandwidth : float
-        Of the accelerometer, m/s^2 either way and Hz.
-
-    Raises
-    ------
-    RecordingError
-        A recording is of no use, and why.
-    """
-    responses = []
-    for trial in recorded:
-        force = kept_repeats(trial.actuator_force, sweep, trial.rate)
-        acceleration = kept_repeats(trial.handle_acceleration, sweep, trial.rate)
-        check_recording(force, acceleration, trial.rate, sweep.band, acceleration_range)
-        responses.append(dft_ratio(force, acceleration, trial.rate, sweep.band, sweep.repeats - 1))
-    fit = _fitted(responses, bandwidth)
-    first = recorded[0]
-    discrete = identify_discrete(
-        np.concatenate([trial.actuator_force for trial in recorded]),
-        np.concatenate([_centred(trial.handle_acceleration) for trial in recorded]),
-        ORDER,
-        first.rate,
-    )
-    return Identification(responses, fit, discrete, approximate_model(fit.handle), sweep.band)
+def _settings(
+    arguments: IdentifyArguments, lockstep: bool, sources: Sequence[str]
+) -> dict[str, str]:
+    run = "lockstep" if lockstep else "live graph"
+    given = {name: str(value) for name, value in asdict(arguments).items() if value != ""}
+    return {"run": "recordings: " + ", ".join(sources) if sources else run, **given}
 
 
-def _fitted(responses: Sequence[FrequencyResponse], bandwidth: float) -> HandleFit:
-    """Fit the handle alone; where that leaves much unexplained, with a mode of the mount too."""
-    rigid = fit_handle(responses, low_pass_frequency=bandwidth)
-    if rigid.residual <= UNEXPLAINED:
-        return rigid
-    free = (*DEFAULT_FREE, *MOUNT)
-    moving = fit_handle(responses, free=free, mount=MOUNT_START, low_pass_frequency=bandwidth)
-    return moving if moving.residual < rigid.residual / 2 else rigid
+def _notes(found: Identification) -> list[str]:
+    """Return what the reader of the figures must know."""
+    notes = []
+    stopped = [
+        name
+        for name, grip in found.grips.items()
+        if any(trial.status.get("travel_stops_hit") for trial in grip.trials)
+    ]
+    if stopped:
+        notes.append(
+            f"the actuator hit its stops ({', '.join(stopped)}): use a smaller amplitude, do not"
+            " use the fit"
+        )
+    if len(found.grips) > 1:
+        notes.append(
+            "all grips pooled are a compromise between them, the discrete model most of all; for"
+            " the best model of one grip identify it alone"
+        )
+    return notes
 
 
 def parameter_file(found: Identification) -> str:
     """Return a ROS parameter file that ``config:=FILE`` takes: the handle and its controllers."""
-    handle, fit = asdict(found.fit.handle), found.fit
+    fit = found.fit
+    handle = asdict(fit.handle)
     content = {
         "master_device": {
             "ros__parameters": {
@@ -244,6 +388,11 @@ def parameter_file(found: Identification) -> str:
                 "dynamic": _plain(asdict(found.approximate)),
             }
         },
+        "identifier": {
+            "ros__parameters": {
+                "suspension": {name: _plain(handle)[name] for name in ("m_a", "k_s", "b_s")}
+            }
+        },
     }
     head = (
         "# A handle as identified; use with config:=FILE. SI units.\n"
@@ -253,18 +402,8 @@ def parameter_file(found: Identification) -> str:
     return head + yaml.safe_dump(content, sort_keys=False)
 
 
-def _plain(values: dict[str, Any]) -> dict[str, float]:
+def _plain(values: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(f"{value:.6g}") for name, value in values.items()}
-
-
-def _of_one_user(rig: MasterRigParameters, seed: int) -> MasterRigParameters:
-    """Return the rig with the grip of one user, whatever the seeds of the noise."""
-    handle = held(rig.handle, rig.grip, seed)
-    return replace(rig, handle=handle, grip=replace(rig.grip, variation=0.0))
-
-
-def _centred(values: FloatArray) -> FloatArray:
-    return np.asarray(values - values.mean())
 
 
 def _errors(
@@ -273,26 +412,34 @@ def _errors(
     sweep: SweepParameters,
     rate: float,
     band: tuple[float, float],
+    lockstep: bool,
 ) -> dict[str, ModelError]:
-    """Compare models with what the rig does without noise, friction and converters."""
+    """Compare models with what the rig does without noise, friction and converters.
+
+    In the live graph the age of the forces adds to the rig's own delay, and the models have it
+    rightly: there the delay that was found is taken for the true one.
+    """
+    delay = rig.actuator.delay if lockstep else max(0.0, found.fit.delay)
     clean = replace(
         rig,
-        actuator=replace(rig.actuator, coulomb_friction=0.0, bits=32),
+        actuator=replace(rig.actuator, coulomb_friction=0.0, bits=32, delay=delay),
         accelerometer=replace(rig.accelerometer, noise_density=0.0, bits=32),
     )
     (trial,) = run_identification(clean, sweep, rate)
-    truth = dft_ratio(
-        kept_repeats(trial.actuator_force, sweep, rate),
-        kept_repeats(_centred(trial.handle_acceleration), sweep, rate),
-        rate,
-        band,
-        sweep.repeats - 1,
-    )
-    models = {
-        "discrete": found.discrete.response(truth.frequency),
-        "physical": found.fit.response(truth.frequency, rate),
+    truth = _ratio(trial, sweep, band)
+    models: dict[str, Callable[[FrequencyResponse], ComplexArray]] = {
+        "discrete": lambda at: found.discrete.response(at.frequency),
+        "physical": lambda at: found.fit.response(at.frequency, rate),
     }
-    return {name: _error(response, truth.response) for name, response in models.items()}
+    return {name: _error(model(truth), truth.response) for name, model in models.items()}
+
+
+def _ratio(
+    trial: IdentificationTrial, sweep: SweepParameters, band: tuple[float, float]
+) -> FrequencyResponse:
+    force = kept_repeats(trial.actuator_force, sweep, trial.rate)
+    acceleration = kept_repeats(centred(trial.handle_acceleration), sweep, trial.rate)
+    return dft_ratio(force, acceleration, trial.rate, band, sweep.repeats - 1)
 
 
 def _error(response: ComplexArray, truth: ComplexArray) -> ModelError:
@@ -304,28 +451,17 @@ def _error(response: ComplexArray, truth: ComplexArray) -> ModelError:
 
 
 def _figures(
-    found: Identification, errors: dict[str, ModelError], band: tuple[float, float]
+    found: Identification, errors: Mapping[str, ModelError], band: tuple[float, float]
 ) -> dict[str, Any]:
     """Return the figures for a JSON file; the discrete model is what the errors are of."""
-    units = {name: given.unit for name, (_, given) in schema(HandleParameters).items()}
-    values = asdict(found.fit.handle)
+    discrete = errors.get("discrete")
     return {
-        "parameters": {
-            name: {
-                "value": value,
-                "standard_error": found.fit.standard_errors.get(name),
-                "unit": units[name],
-            }
-            for name, value in values.items()
-        },
-        "delay_s": found.fit.delay,
-        "delay_standard_error_s": found.fit.standard_errors.get("delay"),
-        "max_magnitude_error_db": errors["discrete"].magnitude_db,
-        "max_phase_error_deg": errors["discrete"].phase_deg,
+        **_fit_figures(found.fit),
+        "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
+        "max_phase_error_deg": discrete.phase_deg if discrete else None,
         "band_hz": list(band),
-        "physical_model": asdict(errors["physical"]),
-        "mount": asdict(found.fit.mount),
-        "residual": found.fit.residual,
+        "physical_model": asdict(errors["physical"]) if errors else None,
+        "grips": {name: _fit_figures(grip.fit) for name, grip in found.grips.items()},
         "approximate_model": asdict(found.approximate),
         "discrete_model": {
             "sections": found.discrete.sections.tolist(),
@@ -335,90 +471,57 @@ def _figures(
     }
 
 
-def _table(found: Identification, truth: HandleParameters) -> Table:
+def _fit_figures(fit: HandleFit) -> dict[str, Any]:
+    units = {name: given.unit for name, (_, given) in schema(HandleParameters).items()}
+    return {
+        "parameters": {
+            name: {
+                "value": value,
+                "standard_error": fit.standard_errors.get(name),
+                "unit": units[name],
+            }
+            for name, value in asdict(fit.handle).items()
+        },
+        "delay_s": fit.delay,
+        "delay_standard_error_s": fit.standard_errors.get("delay"),
+        "mount": asdict(fit.mount),
+        "residual": fit.residual,
+    }
+
+
+def _table(found: Identification, truth: HandleParameters | None) -> Table:
     table = Table(title="the handle, all trials pooled")
-    for heading in ("", "found", "standard error", "true", "unit"):
+    others = list(found.grips) if len(found.grips) > 1 else []
+    true = asdict(truth) if truth else {}
+    for heading in ("", "found", "standard error", *others, *(["true"] if true else []), "unit"):
         table.add_column(heading, justify="right" if heading else "left")
-    true = asdict(truth)
     for name, (_, given) in schema(HandleParameters).items():
         error = found.fit.standard_errors.get(name)
         table.add_row(
             name,
             f"{getattr(found.fit.handle, name):.4g}",
             "known" if error is None else f"{error:.2g}",
-            f"{true[name]:.4g}",
+            *(f"{getattr(found.grips[grip].fit.handle, name):.4g}" for grip in others),
+            *([f"{true[name]:.4g}"] if true else []),
             given.unit,
         )
+    blank = [""] if true else []
     mount = asdict(found.fit.mount)
     for name, unit in (("frequency", "Hz"), ("damping", "")):
         error = found.fit.standard_errors.get(f"mount_{name}")
         if error is not None:
-            table.add_row(f"mount's {name}", f"{mount[name]:.4g}", f"{error:.2g}", "", unit)
+            of_grips = [f"{getattr(found.grips[grip].fit.mount, name):.4g}" for grip in others]
+            table.add_row(
+                f"mount's {name}", f"{mount[name]:.4g}", f"{error:.2g}", *of_grips, *blank, unit
+            )
     delay_error = found.fit.standard_errors.get("delay", math.nan)
-    table.add_row("delay", f"{found.fit.delay * 1e6:.1f}", f"{delay_error * 1e6:.2g}", "", "us")
+    delays = [f"{found.grips[grip].fit.delay * 1e6:.1f}" for grip in others]
+    table.add_row(
+        "delay",
+        f"{found.fit.delay * 1e6:.1f}",
+        f"{delay_error * 1e6:.2g}",
+        *delays,
+        *blank,
+        "us",
+    )
     return table
-
-
-def _draw_sweep(trial: IdentificationTrial, sweep: SweepParameters) -> Figure:
-    """Draw force and acceleration over time, the paper's Fig. 4."""
-    figure = Figure(figsize=(10, 6), layout="constrained")
-    force, acceleration = figure.subplots(2, 1, sharex=True)
-    time = np.arange(len(trial.actuator_force)) / trial.rate
-    force.plot(time, trial.actuator_force, linewidth=0.5)
-    acceleration.plot(time, trial.handle_acceleration, linewidth=0.5)
-    for panel, label in (
-        (force, "actuator force (N)"),
-        (acceleration, "handle acceleration (m/s²)"),
-    ):
-        panel.set_ylabel(label)
-        panel.axvspan(0, sweep.duration, color="0.9", label="not evaluated")
-        panel.grid(alpha=0.3)
-    force.legend(loc="upper right")
-    acceleration.set_xlabel("time (s)")
-    return figure
-
-
-def _draw_models(found: Identification, rate: float) -> Figure:
-    """Draw magnitude and phase of data and models, the paper's Fig. 5."""
-    figure = Figure(figsize=(10, 8), layout="constrained")
-    magnitude, phase = figure.subplots(2, 1, sharex=True)
-    for index, data in enumerate(found.responses):
-        label = "data (DFT ratio)" if index == 0 else ""
-        _draw_response(magnitude, phase, data.frequency, data.response, label, "0.75", 1)
-    low, high = found.band
-    frequency = np.geomspace(low, min(high, 0.499 * rate), POINTS)
-    mass = np.full(len(frequency), 1 / found.fit.handle.m_h, dtype=np.complex128)
-    for label, response, color in (
-        ("full model, as sampled", found.fit.response(frequency, rate), "C0"),
-        ("discrete model", found.discrete.response(frequency), "C3"),
-        ("eq. (3) alone", handle_model(found.fit.handle).response(frequency), "C2"),
-        ("approximate model", found.approximate.model().response(frequency), "C1"),
-        ("mass model", mass, "C4"),
-    ):
-        _draw_response(magnitude, phase, frequency, response, label, color, 1.6)
-    magnitude.set_ylabel("acceleration over force (m/s² per N)")
-    magnitude.set_xscale("log")
-    magnitude.set_yscale("log")
-    phase.set_ylabel("phase (degrees)")
-    phase.set_xlabel("frequency (Hz)")
-    magnitude.legend()
-    for panel in (magnitude, phase):
-        panel.grid(alpha=0.3, which="both")
-    return figure
-
-
-def _draw_response(
-    magnitude: Axes,
-    phase: Axes,
-    frequency: FloatArray,
-    response: ComplexArray,
-    label: str,
-    color: str,
-    width: float,
-) -> None:
-    magnitude.plot(frequency, np.abs(response), color=color, label=label, linewidth=width)
-    unwrapped = np.unwrap(np.angle(response)) * DEGREES
-    # Whole turns say nothing: all curves are near zero where the handle is a mass.
-    middle = int(np.searchsorted(frequency, MASS_LIKE))
-    unwrapped -= 360 * np.round(unwrapped[min(middle, len(unwrapped) - 1)] / 360)
-    phase.plot(frequency, unwrapped, color=color, linewidth=width)

@@ -14,7 +14,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypedDict
 
-import jinja2
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -31,6 +30,7 @@ from numpy.typing import NDArray
 from haptic_accel.core.metrics import PAPER_DELAY, Evaluation, align, spectra
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import Trial
+from haptic_accel.tools.page import template
 
 EXCERPT = 0.2
 """Length of the time traces, s: some strokes of texture, yet every swing can be seen."""
@@ -174,7 +174,7 @@ def write_report(
     }
     for name, figure in figures.items():
         figure.savefig(folder / name, dpi=_DPI)
-    page = _template().render(
+    page = template("report.html.j2").render(
         title=title,
         when=(when or datetime.datetime.now()).astimezone(),
         settings=settings,
@@ -194,17 +194,6 @@ def write_report(
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8", errors="replace")
     return index
-
-
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("report.html.j2")
 
 
 def _pixels(figure: Figure) -> tuple[int, int]:

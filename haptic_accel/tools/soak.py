@@ -118,7 +118,7 @@ def bench_soak(words: Sequence[str], *, seconds: float, json_file: Path | None) 
         outcome = supervisor.run(watch)
     if not outcome.first:
         return INTERRUPTED
-    if conclude(outcome, arguments) != DONE:
+    if conclude(outcome) != DONE:
         return FAILED
     growth = memory.growth()
     Console().print(_table(memory, growth))

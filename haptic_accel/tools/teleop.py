@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Sequence
 
+from haptic_accel.core.parameters import Checked
 from haptic_accel.startup.arguments import GraphArguments, described, parse_arguments
 from haptic_accel.startup.graph import graph
 from haptic_accel.startup.process import DONE, FAILED, WRONG_ARGUMENTS
@@ -35,12 +36,13 @@ class StopOnSignal:
         return self._asked.is_set()
 
 
-def help_text() -> str:
-    """Return the arguments with their defaults and units."""
-    width = max(len(name) for name, _, _ in described())
+def help_text(kind: type[Checked] = GraphArguments) -> str:
+    """Return the arguments of a graph with their defaults and units."""
+    arguments = described(kind)
+    width = max(len(name) for name, _, _ in arguments)
     lines = [
         f"  {name:<{width}}  {text} (default: {default or 'empty'})"
-        for name, default, text in described()
+        for name, default, text in arguments
     ]
     return "arguments, each as key:=value:\n" + "\n".join(lines)
 
@@ -51,13 +53,20 @@ def teleop(words: Sequence[str]) -> int:
     processes = graph(arguments)
     with StopOnSignal() as stop:
         outcome = Supervisor(processes, on_line=_show).run(stop)
-    return conclude(outcome, arguments)
+    return conclude(outcome, endless=arguments.duration == 0)
 
 
-def conclude(outcome: Outcome, arguments: GraphArguments) -> int:
-    """Say what went wrong in a graph, if anything; return the exit status."""
+def conclude(outcome: Outcome, *, endless: bool = False) -> int:
+    """Say what went wrong in a graph, if anything; return the exit status.
+
+    Parameters
+    ----------
+    outcome : Outcome
+    endless : bool
+        Whether the graph was not meant to end by itself.
+    """
     if outcome.first and outcome.status == 0 and not outcome.failed:
-        if arguments.duration == 0:
+        if endless:
             print(f"{outcome.first} ended", file=sys.stderr)
         return DONE
     for name, status in outcome.failed.items():

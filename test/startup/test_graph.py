@@ -5,14 +5,21 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.nodes.parameters import NODES, node_schema
-from haptic_accel.startup.arguments import GraphArguments
-from haptic_accel.startup.graph import graph, graph_parameters, rig_parameters
+from haptic_accel.nodes.parameters import node_schema
+from haptic_accel.startup.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.startup.graph import (
+    graph,
+    graph_parameters,
+    identification_graph,
+    rig_parameters,
+)
+
+TELEOPERATION = {"recorder", "master_device", "slave_device", "coupler", "compensator"}
 
 
 def test_five_processes_whose_parameters_they_have() -> None:
     processes = graph(GraphArguments())
-    assert {process.executable for process in processes} == set(NODES)
+    assert {process.executable for process in processes} == TELEOPERATION
     for process in processes:
         assert list(process.parameters) == [process.executable]
         for node, values in process.parameters.items():
@@ -23,7 +30,29 @@ def test_five_processes_whose_parameters_they_have() -> None:
 def test_composed_is_one_process_and_a_recorder() -> None:
     recorder, composed = graph(GraphArguments(composed=True))
     assert (recorder.executable, composed.executable) == ("recorder", "composed")
-    assert set(composed.parameters) == set(NODES) - {"recorder"}
+    assert set(composed.parameters) == TELEOPERATION - {"recorder"}
+
+
+def test_an_identification_has_three_and_knows_the_simulated_actuator(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(
+        "master_device: {ros__parameters: {simulated: {handle: {m_a: 0.03, k_s: 400.0}}}}\n"
+        "identifier: {ros__parameters: {suspension: {k_s: 500.0}, rest: 2.0}}"
+    )
+    arguments = IdentifyArguments(config=str(mine), trials=2, end_frequency=300.0, grip="hook")
+    processes = {p.executable: p.parameters for p in identification_graph(arguments)}
+    assert set(processes) == {"recorder", "master_device", "identifier"}
+    values = processes["identifier"]["identifier"]
+    assert set(values) <= set(node_schema("identifier"))
+    assert values["suspension.m_a"] == 0.03
+    assert values["suspension.k_s"] == 500.0  # what the user measured goes first
+    assert (values["trials"], values["end_frequency"], values["rest"]) == (2, 300.0, 2.0)
+    assert processes["master_device"]["master_device"]["simulated.grip.posture"] == "hook"
+
+
+def test_a_sweep_beyond_half_the_rate_is_refused() -> None:
+    with pytest.raises(ParameterError, match="end_frequency = 300"):
+        identification_graph(IdentifyArguments(end_frequency=300.0, rate=500.0))
 
 
 def test_no_recorder_when_not_recording() -> None:

@@ -118,10 +118,13 @@ def read(bag: Path) -> dict[str, list[Any]]:
     return messages
 
 
+@pytest.mark.parametrize("rig", ["ideal", "paper"])
 def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
-    haptic_accel: Start, tmp_path: Path, domain: int
+    haptic_accel: Start, tmp_path: Path, domain: int, rig: str
 ) -> None:
-    command = haptic_accel("teleop", "duration:=3", "bag:=bag", "controller:=constant")
+    command = haptic_accel(
+        "teleop", f"rig:={rig}", "duration:=3", "bag:=bag", "controller:=constant"
+    )
     assert command.end() == 0, command.text
     messages = read(tmp_path / "bag")
     assert set(messages) == {f"/{topic.name}" for topic in TOPICS}

@@ -10,6 +10,13 @@ from haptic_accel.core.identification.estimate import (
     h1,
     h2,
 )
+from haptic_accel.core.identification.evaluation import (
+    UNEXPLAINED,
+    GripIdentification,
+    Identification,
+    centred,
+    identify_handle,
+)
 from haptic_accel.core.identification.fit import (
     DEFAULT_FREE,
     MOUNT,
@@ -18,9 +25,11 @@ from haptic_accel.core.identification.fit import (
     sampled_response,
 )
 from haptic_accel.core.identification.sweep import (
+    SAMPLES_MISSING,
     IdentificationTrial,
     SweepParameters,
     excitation,
+    find_trials,
     kept_repeats,
     run_identification,
     sweep,
@@ -29,20 +38,27 @@ from haptic_accel.core.identification.sweep import (
 __all__ = [
     "DEFAULT_FREE",
     "MOUNT",
+    "SAMPLES_MISSING",
+    "UNEXPLAINED",
     "DiscreteModel",
     "FrequencyResponse",
+    "GripIdentification",
     "HandleFit",
+    "Identification",
     "IdentificationTrial",
     "RecordingError",
     "SweepParameters",
     "approximate_model",
+    "centred",
     "check_recording",
     "dft_ratio",
     "excitation",
+    "find_trials",
     "fit_handle",
     "h1",
     "h2",
     "identify_discrete",
+    "identify_handle",
     "kept_repeats",
     "magnitude_error",
     "run_identification",

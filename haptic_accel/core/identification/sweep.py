@@ -6,10 +6,18 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from haptic_accel.core.identification.estimate import RecordingError, check_pair
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+
+ALIKE = 0.95
+"""Correlation with the excitation from which on a recorded force is taken for it (assumed)."""
+
+SAMPLES_MISSING = "samples_missing"
+"""In a trial's status: how many of its samples were not recorded."""
 
 DROPPED_REPEATS = 1
 """Repeats at the start that are not evaluated: the handle settles in them (paper)."""
@@ -185,13 +193,87 @@ class IdentificationTrial:
     handle_acceleration : ndarray
         As the accelerometer gave it, m/s^2.
     status : dict
-        The rig's counts of what went beyond a range, by name: all zero in a good trial.
+        Counts of what went beyond a range or was lost, by name: all zero in a good trial.
     """
 
     rate: float
     actuator_force: FloatArray
     handle_acceleration: FloatArray
     status: dict[str, int]
+
+
+def find_trials(
+    actuator_force: FloatArray,
+    handle_acceleration: FloatArray,
+    parameters: SweepParameters,
+    rate: float,
+    missing: npt.NDArray[np.bool_] | None = None,
+) -> list[IdentificationTrial]:
+    """Find the excitation in a recording: where the force looks like it.
+
+    Parameters
+    ----------
+    actuator_force, handle_acceleration : ndarray, shape (n,)
+        N and m/s^2, on the same sampling times.
+    parameters : SweepParameters
+        What excited the handle.
+    rate : float
+        Samples per second.
+    missing : ndarray of bool, shape (n,), optional
+        Which samples were not recorded, and are filled in.
+
+    Returns
+    -------
+    list of IdentificationTrial
+        In the order recorded; what is missing of each is in its status.
+
+    Raises
+    ------
+    RecordingError
+        The signals do not fit each other, or the excitation is not in the force.
+    ParameterError
+        The end frequency is not below half the rate.
+    """
+    from scipy import signal
+
+    check_pair(actuator_force, handle_acceleration)
+    wanted = excitation(parameters, rate)
+    length = len(wanted)
+    if len(actuator_force) < length:
+        raise RecordingError(
+            f"recording: {len(actuator_force)} samples at {rate:g} Hz, must be at least {length},"
+            f" {parameters.repeats} repeats of {parameters.duration:g} s"
+        )
+    product = signal.correlate(actuator_force, wanted, mode="valid", method="fft")
+    energy = np.cumsum(np.concatenate([[0.0], actuator_force**2]))
+    norm = np.sqrt((energy[length:] - energy[:-length]) * float(np.sum(wanted**2)))
+    # Where there is hardly any force, rounding must not look like the sweep.
+    correlation = product / np.maximum(norm, _LEAST_FORCE * float(np.sum(wanted**2)))
+    starts = []
+    best = float(correlation.max())
+    while len(correlation) and correlation.max() >= ALIKE:
+        start = int(np.argmax(correlation))
+        starts.append(start)
+        correlation[max(0, start - length + 1) : start + length] = 0.0
+    if not starts:
+        raise RecordingError(
+            f"actuator_force: correlates with the sweep by {best:.2f}, must by {ALIKE:g}: is it"
+            f" {parameters.repeats} repeats of {parameters.duration:g} s from"
+            f" {parameters.start_frequency:g} to {parameters.end_frequency:g} Hz?"
+        )
+    gaps = np.zeros(len(actuator_force), dtype=bool) if missing is None else missing
+    return [
+        IdentificationTrial(
+            rate,
+            actuator_force[start : start + length],
+            handle_acceleration[start : start + length],
+            {SAMPLES_MISSING: int(np.sum(gaps[start : start + length]))},
+        )
+        for start in sorted(starts)
+    ]
+
+
+_LEAST_FORCE = 1e-3  # of the excitation's
 
 
 def run_identification(

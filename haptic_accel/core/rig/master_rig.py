@@ -34,6 +34,15 @@ NOISE_STREAM, GRIP_STREAM = 1, 3
 """Keep this accelerometer's noise, and the user's grip, apart from the slave's noise, which may
 have the same seed."""
 
+POSTURES: dict[str, tuple[float, float, float]] = {
+    "average": (1.0, 1.0, 1.0),
+    "pinch": (0.92, 0.75, 0.8),
+    "hook": (1 / 0.92, 1 / 0.75, 1 / 0.8),
+}
+"""Factors of m_h, k_u and b_u by how the handle is held. The paper fitted Table I to pinch and
+hook grips together; that fingertips hold softer and with less of the hand, and how much, is
+assumed, such that Table I lies in the middle."""
+
 # Order of states and inputs of the linear mechanics.
 Y_A, V_A, Y_H, V_H, X_U, Y_U, VX_U, V_U, MEASURED, X_H, VX_H, Y_M, V_M = range(13)
 F_A, F_Z, F_X, AX_U, A_U, F_BETWEEN, G = range(7)
@@ -91,6 +100,9 @@ class GripParameters(Checked):
         "standard deviation of the logarithm of m_h, k_u and b_u from seed to seed",
         low=0,
         high=1.0,
+    )
+    posture: str = parameter(
+        "average", "how the handle is held; average is Table I", choices=tuple(POSTURES)
     )
     gravity: float = parameter(
         0.0, "gravity along the actuator's axis", unit="m/s^2", low=-9.81, high=9.81
@@ -309,7 +321,7 @@ class MasterRig:
 
 
 def held(handle: HandleParameters, grip: GripParameters, seed: int) -> HandleParameters:
-    """Return the handle as one user holds it: grip and mass as they vary between users.
+    """Return the handle as one user holds it: by posture, and as users vary.
 
     Parameters
     ----------
@@ -319,11 +331,12 @@ def held(handle: HandleParameters, grip: GripParameters, seed: int) -> HandlePar
     seed : int
         Of the user.
     """
-    if not grip.variation:
-        return handle
-    drawn = np.random.default_rng((seed, GRIP_STREAM)).normal(0.0, grip.variation, 3)
-    # One hand holds more or less of itself against the handle: mass least, stiffness most.
-    m_h, k_u, b_u = np.exp(drawn * (0.3, 1.0, 0.7)).tolist()
+    m_h, k_u, b_u = POSTURES[grip.posture]
+    if grip.variation:
+        drawn = np.random.default_rng((seed, GRIP_STREAM)).normal(0.0, grip.variation, 3)
+        # One hand holds more or less of itself against the handle: mass least, stiffness most.
+        factors = np.exp(drawn * (0.3, 1.0, 0.7)).tolist()
+        m_h, k_u, b_u = m_h * factors[0], k_u * factors[1], b_u * factors[2]
     return replace(handle, m_h=handle.m_h * m_h, k_u=handle.k_u * k_u, b_u=handle.b_u * b_u)
 
 

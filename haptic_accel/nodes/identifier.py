@@ -1,0 +1,144 @@
+"""Executable `identifier`: excites the handle, so that its recording tells what it is."""
+
+from __future__ import annotations
+
+import math
+import time
+
+from haptic_accel.core.coupling import ZERO, Vector
+from haptic_accel.core.identification.sweep import excitation
+from haptic_accel.core.travel import TravelEstimator
+from haptic_accel.devices import DeviceError
+from haptic_accel.nodes import topics
+from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.nodes.scheduling import NANOSECONDS, run
+
+LOOK_PERIOD = 0.1
+"""How often silence and missing listeners are looked for, s."""
+
+PATIENCE = 30.0
+"""How long the device and the recorder may take to come, s."""
+
+
+class Identifier(GraphNode):
+    """Every sample of the handle causes the next force of the sweep.
+
+    Which force it is follows from the sample's stamp, so that the sweep keeps its time where a
+    sample is lost. The actuator's travel is estimated all along; where it comes near its stops,
+    or the handle falls silent, the force is taken off and the run fails.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("identifier")
+        p = self.parameters
+        self._force = excitation(p, p.rate).tolist()
+        self._repeat = len(self._force) // p.repeats
+        self._rest = round(p.rest * p.rate)
+        self._period = NANOSECONDS / p.rate
+        suspension = self.options["suspension"]
+        self._travel = TravelEstimator(suspension, p.rate)
+        self._most_travel = p.travel_share * suspension.travel
+        self._widest = self._applied = 0.0
+        self._origin: int | None = None
+        self._done = -1  # repeats, as told
+        self._born = self._heard = time.monotonic()
+        self._failure = ""
+        self._sender = self.sender(topics.ACTUATOR_FORCE)
+        self.listen(topics.HANDLE_ACCELERATION, self._excite)
+        self.create_timer(LOOK_PERIOD, self._look)
+
+    def close(self) -> None:
+        """Leave the actuator without force, and say what went wrong, if anything."""
+        self._sender.send(time.time_ns(), ZERO)
+        super().close()
+        if self._failure:
+            raise DeviceError(self._failure)
+
+    def status(self) -> tuple[str, dict[str, str]]:
+        """Return how far the procedure is, and how far the actuator went."""
+        return self._failure, {
+            "repeats done": str(max(0, self._done)),
+            "largest travel (mm)": f"{1e3 * self._widest:.3f}",
+        }
+
+    def _excite(self, moment: int, acceleration: Vector) -> None:
+        if self.finished.done():
+            return
+        self._heard = time.monotonic()
+        if not math.isfinite(acceleration[2]):
+            self._fail("handle_acceleration: not a finite number, force taken off")
+            return
+        # How the actuator was driven until now is what the last force and this sample did.
+        self._widest = max(self._widest, abs(self._travel.sample(self._applied, acceleration[2])))
+        if abs(self._travel.travel) > self._most_travel:
+            self._fail(
+                f"travel: {1e3 * abs(self._travel.travel):.2f} mm, must be at most"
+                f" {1e3 * self._most_travel:.2f} mm; use a smaller amplitude"
+            )
+            return
+        force = self._next_force(moment)
+        self._applied = force
+        if not self.finished.done():
+            self._sender.send(moment, (0.0, 0.0, force))
+
+    def _next_force(self, moment: int) -> float:
+        """Return the force that follows a sample of a moment in ns."""
+        if self._origin is None:
+            if self._sender.listeners < self.parameters.listeners:
+                return 0.0
+            self._origin = moment
+        sample = round((moment - self._origin) / self._period)
+        trial, within = divmod(sample, self._rest + len(self._force))
+        if trial >= self.parameters.trials:
+            self._tell(self.parameters.trials * self.parameters.repeats)
+            # The handle comes to rest on the recording too.
+            if within >= self._rest:
+                self.finished.set_result(None)
+            return 0.0
+        place = within - self._rest
+        if place < 0:
+            return 0.0
+        self._tell(trial * self.parameters.repeats + place // self._repeat)
+        return float(self._force[place])
+
+    def _tell(self, done: int) -> None:
+        """Say how many repeats are done, once."""
+        if done == self._done:
+            return
+        self._done = done
+        trial, repeat = divmod(done, self.parameters.repeats)
+        if trial < self.parameters.trials:
+            self.get_logger().info(
+                f"trial {trial + 1} of {self.parameters.trials},"
+                f" repeat {repeat + 1} of {self.parameters.repeats}"
+            )
+        else:
+            self.get_logger().info(f"done, largest travel {1e3 * self._widest:.2f} mm")
+
+    def _look(self) -> None:
+        """End the run where nobody listens or the handle has gone."""
+        now = time.monotonic()
+        if self._origin is None:
+            if now - self._born > PATIENCE:
+                self._fail(
+                    f"waiting for subscribers of the actuator's force: {self._sender.listeners}"
+                    f" of {self.parameters.listeners} after {PATIENCE:g} s"
+                )
+        elif now - self._heard > self.parameters.timeout:
+            self._fail(f"handle_acceleration: silent for {now - self._heard:.2g} s")
+
+    def _fail(self, failure: str) -> None:
+        """Take the force off and end."""
+        if not self.finished.done():
+            self._sender.send(time.time_ns(), ZERO)
+            self._failure = failure
+            self.finished.set_result(None)
+
+
+def main() -> None:
+    """Run the node."""
+    run("identifier", Identifier)
+
+
+if __name__ == "__main__":
+    main()
