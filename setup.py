@@ -21,7 +21,7 @@ NODES = (
 
 def ros_wheels(distribution: str) -> list[str]:
     """Return ROS 2 as binary wheels, for machines where it is not installed."""
-    interfaces = ("std-msgs", "geometry-msgs", "diagnostic-msgs")
+    interfaces = ("std-msgs", "geometry-msgs", "diagnostic-msgs", "std-srvs")
     return [
         f"ros-{distribution}-rclpy[fastrtps]",
         *(f"ros-{distribution}-{name}" for name in interfaces),

@@ -15,6 +15,11 @@ HIGH_PASS_FREQUENCY = 15.0
 """Its corner in Hz (paper, section III)."""
 
 
+MOTION_SHARE = 1 / 3
+"""Of the high-pass' corner, below which acceleration is taken for the hand's own: strokes turn in
+less than 4 Hz, and what is desired has lost 38 dB (paper's corner)."""
+
+
 class SampleFilter:
     """A cascade of second-order sections, transposed direct form II.
 
@@ -65,11 +70,36 @@ def high_pass(frequency: float, rate: float) -> FloatArray:
     return np.asarray(sections, dtype=float)
 
 
-def high_passed(acceleration: FloatArray, frequency: float, rate: float) -> FloatArray:
-    """Pass a whole signal through the same high-pass as a controller's input."""
+def without_hand_motion(
+    acceleration: FloatArray, high_pass_frequency: float, rate: float
+) -> FloatArray:
+    """Take gravity and the hand's own motion out of a whole signal, and nothing else.
+
+    The desired acceleration has lost them in the compensator's high-pass. A filter without phase,
+    at a third of its corner, takes them out of the handle's: one that shifts phase, or has much of
+    what is desired, would count as error what the handle did right.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n,)
+        m/s^2.
+    high_pass_frequency : float
+        Corner of the compensator's high-pass, Hz.
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        m/s^2; half of what is at a third of the corner, all but 0.0002 of what is at the corner.
+    """
     from scipy import signal
 
-    return np.asarray(signal.sosfilt(high_pass(frequency, rate), acceleration))
+    sections = high_pass(high_pass_frequency * MOTION_SHARE, rate)
+    # Not sosfiltfilt, which takes the first and the last sample, texture and all, to have been
+    # there for ever, and leaves a tenth of a second of that at both ends.
+    forth = signal.sosfilt(sections, acceleration - np.mean(acceleration))
+    return np.asarray(signal.sosfilt(sections, forth[::-1])[::-1])
 
 
 def inverse_of(model: ApproximateModel, rate: float) -> FloatArray:

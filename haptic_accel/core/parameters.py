@@ -142,7 +142,7 @@ class Checked:
     """Base of parameter dataclasses: every field is checked when one is built."""
 
     def __post_init__(self) -> None:
-        """Check all fields.
+        """Check all fields that are parameters; dataclasses of parameters check themselves.
 
         Raises
         ------
@@ -150,6 +150,8 @@ class Checked:
             Naming the class' field, the value and what is allowed.
         """
         for name, (default, specification) in schema(type(self)).items():
+            if "." in name:
+                continue
             value = checked(name, getattr(self, name), default, specification)
             object.__setattr__(self, name, value)
 

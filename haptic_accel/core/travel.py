@@ -60,6 +60,11 @@ class TravelEstimator:
         """Where the actuator is now, m; positive away from the handle along its axis."""
         return self._d
 
+    @property
+    def velocity(self) -> float:
+        """How fast it moves from the handle now, m/s."""
+        return self._v
+
     def sample(self, actuator_force: float, handle_acceleration: float) -> float:
         """Take what acts until the next sample; return where the actuator is then.
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 
 import numpy as np
 
 from haptic_accel.core.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling import CouplingParameters, PositionPositionCoupling
-from haptic_accel.core.filters import HIGH_PASS_FREQUENCY, high_passed
+from haptic_accel.core.filters import HIGH_PASS_FREQUENCY, without_hand_motion
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
@@ -17,6 +18,9 @@ from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigPara
 
 DEFAULT_RATE = 1000.0
 """Samples per second of the paper's servo loop."""
+
+GripChange = tuple[float, HandleParameters]
+"""When a hand begins to hold otherwise, s, and the handle as it is held from then on."""
 
 
 @dataclass(frozen=True)
@@ -76,12 +80,12 @@ class Trial:
 
     @property
     def actual_acceleration(self) -> FloatArray:
-        """The handle's acceleration through the same high-pass as the tool's, m/s^2.
+        """The handle's acceleration without gravity and the hand's own motion, m/s^2.
 
-        Hand motion and gravity, which the desired acceleration has lost, must not count as
-        error.
+        They must not count as error, and nothing else may change: a handle that moves exactly as
+        desired has none.
         """
-        return high_passed(self.handle_acceleration, self.high_pass_frequency, self.rate)
+        return without_hand_motion(self.handle_acceleration, self.high_pass_frequency, self.rate)
 
     @property
     def seconds(self) -> float:
@@ -99,12 +103,14 @@ def run_trial(
     recording: FloatArray | None = None,
     compensation: CompensationParameters | None = None,
     controllers: Mapping[str, Checked] | None = None,
+    grips: Sequence[GripChange] = (),
     physics_step: float = PHYSICS_STEP,
 ) -> Trial:
     """Run one condition in lockstep: no clock, no thread, the same result every time.
 
     Each sample, both rigs are read, the coupling and the compensation computed and their
-    forces applied at once; what they do is seen one sample later, the paper's tau_d.
+    forces applied at once; what they do is seen one sample later, the paper's tau_d. Of the
+    handle's acceleration the compensation has the sample before, as in the live graph.
 
     Parameters
     ----------
@@ -123,7 +129,9 @@ def run_trial(
     compensation : CompensationParameters, optional
         High-pass and limit; its `controller` is replaced by the one named.
     controllers : mapping, optional
-        Parameters of controllers by name.
+        Parameters of controllers, and of the actuator's limits, by name.
+    grips : sequence of GripChange
+        How the handle is held, in order of time; by the rig's until the first.
     physics_step : float
         Longest step of the contact's integration, s.
 
@@ -142,7 +150,7 @@ def run_trial(
         raise ParameterError(f"duration = {duration}: must hold at least one sample")
     rig = rig or RigParameters()
     around = compensation or CompensationParameters()
-    around = CompensationParameters(controller, around.high_pass_frequency, around.peak_force)
+    around = replace(around, controller=controller)
     samples = round(duration * rate)
     return _run(
         MasterRig(rig.master, rate, seed),
@@ -157,6 +165,7 @@ def run_trial(
             **{name: np.zeros(samples) for name in _SIGNALS},
             high_pass_frequency=around.high_pass_frequency,
         ),
+        deque(grips),
     )
 
 
@@ -174,10 +183,14 @@ def _run(
     coupling: PositionPositionCoupling,
     compensation: Compensation,
     trial: Trial,
+    grips: deque[GripChange],
 ) -> Trial:
     """Fill a trial's signals sample by sample."""
+    before: float | None = None
     for index, time in enumerate(trial.time.tolist()):
         master.advance(time)
+        if grips and grips[0][0] <= time:
+            master.change_grip(grips.popleft()[1])
         slave.advance(time)
         handle, tool = master.measure(), slave.measure()
         if not coupling.engaged:
@@ -185,10 +198,12 @@ def _run(
         on_master, on_slave = coupling.forces(
             handle.position, tool.position, handle.velocity, tool.velocity
         )
-        desired, force = compensation.sample(tool.acceleration, handle.acceleration)
+        desired, force = compensation.sample(tool.acceleration, before)
         master.apply_arm_force(on_master)
         slave.apply_arm_force(on_slave)
         master.apply_actuator_force(force)
+        compensation.adapt()
+        before = handle.acceleration
         trial.tool_acceleration[index] = tool.acceleration
         trial.desired_acceleration[index] = desired
         trial.handle_acceleration[index] = handle.acceleration

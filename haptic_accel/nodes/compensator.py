@@ -3,58 +3,93 @@
 from __future__ import annotations
 
 import time
+from collections import deque
+from typing import Any, ClassVar
 
 # Loaded here so that it is there when the node appears to others: designing a filter needs it.
 import scipy.signal  # noqa: F401
+from std_srvs.srv import Trigger
 
 from haptic_accel.core.compensation import Compensation
+from haptic_accel.core.controllers import CONTROLLERS
 from haptic_accel.core.coupling import ZERO, Vector
 from haptic_accel.nodes import topics
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import NANOSECONDS, run
 
+FROZEN = "adaptive.frozen"
+"""Parameter that stops the adaptation."""
+
+HEARD = 4
+"""Samples of the handle that are kept to find the one that belongs to a tick."""
+
 
 class Compensator(GraphNode):
     """Every tool acceleration causes one force, published before anything else."""
 
+    CHANGEABLE: ClassVar[tuple[str, ...]] = ("controller", FROZEN)
+
     def __init__(self) -> None:
         super().__init__("compensator")
         p = self.parameters
-        self._compensation = Compensation(p, p.rate, self.options)
+        # All of them: designing one takes longer than a force may wait.
+        self._compensation = Compensation(p, p.rate, self.options, tuple(CONTROLLERS))
         self._period = NANOSECONDS / p.rate
-        self._handle_acceleration = 0.0
+        self._handle: deque[tuple[int, float]] = deque(maxlen=HEARD)
         self._last: int | None = None
         self._samples = self._lost = self._stale = 0
         self._send_force = self.sender(topics.ACTUATOR_FORCE).send
         self._send_desired = self.sender(topics.DESIRED_ACCELERATION).send
         self.listen(topics.TOOL_ACCELERATION, self._compensate)
         self.listen(topics.HANDLE_ACCELERATION, self._keep)
+        self.create_service(Trigger, "~/reset", self._reset)
 
     def close(self) -> None:
         """Leave the actuator without force."""
         self._send_force(time.time_ns(), ZERO)
         super().close()
 
+    def change(self, name: str, value: Any) -> None:
+        """Let another controller take over, or stop or resume adaptation."""
+        if name == FROZEN:
+            self._compensation.freeze(value)
+        else:
+            self._compensation.select(value)
+
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return what was lost, cut and refused."""
-        return "", {
-            "controller": self.parameters.controller,
+        """Return what was lost, limited and refused, and what the controller says."""
+        warning, values = self._compensation.status()
+        return warning, {
             "samples": str(self._samples),
             "lost": str(self._lost),
             "out of order": str(self._stale),
-            "saturated": str(self._compensation.saturated),
-            "rejected": str(self._compensation.rejected),
+            **values,
         }
 
     def _keep(self, moment: int, acceleration: Vector) -> None:
-        self._handle_acceleration = acceleration[2]
+        self._handle.append((moment, acceleration[2]))
 
     def _compensate(self, moment: int, acceleration: Vector) -> None:
         if not self._in_order(moment):
             return
-        desired, force = self._compensation.sample(acceleration[2], self._handle_acceleration)
+        desired, force = self._compensation.sample(acceleration[2], self._before(moment))
         self._send_force(moment, (0.0, 0.0, force))
         self._send_desired(moment, (0.0, 0.0, desired))
+        self._compensation.adapt()
+
+    def _before(self, moment: int) -> float | None:
+        """Return the handle's acceleration of the tick before a moment, if it was heard."""
+        wanted = moment - self._period
+        for heard, acceleration in reversed(self._handle):
+            if abs(heard - wanted) < self._period / 2:
+                return acceleration
+        return None
+
+    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Start all controllers anew: filters, and what was learnt of the grip."""
+        self._compensation.reset()
+        response.success = True
+        return response
 
     def _in_order(self, moment: int) -> bool:
         """Count samples; false for one that is not newer than the last."""

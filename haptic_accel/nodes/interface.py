@@ -5,10 +5,16 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -72,6 +78,9 @@ class GraphNode(SupervisedNode):
         A parameter has a value that is not allowed.
     """
 
+    CHANGEABLE: ClassVar[tuple[str, ...]] = ()
+    """Parameters that can be changed while the node runs."""
+
     def __init__(self, executable: str) -> None:
         super().__init__(
             executable,
@@ -80,8 +89,10 @@ class GraphNode(SupervisedNode):
             allow_undeclared_parameters=True,
             automatically_declare_parameters_from_overrides=True,
         )
-        values = self._declare(node_schema(executable))
+        self._schema = node_schema(executable)
+        values = self._declare(self._schema)
         self.parameters, self.options = node_parameters(executable, values)
+        self.add_on_set_parameters_callback(self._change)
         self._publish_diagnostics = self.publisher(DIAGNOSTICS).publish
         self.create_timer(DIAGNOSTICS_PERIOD, self.report)
 
@@ -114,6 +125,29 @@ class GraphNode(SupervisedNode):
         """Publish the last diagnostics; called once, whatever ended the node."""
         self.report()
 
+    def change(self, name: str, value: Any) -> None:
+        """Take a new value of a parameter that can be changed, checked.
+
+        Raises
+        ------
+        ParameterError
+            It cannot be taken; nothing has changed.
+        """
+
+    def _change(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Take new values, or say what is wrong with the first that is."""
+        try:
+            for parameter in parameters:
+                name = parameter.name
+                if name not in self._schema:
+                    raise ParameterError(f"{name}: no such parameter")
+                if name in self.CHANGEABLE:
+                    default, specification = self._schema[name]
+                    self.change(name, checked(name, parameter.value, default, specification))
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
     def status(self) -> tuple[str, dict[str, str]]:
         """Return a warning, empty if all is well, and values with units for diagnostics."""
         return "", {}
@@ -136,7 +170,8 @@ class GraphNode(SupervisedNode):
     def _declare(self, schema: Schema) -> dict[str, Any]:
         """Declare all parameters with their descriptors, return their values.
 
-        They are read-only: what cannot be changed while running must not seem to be.
+        They are read-only but for `CHANGEABLE`: what cannot be changed while running must not
+        seem to be.
         """
         given = {
             name: parameter.value
@@ -152,6 +187,7 @@ class GraphNode(SupervisedNode):
         for name, (default, specification) in schema.items():
             value = checked(name, given.get(name, default), default, specification)
             descriptor = _descriptor(default, specification)
+            descriptor.read_only = name not in self.CHANGEABLE
             # ROS would take the value as given: 300 is no double to it.
             self.declare_parameter(name, value, descriptor, ignore_override=True)
             values[name] = value
@@ -165,7 +201,6 @@ def _descriptor(default: Any, specification: Specification) -> ParameterDescript
     descriptor = ParameterDescriptor(
         description=specification.text + unit,
         additional_constraints=specification.allowed,
-        read_only=True,
     )
     if low is None and high is None:
         return descriptor

@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from haptic_accel.core.compensation import CompensationParameters, check_rate
+from haptic_accel.core.actuator import LimitParameters
+from haptic_accel.core.compensation import LIMITS, PLANT, CompensationParameters, check_rate
 from haptic_accel.core.controllers import CONTROLLERS
 from haptic_accel.core.coupling import CouplingParameters
 from haptic_accel.core.identification.sweep import SweepParameters
+from haptic_accel.core.inversion.plant import Plant
 from haptic_accel.core.parameters import Checked, Schema, from_flat, parameter, schema
 from haptic_accel.core.rig.instruments import AccelerometerParameters
 from haptic_accel.core.travel import SuspensionParameters
@@ -141,7 +143,11 @@ NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     ),
     "compensator": (
         CompensatorNodeParameters,
-        {name: controller.Parameters for name, controller in CONTROLLERS.items()},
+        {
+            **{name: controller.Parameters for name, controller in CONTROLLERS.items()},
+            LIMITS: LimitParameters,
+            PLANT: Plant,
+        },
     ),
 }
 """Per executable its own parameters, and those of what it can be made of, by name."""

@@ -8,11 +8,22 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
+from haptic_accel.core.controllers import CONTROLLERS
 from haptic_accel.core.identification import DEFAULT_FREE, SweepParameters
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.startup.arguments import IdentifyArguments
 from haptic_accel.startup.process import INTERRUPTED, WRONG_ARGUMENTS
-from haptic_accel.tools import bench, doctor, experiment, identify, lockstep, soak, teleop
+from haptic_accel.tools import (
+    bench,
+    control,
+    doctor,
+    experiment,
+    fidelity,
+    identify,
+    lockstep,
+    soak,
+    teleop,
+)
 
 T = TypeVar("T")
 Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -36,6 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB")
     _add_teleop(verbs)
+    _add_control(verbs)
     _add_experiment(verbs)
     _add_identify(verbs)
     _add_bench(verbs)
@@ -63,6 +75,19 @@ def _add_teleop(verbs: Verbs) -> None:
     verb.set_defaults(run=lambda arguments: teleop.teleop(arguments.words))
 
 
+def _add_control(verbs: Verbs) -> None:
+    verb = verbs.add_parser(
+        "control",
+        help="change the controller of a graph that runs",
+        description="Let another controller take over, freeze or reset the adaptation, while the"
+        " graph runs.",
+        epilog=teleop.help_text(control.ControlArguments),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    _take_words(verb)
+    verb.set_defaults(run=lambda arguments: control.control(arguments.words))
+
+
 def _add_experiment(verbs: Verbs) -> None:
     verb = verbs.add_parser(
         "experiment",
@@ -77,7 +102,19 @@ def _add_experiment(verbs: Verbs) -> None:
     verb.add_argument(
         "--lockstep", action="store_true", help="without ROS, faster than real time, repeatable"
     )
-    verb.add_argument("--rig", help="the same as rig:=RIG: ideal, paper, or a .yaml file")
+    verb.add_argument(
+        "--controllers",
+        type=_words,
+        default=experiment.PAPER_CONTROLLERS,
+        metavar="NAME,NAME,...",
+        help=f"of {', '.join(CONTROLLERS)} (default: {','.join(experiment.PAPER_CONTROLLERS)})",
+    )
+    for name in ("rig", "rate", "grip"):
+        verb.add_argument(f"--{name}", metavar="VALUE", help=f"the same as {name}:=VALUE")
+    verb.add_argument(
+        "--recording", metavar="FILE", help="the same as surface:=recording recording:=FILE"
+    )
+    verb.add_argument("--recording-rate", metavar="HZ", help="the same as recording_rate:=HZ")
     verb.add_argument(
         "--seeds", type=int, default=1, help="users and pieces of material, each in lockstep"
     )
@@ -87,8 +124,13 @@ def _add_experiment(verbs: Verbs) -> None:
     )
     verb.set_defaults(
         run=lambda arguments: experiment.experiment(
-            [*arguments.words, *_as_words(arguments, ["rig"])],
+            [
+                *arguments.words,
+                *(["surface:=recording"] if arguments.recording else []),
+                *_as_words(arguments, ["rig", "rate", "grip", "recording", "recording_rate"]),
+            ],
             seeds=arguments.seeds,
+            controllers=arguments.controllers,
             lockstep=arguments.lockstep,
             json_file=arguments.json,
             out=arguments.out,
@@ -233,6 +275,7 @@ def _add_bench(verbs: Verbs) -> None:
             json_file=arguments.json,
         )
     )
+    _add_fidelity(kinds)
     for kind, seconds in ((latency, 20.0), (sweep, 5.0), (soaking, 600.0), (stepping, 10.0)):
         _take_words(kind)
         kind.add_argument(
@@ -252,6 +295,52 @@ def _as_words(arguments: argparse.Namespace, names: Iterable[str]) -> list[str]:
     """Return options that have the meaning of an argument of the graph as such."""
     given = {name: getattr(arguments, name) for name in names}
     return [f"{name}:={value}" for name, value in given.items() if value is not None]
+
+
+def _add_fidelity(kinds: Verbs) -> None:
+    kind = kinds.add_parser(
+        "fidelity",
+        help="how well each controller does on every rig, grip and input, beside what can be done",
+        description="Run all controllers in lockstep on both rigs, at 1 and 4 kHz, with Table I's"
+        " grip, with many hands, and with grips that change; print errors beside the best that any"
+        " causal linear filter could do.",
+    )
+    kind.add_argument(
+        "--controllers",
+        type=_words,
+        default=list(CONTROLLERS),
+        metavar="NAME,NAME,...",
+        help=f"(default: {','.join(CONTROLLERS)})",
+    )
+    kind.add_argument(
+        "--recording",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="CSV or WAV of a tool's acceleration, in place of the simulated surfaces; may be"
+        " given many times",
+    )
+    kind.add_argument(
+        "--recording-rate",
+        action="append",
+        type=float,
+        default=[],
+        metavar="HZ",
+        help="of each CSV file, or once for all",
+    )
+    kind.add_argument("--hands", type=int, default=50, help="how many (default: 50)")
+    kind.add_argument("--seed", type=int, default=1, help="that hands are drawn from (default: 1)")
+    _take_json(kind)
+    kind.set_defaults(
+        run=lambda arguments: fidelity.bench_fidelity(
+            controllers=arguments.controllers,
+            recordings=arguments.recording,
+            recording_rates=arguments.recording_rate,
+            hands=arguments.hands,
+            seed=arguments.seed,
+            json_file=arguments.json,
+        )
+    )
 
 
 def _numbers(kind: Callable[[str], T]) -> Callable[[str], list[T]]:

@@ -34,6 +34,9 @@ from haptic_accel.tools.teleop import StopOnSignal, conclude
 SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
 
+PAPER_CONTROLLERS = ("none", "constant", "dynamic")
+"""The paper's conditions."""
+
 MOST_SEEDS = 1000
 
 DURATION = 10.0
@@ -144,6 +147,7 @@ def experiment(
     json_file: Path | None,
     out: Path | None,
     seeds: int = 1,
+    controllers: Sequence[str] = PAPER_CONTROLLERS,
 ) -> int:
     """Run the conditions, print Table II, write the report; return the exit status.
 
@@ -161,10 +165,12 @@ def experiment(
     seeds : int
         Users and pieces of material, each under every condition: the seed given and those
         that follow it. The report shows the first.
+    controllers : sequence of str
+        Under which every surface is run, unless the arguments name one.
     """
     arguments = _with_duration(words)
     _check_seeds(seeds, lockstep)
-    plan = _plan(words, arguments, seeds)
+    plan = _plan(words, arguments, seeds, controllers)
     for planned in plan:
         graph(planned)  # everything that can be wrong is found before anything runs
     folder = out or Path("results") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
@@ -210,13 +216,19 @@ def _with_duration(words: Sequence[str]) -> GraphArguments:
     return arguments
 
 
-def _plan(words: Sequence[str], arguments: GraphArguments, seeds: int) -> list[GraphArguments]:
+def _plan(
+    words: Sequence[str], arguments: GraphArguments, seeds: int, controllers: Sequence[str]
+) -> list[GraphArguments]:
     """Return the arguments of every condition; bags are named later."""
     for key in ("bag", "record"):
         if any(word.startswith(f"{key}:=") for word in words):
             raise ParameterError(f"{key}: not for an experiment, which records in its folder")
     surfaces = _restricted(words, "surface", arguments.surface, SURFACES)
-    controllers = _restricted(words, "controller", arguments.controller, tuple(CONTROLLERS))
+    for name in controllers:
+        if name not in CONTROLLERS:
+            known = ", ".join(CONTROLLERS)
+            raise ParameterError(f"controllers = {name!r}: must be among {known}")
+    controllers = _restricted(words, "controller", arguments.controller, controllers)
     return [
         replace(arguments, surface=surface, controller=controller, seed=arguments.seed + seed)
         for seed in range(seeds)

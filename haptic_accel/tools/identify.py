@@ -386,6 +386,12 @@ def parameter_file(found: Identification) -> str:
             "ros__parameters": {
                 "constant": _plain({"mass": fit.handle.m_h}),
                 "dynamic": _plain(asdict(found.approximate)),
+                "plant": {
+                    "handle": _plain(handle),
+                    "structure": _plain(asdict(fit.mount)),
+                    "delay": float(f"{max(0.0, fit.delay):.6f}"),
+                    "bandwidth": fit.low_pass_frequency,
+                },
             }
         },
         "identifier": {

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from haptic_accel.core.controllers.adaptive import AdaptiveController
 from haptic_accel.core.controllers.constant import ConstantController
 from haptic_accel.core.controllers.dynamic import DynamicController
-from haptic_accel.core.controllers.interface import Controller
+from haptic_accel.core.controllers.feedback import FeedbackController
+from haptic_accel.core.controllers.interface import Controller, Loop
+from haptic_accel.core.controllers.inverse import InverseController
 from haptic_accel.core.controllers.none import NoController
 
 CONTROLLERS: dict[str, type[Controller]] = {
     "none": NoController,
     "constant": ConstantController,
     "dynamic": DynamicController,
+    "inverse": InverseController,
+    "feedback": FeedbackController,
+    "adaptive": AdaptiveController,
 }
 
-__all__ = ["CONTROLLERS", "Controller"]
+__all__ = ["CONTROLLERS", "Controller", "Loop"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from haptic_accel.core.controllers.interface import Controller
+from haptic_accel.core.controllers.interface import Controller, Loop
 from haptic_accel.core.parameters import Checked, parameter
 
 
@@ -22,7 +22,7 @@ class ConstantController(Controller):
 
     Parameters = ConstantParameters
 
-    def __init__(self, parameters: ConstantParameters, rate: float) -> None:
+    def __init__(self, parameters: ConstantParameters, loop: Loop) -> None:
         self._mass = parameters.mass
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from haptic_accel.core.controllers.interface import Controller
+from haptic_accel.core.controllers.interface import Controller, Loop
 from haptic_accel.core.filters import SampleFilter, inverse_of
 from haptic_accel.core.model import ApproximateModel
 
@@ -12,8 +12,8 @@ class DynamicController(Controller):
 
     Parameters = ApproximateModel
 
-    def __init__(self, parameters: ApproximateModel, rate: float) -> None:
-        self._inverse = SampleFilter(inverse_of(parameters, rate))
+    def __init__(self, parameters: ApproximateModel, loop: Loop) -> None:
+        self._inverse = SampleFilter(inverse_of(parameters, loop.rate))
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the force that makes the model accelerate as desired."""

@@ -1,12 +1,33 @@
-"""What every controller has: parameters, one sample in and out, a reset."""
+"""What every controller has: parameters, one sample in and out, slow work between, a reset."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from haptic_accel.core.filters import HIGH_PASS_FREQUENCY
+from haptic_accel.core.inversion.plant import Plant
 from haptic_accel.core.parameters import Checked
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What surrounds a controller.
+
+    Attributes
+    ----------
+    rate : float
+        Samples per second.
+    high_pass_frequency : float
+        Corner of the high-pass that the desired acceleration has passed, Hz.
+    plant : Plant
+        The handle as identified, and all between a command and a sample.
+    """
+
+    rate: float
+    high_pass_frequency: float = HIGH_PASS_FREQUENCY
+    plant: Plant = field(default_factory=Plant)
 
 
 @dataclass(frozen=True)
@@ -24,14 +45,13 @@ class Controller(ABC):
     ----------
     parameters
         An instance of the class' `Parameters`.
-    rate : float
-        Samples per second.
+    loop : Loop
     """
 
     Parameters: ClassVar[type[Checked]] = NoParameters
 
     @abstractmethod
-    def __init__(self, parameters: Any, rate: float) -> None: ...
+    def __init__(self, parameters: Any, loop: Loop) -> None: ...
 
     @abstractmethod
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
@@ -42,13 +62,32 @@ class Controller(ABC):
         desired_acceleration : float
             High-passed tool acceleration, m/s^2.
         measured_acceleration : float
-            The latest handle acceleration, m/s^2.
+            The latest handle acceleration, m/s^2; NaN where it is stale or its sensor was at its
+            range, and must not be used.
 
         Returns
         -------
         float
             Actuator force, N, before the actuator's limit.
         """
+
+    def applied(self, actuator_force: float) -> None:  # noqa: B027 - most need not know
+        """Hear which force, N, was sent at this sample in the end: limited, or another's."""
+
+    def adapt(self) -> None:  # noqa: B027 - most have none
+        """Do a piece of slow work, in time that no force waits for: tens of microseconds."""
+
+    def freeze(self, frozen: bool) -> None:  # noqa: B027 - most have nothing to
+        """Stop adapting, or go on."""
+
+    def status(self) -> dict[str, str]:
+        """Return what is worth showing in diagnostics, by name with unit."""
+        return {}
+
+    @property
+    def warning(self) -> str:
+        """What is wrong, empty if all is well."""
+        return ""
 
     @abstractmethod
     def reset(self) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from haptic_accel.core.controllers.interface import Controller, NoParameters
+from haptic_accel.core.controllers.interface import Controller, Loop, NoParameters
 
 
 class NoController(Controller):
     """Zero force."""
 
-    def __init__(self, parameters: NoParameters, rate: float) -> None: ...
+    def __init__(self, parameters: NoParameters, loop: Loop) -> None: ...
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return zero."""

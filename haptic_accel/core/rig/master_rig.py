@@ -151,14 +151,10 @@ class MasterRig:
         self._step = period / max(1, math.ceil(period / RESOLUTION))
         self._stall = round(LONGEST_ADVANCE / self._step)
         self._longest = min(round(period / self._step), round(TABLE_STEP / self._step))
-        self._system = LinearSystem(
-            *_mechanics(parameters, self.handle), self._step, self._longest
-        )
+        self._system = self._mechanics()
         self._exploration = Exploration(parameters.exploration)
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
         self._converter = Quantizer(parameters.actuator.peak_force, parameters.actuator.bits)
-        reduced_mass = 1 / (1 / self.handle.m_a + 1 / self.handle.m_h)
-        self._stopping = reduced_mass / (FRICTION_STEPS * self._step)
         self._delay = round(parameters.actuator.delay / self._step)
         self._commands: deque[tuple[int, float]] = deque()
         self._now = 0
@@ -215,6 +211,13 @@ class MasterRig:
         self._commands.append((self._now + self._delay, converted))
         self._take_commands()
 
+    def change_grip(self, handle: HandleParameters) -> None:
+        """Let the hand hold otherwise from now on; nothing moves at that moment."""
+        before = self._system
+        self.handle = handle
+        self._system = self._mechanics()
+        self._system.state[:], self._system.inputs[:] = before.state, before.inputs
+
     def release(self) -> None:
         """Take all forces off."""
         self._commands.clear()
@@ -242,6 +245,10 @@ class MasterRig:
         """Set velocities along the actuator's axis, m/s: a blow, for tests and experiments."""
         self._system.state[V_H] = handle_velocity
         self._system.state[V_A] = actuator_velocity
+
+    def _mechanics(self) -> LinearSystem:
+        """Return the mechanics of the handle as it is held."""
+        return LinearSystem(*_mechanics(self._p, self.handle), self._step, self._longest)
 
     def _advance(self, due: int) -> int:
         """Advance by as many of the steps due as nothing changes in; return how many."""
@@ -317,7 +324,9 @@ class MasterRig:
             return 0.0
         force = p.coulomb_friction * math.tanh(abs(slip) / p.slip_velocity)
         # Held until it is looked at again, it may at most stop the slip, never turn it round.
-        return -math.copysign(min(force, self._stopping * abs(slip)), slip)
+        reduced_mass = 1 / (1 / self.handle.m_a + 1 / self.handle.m_h)
+        stopping = reduced_mass / (FRICTION_STEPS * self._step)
+        return -math.copysign(min(force, stopping * abs(slip)), slip)
 
 
 def held(handle: HandleParameters, grip: GripParameters, seed: int) -> HandleParameters:

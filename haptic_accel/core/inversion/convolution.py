@@ -1,0 +1,73 @@
+"""A filter of finite impulse response that takes one sample at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+
+
+class SampleWindow:
+    """The latest samples of a signal, side by side.
+
+    Parameters
+    ----------
+    length : int
+        How many; at least one.
+    """
+
+    # Every sample is written twice, a length apart: the latest ones then always lie side by
+    # side, without moving anything.
+
+    def __init__(self, length: int) -> None:
+        self._length = length
+        self._past = np.zeros(2 * length)
+        self._newest = 0
+
+    def push(self, value: float) -> None:
+        """Take one sample."""
+        newest = self._newest - 1
+        if newest < 0:
+            newest = self._length - 1
+        self._newest = newest
+        self._past[newest] = self._past[newest + self._length] = value
+
+    def latest(self) -> FloatArray:
+        """Return the latest samples, newest first, shape (length,); a view until the next one."""
+        return self._past[self._newest : self._newest + self._length]
+
+    def reset(self) -> None:
+        """Forget all: zeros."""
+        self._past[:] = 0.0
+
+
+class SampleConvolution:
+    """The running sum of taps times the latest samples.
+
+    Parameters
+    ----------
+    taps : ndarray, shape (n,)
+        Impulse response; at least one.
+
+    Attributes
+    ----------
+    taps : ndarray, shape (n,)
+        May be replaced by others of the same length between samples: the past stays.
+    """
+
+    def __init__(self, taps: FloatArray) -> None:
+        self.taps = np.ascontiguousarray(taps, dtype=np.float64)
+        self._window = SampleWindow(len(self.taps))
+
+    def sample(self, value: float) -> float:
+        """Take one input sample, return one output sample."""
+        self._window.push(value)
+        return float(self.taps.dot(self._window.latest()))
+
+    def latest(self) -> FloatArray:
+        """Return the latest samples, newest first, shape (n,); a view until the next sample."""
+        return self._window.latest()
+
+    def reset(self) -> None:
+        """Forget the past: the state of a filter that has always seen zero."""
+        self._window.reset()

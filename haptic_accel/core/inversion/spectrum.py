@@ -1,0 +1,92 @@
+"""What tools feel: the spectrum of acceleration that a filter is designed for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import Checked, parameter
+
+# scipy.signal takes half a second to import: only who measures a spectrum waits for it.
+
+ToolSpectrum = Callable[[FloatArray], FloatArray]
+"""One-sided power spectral density of tool acceleration, (m/s^2)^2/Hz, at frequencies in Hz."""
+
+TEXTURE_DENSITY = 0.15
+"""Of the middle of the texture, m/s^2/sqrt(Hz): 1.0 m/s^2 RMS in all, about as wood has."""
+
+HAND_DENSITY = 0.02
+"""Of slow motion of hand and arm below that, m/s^2/sqrt(Hz)."""
+
+SENSOR_DENSITY = 0.0025
+"""Of the tool's accelerometer, m/s^2/sqrt(Hz) (ADXL320 data sheet: 250 ug/sqrt(Hz))."""
+
+SEGMENT_SECONDS = 0.5
+"""Stretch of signal that a measured spectrum is taken of, s: lines 2 Hz apart."""
+
+
+@dataclass(frozen=True)
+class TexturePrior(Checked):
+    """Spectrum of an unknown surface: broad texture over slow motion and noise.
+
+    Its power rises with the fourth power of frequency and falls with the sixth. What a
+    filter need not expect it can neglect: the narrower the prior, the less the error on what
+    lies within, and the more on all else.
+    """
+
+    rise: float = parameter(
+        60.0,
+        "where texture comes up: waves of 2 mm stroked at 0.1 m/s make 50 Hz",
+        unit="Hz",
+        low=1.0,
+        high=1000.0,
+    )
+    fall: float = parameter(
+        200.0,
+        "where it falls off: a tip's width filters waves of 0.5 mm stroked at 0.1 m/s",
+        unit="Hz",
+        low=10.0,
+        high=10e3,
+    )
+
+    def __call__(self, frequency: FloatArray) -> FloatArray:
+        """Return the one-sided density, (m/s^2)^2/Hz, at frequencies in Hz, shape (n,)."""
+        squared = (frequency / self.rise) ** 2
+        texture = TEXTURE_DENSITY**2 * (squared / (1.0 + squared)) ** 2
+        falling = (1.0 + (frequency / self.fall) ** 2) ** 3
+        return np.asarray((texture + HAND_DENSITY**2) / falling + SENSOR_DENSITY**2)
+
+
+PRIOR = TexturePrior()
+"""Of a surface of which nothing is known."""
+
+
+def measured_spectrum(acceleration: FloatArray, rate: float) -> ToolSpectrum:
+    """Return the spectrum of a recorded tool acceleration by Welch's method.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n,)
+        m/s^2; at least two samples.
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    callable
+        Linear between the lines, and nowhere below the noise of the tool's accelerometer.
+    """
+    from scipy import signal
+
+    segment = min(len(acceleration), round(SEGMENT_SECONDS * rate))
+    lines, power = signal.welch(acceleration, rate, nperseg=segment)
+    floor = SENSOR_DENSITY**2
+
+    def spectrum(frequency: FloatArray) -> FloatArray:
+        # The mean is removed before, so that the line at 0 Hz says nothing.
+        return np.maximum(np.interp(frequency, lines[1:], power[1:]), floor)
+
+    return spectrum
