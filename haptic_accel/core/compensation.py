@@ -148,7 +148,7 @@ class Compensation:
         self._waiting: _Channel | None = None
         self._listened = 0
         self._resting = -math.expm1(-1.0 / (RESTING * rate))
-        self._rest = 0.0
+        self._rest = self._handle = 0.0
         self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
         self.rejected = self.untrusted = 0
 
@@ -209,8 +209,9 @@ class Compensation:
             # A controller's own instability: a filter that holds infinity never recovers.
             self.reset()
             desired = force = 0.0
-        # What is not known of the handle is taken for rest.
-        force = self.guard.limited(force, measured if math.isfinite(measured) else 0.0)
+        # Where it is not known, the handle's acceleration is taken for what it was: gravity.
+        self._handle = measured if math.isfinite(measured) else self._handle
+        force = self.guard.limited(force, self._handle)
         self._active.controller.applied(force)
         if self._follower:
             self._follower.controller.applied(force)

@@ -19,6 +19,9 @@ LOOK_PERIOD = 0.1
 PATIENCE = 30.0
 """How long the device and the recorder may take to come, s."""
 
+FAREWELLS, FAREWELL_PAUSE = 3, 0.01
+"""Zero forces sent at the end, and the time after each, s: best effort may lose one of them."""
+
 
 class Identifier(GraphNode):
     """Every sample of the handle causes the next force of the sweep.
@@ -49,7 +52,9 @@ class Identifier(GraphNode):
 
     def close(self) -> None:
         """Leave the actuator without force, and say what went wrong, if anything."""
-        self._sender.send(time.time_ns(), ZERO)
+        for _ in range(FAREWELLS):
+            self._sender.send(time.time_ns(), ZERO)
+            time.sleep(FAREWELL_PAUSE)
         super().close()
         if self._failure:
             raise DeviceError(self._failure)

@@ -16,6 +16,7 @@ from haptic_accel.startup.process import INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.tools import (
     bench,
     control,
+    design,
     doctor,
     experiment,
     fidelity,
@@ -48,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB")
     _add_teleop(verbs)
     _add_control(verbs)
+    _add_design(verbs)
     _add_experiment(verbs)
     _add_identify(verbs)
     _add_bench(verbs)
@@ -86,6 +88,22 @@ def _add_control(verbs: Verbs) -> None:
     )
     _take_words(verb)
     verb.set_defaults(run=lambda arguments: control.control(arguments.words))
+
+
+def _add_design(verbs: Verbs) -> None:
+    verb = verbs.add_parser(
+        "design",
+        help="what inverse, feedback or adaptive will do, before anything runs",
+        description="Design a controller for compensator.plant and print what it predicts: error,"
+        " the least there can be, force, travel, gain and phase, and the feedback's margins.",
+        epilog=teleop.help_text(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    _take_words(verb)
+    _take_json(verb)
+    verb.set_defaults(
+        run=lambda arguments: design.design(arguments.words, json_file=arguments.json)
+    )
 
 
 def _add_experiment(verbs: Verbs) -> None:

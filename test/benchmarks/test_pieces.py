@@ -61,14 +61,28 @@ def tool_acceleration() -> StampedVector:
 READ = reader(message_type(TOOL_ACCELERATION), VECTORS[TOOL_ACCELERATION.type])
 
 
+@pytest.mark.parametrize("rate", [RATE, 4 * RATE])
 @pytest.mark.parametrize("controller", list(CONTROLLERS))
-def test_sample_of_the_compensation(benchmark: Benchmark, controller: str) -> None:
-    compensation = Compensation(CompensationParameters(controller=controller), RATE)
-    acceleration = tone()
-    compensation.sample(next(acceleration), 0.0)
-    _, force = benchmark(lambda: compensation.sample(next(acceleration), 0.0))
+def test_sample_of_the_compensation(benchmark: Benchmark, controller: str, rate: float) -> None:
+    compensation = Compensation(CompensationParameters(controller=controller), rate)
+    acceleration, handle = tone(), tone()
+    compensation.sample(next(acceleration), next(handle))
+    _, force = benchmark(lambda: compensation.sample(next(acceleration), next(handle)))
     assert math.isfinite(force)
     assert (compensation.saturated, compensation.rejected) == (0, 0)
+
+
+@pytest.mark.parametrize("rate", [RATE, 4 * RATE])
+def test_slow_work_of_the_adaptation(benchmark: Benchmark, rate: float) -> None:
+    """Pieces done after a force was sent; most samples have none."""
+    compensation = Compensation(CompensationParameters(controller="adaptive"), rate)
+    acceleration, handle = tone(), tone()
+
+    def taken() -> tuple[tuple[()], dict[str, Any]]:
+        compensation.sample(next(acceleration), next(handle))
+        return (), {}
+
+    benchmark.pedantic(compensation.adapt, setup=taken, rounds=4000)
 
 
 @pytest.mark.parametrize(

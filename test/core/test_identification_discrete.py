@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from haptic_accel.core.identification import (
     run_identification,
     sampled_response,
 )
+from haptic_accel.core.identification.discrete import read_discrete_model
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
@@ -119,3 +122,37 @@ def test_an_impossible_argument_is_refused(
 ) -> None:
     with pytest.raises(ParameterError, match=f"^{message}$"):
         identify_discrete(FORCE, FORCE, order, rate, delay_samples)
+
+
+def test_a_model_is_read_back_from_the_figures_of_an_identification(tmp_path: Path) -> None:
+    file = tmp_path / "figures.json"
+    sections = [[0.5, 0.1, 0.0, 1.0, -0.4, 0.05]]
+    content = {"sections": sections, "rate_hz": 1000.0, "delay_samples": 2}
+    file.write_text(json.dumps({"discrete_model": content}))
+    model = read_discrete_model(file)
+    assert model.sections.tolist() == sections
+    assert (model.rate, model.delay_samples) == (1000.0, 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("{}", "discrete_model"),
+        ("not json", "JSONDecodeError"),
+        (
+            '{"discrete_model": {"sections": [[1]], "rate_hz": 1, "delay_samples": 1}}',
+            "six numbers",
+        ),
+        (
+            '{"discrete_model": {"sections": [[1,0,0,1,-2,0]], "rate_hz": 1, "delay_samples": 1}}',
+            "stable",
+        ),
+    ],
+)
+def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str, reason: str) -> None:
+    file = tmp_path / "figures.json"
+    file.write_text(text)
+    with pytest.raises(ParameterError, match=reason):
+        read_discrete_model(file)
+    with pytest.raises(ParameterError, match="readable"):
+        read_discrete_model(tmp_path / "none.json")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -60,6 +62,41 @@ class DiscreteModel:
 
         delayed = _delayed(np.asarray(force, dtype=np.float64), self.delay_samples)
         return np.asarray(signal.sosfilt(self.sections, delayed))
+
+
+def read_discrete_model(path: Path) -> DiscreteModel:
+    """Read the discrete model from the figures of an identification.
+
+    Parameters
+    ----------
+    path : Path
+        JSON file as ``haptic-accel identify --json`` writes it.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, or holds no stable discrete model.
+    """
+    what = f"model = '{path}'"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))["discrete_model"]
+        model = DiscreteModel(
+            np.array(content["sections"], dtype=np.float64),
+            float(content["rate_hz"]),
+            int(content["delay_samples"]),
+        )
+    except OSError as error:
+        raise ParameterError(f"{what}: must be a readable file: {error.strerror}") from None
+    except (ValueError, TypeError, KeyError) as error:
+        raise ParameterError(
+            f"{what}: must be the figures of an identification: {type(error).__name__} {error}"
+        ) from None
+    sections = model.sections
+    if sections.ndim != 2 or sections.shape[1] != 6 or not np.isfinite(sections).all():
+        raise ParameterError(f"{what}: sections: must be rows of six numbers")
+    if not all(np.abs(np.roots(section[3:])).max(initial=0.0) < 1.0 for section in sections):
+        raise ParameterError(f"{what}: sections: must be stable")
+    return model
 
 
 def identify_discrete(

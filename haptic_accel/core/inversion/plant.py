@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.identification.discrete import DiscreteModel
+from haptic_accel.core.identification.discrete import DiscreteModel, read_discrete_model
 from haptic_accel.core.identification.fit import ACCELEROMETER_CORNER, sampled_response
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
@@ -47,7 +49,6 @@ class Plant(Checked):
         low=1.0,
         high=100e3,
     )
-
     friction: float = parameter(
         0.0,
         "dry friction of the actuator's bearing, which no linear model has",
@@ -55,15 +56,32 @@ class Plant(Checked):
         low=0.0,
         high=1.0,
     )
+    model: str = parameter(
+        "",
+        "figures of an identification (JSON), whose discrete model tells the response in place of"
+        " structure, delay and bandwidth; empty for none",
+    )
 
     def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
         """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz.
 
         It begins one sample after the force. See `sampled_response`.
+
+        Raises
+        ------
+        ParameterError
+            The file of the model is not usable, or the model was identified at another rate.
         """
+        if self.model:
+            return IdentifiedPlant(_model(self.model), self.handle).response(frequency, rate)
         return sampled_response(
             self.handle, frequency, rate, self.delay, self.bandwidth, mount=self.structure
         )
+
+
+@lru_cache(maxsize=8)
+def _model(path: str) -> DiscreteModel:
+    return read_discrete_model(Path(path))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from running import Command
+
+Start = Callable[..., Command]
+
+
+@pytest.mark.parametrize("controller", ["inverse", "feedback", "adaptive"])
+def test_it_prints_and_saves_what_a_design_will_do(
+    haptic_accel: Start, tmp_path: Path, controller: str
+) -> None:
+    command = haptic_accel(
+        "design", f"controller:={controller}", "rig:=ideal", "--json", "figures.json"
+    )
+    assert command.end() == 0, command.text
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    # Eq. (3) alone, one sample late: next to nothing is left, and less than the bound cannot be.
+    assert figures["bound_percent"] < figures["nrmse_percent"] < 5.0
+    assert 0.0 < figures["landing_travel_mm"] <= 3.55
+    assert len(figures["frequency_hz"]) == len(figures["gain"]) == len(figures["phase_deg"])
+    at_80 = figures["frequency_hz"].index(80.0)
+    assert figures["gain"][at_80] == pytest.approx(1.0, abs=0.03)
+    assert figures["phase_deg"][at_80] == pytest.approx(0.0, abs=3.0)
+    assert ("margin" in command.text) == (controller == "feedback")
+
+
+def test_what_is_felt_can_be_a_recording(haptic_accel: Start, tmp_path: Path) -> None:
+    rows = "\n".join(str((-1) ** (index // 5)) for index in range(2000))  # 100 Hz
+    (tmp_path / "drag.csv").write_text(f"acceleration\n{rows}\n")
+    command = haptic_accel(
+        *("design", "surface:=recording", "recording:=drag.csv", "recording_rate:=1000"),
+        *("--json", "figures.json"),
+    )
+    assert command.end() == 0, command.text
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    assert figures["bound_percent"] < figures["nrmse_percent"] < 100.0
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["controller:=none"], "inverse, feedback, adaptive"),
+        (["rig:=mine"], "rig"),
+        (["--json", "no/such/folder.json"], "json"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(
+    haptic_accel: Start, words: list[str], named: str
+) -> None:
+    command = haptic_accel("design", *words)
+    assert command.end() == 2, command.text
+    assert len(command.lines) == 1, command.text
+    assert named in command.text
