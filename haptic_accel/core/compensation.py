@@ -138,7 +138,7 @@ class Compensation:
         limits = self._options.get(LIMITS, LimitParameters())
         plant = self._options.get(PLANT, Plant())
         assert isinstance(limits, LimitParameters) and isinstance(plant, Plant)
-        self._loop = Loop(rate, parameters.high_pass_frequency, plant)
+        self._loop = Loop(rate, parameters.high_pass_frequency, plant.coupled())
         self.guard = ActuatorGuard(parameters.peak_force, limits, plant.handle, rate)
         self._built: dict[str, _Channel] = {}
         for name in (parameters.controller, *prepared):

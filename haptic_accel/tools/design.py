@@ -55,7 +55,7 @@ def design(words: Sequence[str], *, json_file: Path | None) -> int:
         raise ParameterError(f"controller = {name!r}: must be one of {', '.join(DESIGNED)}")
     values = graph_parameters(arguments)
     around, options = node_parameters("compensator", values["compensator"])
-    loop = Loop(arguments.rate, around.high_pass_frequency, options[PLANT])
+    loop = Loop(arguments.rate, around.high_pass_frequency, options[PLANT].coupled())
     parameters: InverseParameters = options[name]
     spectrum: ToolSpectrum = parameters.texture
     if arguments.surface == RECORDING:

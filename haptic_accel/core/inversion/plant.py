@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
@@ -56,11 +56,27 @@ class Plant(Checked):
         low=0.0,
         high=1.0,
     )
+    coupling: float = parameter(
+        250.0,
+        "stiffness of the coupling to the slave (paper), which holds the handle as the grip does",
+        unit="N/m",
+        low=0.0,
+        high=1e5,
+    )
     model: str = parameter(
         "",
         "figures of an identification (JSON), whose discrete model tells the response in place of"
         " structure, delay and bandwidth; empty for none",
     )
+
+    def coupled(self) -> Plant:
+        """Return the plant with the coupling as a part of the grip.
+
+        The slave hardly moves at the frequencies that are felt, so that the coupling's spring is
+        parallel to that of the grip.
+        """
+        handle = replace(self.handle, k_u=self.handle.k_u + self.coupling)
+        return replace(self, handle=handle, coupling=0.0)
 
     def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
         """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz.

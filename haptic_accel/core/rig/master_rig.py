@@ -159,6 +159,11 @@ class MasterRig:
         self._commands: deque[tuple[int, float]] = deque()
         self._now = 0
         self._explored_since: int | None = None
+        # Where the hand will be at the end of a step is where it is at the start of the next.
+        self._hand_ahead: tuple[int, tuple[float, float, float, float]] = (
+            -1,
+            (0.0, 0.0, 0.0, 0.0),
+        )
         self._touching = False
         self._stop_hits = 0
         self._rest()
@@ -258,8 +263,12 @@ class MasterRig:
         offset, slip = y_a - y_h, v_a - v_h
         steps = self._step_limit(due, offset, slip)
         system.inputs[F_BETWEEN] = self._stop_force(offset, slip) + self._friction(slip)
-        hand = self._hand(self._now)
-        _, _, v_x_ahead, v_z_ahead = self._hand(self._now + steps)
+        now, hand = self._hand_ahead
+        if now != self._now:
+            hand = self._hand(self._now)
+        ahead = self._hand(self._now + steps)
+        self._hand_ahead = self._now + steps, ahead
+        _, _, v_x_ahead, v_z_ahead = ahead
         duration = steps * self._step
         system.state[HAND] = hand
         system.inputs[HAND_ACCELERATION] = (

@@ -92,6 +92,7 @@ def test_a_rig_without_noise_follows_as_predicted(
     rate: float, structure: StructureParameters, delay: float
 ) -> None:
     trial, plant = follow("inverse", rate, structure, delay)
+    plant = plant.coupled()
     measured = measured_spectrum(trial.tool_acceleration, rate)
     # Here the tool's sensor is silent, so that what is taken for its noise is none.
     expected = predict(
@@ -99,8 +100,8 @@ def test_a_rig_without_noise_follows_as_predicted(
         plant,
         lambda f: measured(f) - SENSOR_DENSITY**2,
     )
-    # The spring of the coupling, 250 N/m, is not in the plant: 0.5 % of the handle at 100 Hz.
-    assert error(trial) == pytest.approx(expected.nrmse_percent, rel=0.15, abs=0.7)
+    # The slave at the other end of the coupling is not quite at rest.
+    assert error(trial) == pytest.approx(expected.nrmse_percent, rel=0.15, abs=1.0)
     assert np.std(trial.actuator_force) == pytest.approx(expected.force_rms, rel=0.05)
     assert error(trial) < 20.0
 
