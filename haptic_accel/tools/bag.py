@@ -177,6 +177,24 @@ def read_excited(bag: Path, rate: float) -> tuple[FloatArray, FloatArray, npt.ND
     )
 
 
+def read_force_age(bag: Path) -> float:
+    """Return the median age of the actuator's forces where they were applied, s.
+
+    0 where the bag has no diagnostics of it.
+
+    Raises
+    ------
+    ParameterError
+        It is not a bag.
+    """
+    _, diagnostics = _read(bag)
+    found = [status for _, status in diagnostics if status.name == "master_device"]
+    if not found:
+        return 0.0
+    values = {pair.key: pair.value for pair in found[-1].values}
+    return durations(values, f"{AGE_OF} age", ("p50",)).get("p50", 0.0) * 1e-6
+
+
 def read_delivery(bag: Path, rate: float) -> Delivery:
     """Return how samples travelled, from a bag of the graph at a rate in Hz.
 

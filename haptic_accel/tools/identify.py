@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import datetime
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,7 @@ from haptic_accel.startup.arguments import AVERAGE_GRIP, IdentifyArguments, pars
 from haptic_accel.startup.graph import SIMULATED, graph_parameters, identification_graph
 from haptic_accel.startup.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.startup.supervisor import Supervisor
-from haptic_accel.tools.bag import read_excited
+from haptic_accel.tools.bag import read_excited, read_force_age
 from haptic_accel.tools.experiment import check_writable, make_folder
 from haptic_accel.tools.identification_report import ModelError, write_identification_report
 from haptic_accel.tools.teleop import StopOnSignal, conclude
@@ -140,7 +141,12 @@ def identify(
         return FAILED
     except _StoppedError as stopped:
         return stopped.status
-    _conclude(found, arguments, lockstep, sources, folder, json_file)
+    paths = [Path(source.rpartition("=")[2]) for source in sources]
+    if not (lockstep or sources):
+        paths = [_bag(arguments, grip, grips, folder) for grip in grips]
+    ages = [read_force_age(path) for path in paths if path.is_dir()]
+    age = fmean(ages) if ages else 0.0
+    _conclude(found, arguments, lockstep, sources, age, folder, json_file)
     return DONE
 
 
@@ -293,6 +299,7 @@ def _conclude(
     arguments: IdentifyArguments,
     lockstep: bool,
     sources: Sequence[str],
+    age: float,
     folder: Path,
     json_file: Path | None,
 ) -> None:
@@ -307,7 +314,7 @@ def _conclude(
         rig = _rig(replace(arguments, grip=grips[0]))
         truth, errors = rig.handle, _errors(found, rig, sweep, rate, band, lockstep)
     notes = _notes(found)
-    (folder / "handle.yaml").write_text(parameter_file(found), encoding="utf-8")
+    (folder / "handle.yaml").write_text(parameter_file(found, age), encoding="utf-8")
     index = write_identification_report(
         found,
         sweep,
@@ -368,8 +375,16 @@ def _notes(found: Identification) -> list[str]:
     return notes
 
 
-def parameter_file(found: Identification) -> str:
-    """Return a ROS parameter file that ``config:=FILE`` takes: the handle and its controllers."""
+def parameter_file(found: Identification, age: float = 0.0) -> str:
+    """Return a ROS parameter file that ``config:=FILE`` takes: the handle and its controllers.
+
+    Parameters
+    ----------
+    found : Identification
+    age : float
+        Of the forces that came through the live graph, s. It is a part of the delay that a
+        controller has to do with, and none of the simulated handle's, which has it anyway.
+    """
     fit = found.fit
     handle = asdict(fit.handle)
     content = {
@@ -378,7 +393,7 @@ def parameter_file(found: Identification) -> str:
                 "simulated": {
                     "handle": _plain(handle),
                     "structure": _plain(asdict(fit.mount)),
-                    "actuator": {"delay": float(f"{max(0.0, fit.delay):.6f}")},
+                    "actuator": {"delay": float(f"{max(0.0, fit.delay - age):.6f}")},
                 }
             }
         },
