@@ -65,7 +65,8 @@ RIG_NOTES = {
     "the value of a cell.",
     "paper": "The simulated rig is eq. (1) to (3) of the paper with Table I and, besides, "
     "structure, delay, friction, gravity, sensors and users as a real one has; four of its "
-    "numbers are fitted to the paper's table in lockstep (docs/virtual_rig.md). The live graph "
+    "numbers, and three of its surfaces', are fitted to the paper's table in lockstep "
+    "(docs/virtual_rig.md). The live graph "
     "adds the age of its forces, which is part of the delay there.",
 }
 AVERAGE_NOTE = (

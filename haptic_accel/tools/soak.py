@@ -61,6 +61,8 @@ class Memory:
             }
         except psutil.Error:
             return  # one of them is ending
+        if not all(found.values()):
+            return  # one has ended, and is still listed
         self.moments.append(now - self._origin)
         for name, size in found.items():
             self.resident.setdefault(name, []).append(size)

@@ -26,15 +26,7 @@ class AdaptiveParameters(InverseParameters):
 
     def family(self, loop: Loop) -> InverseFamily:
         """Return the inverse for all grips; a fraction of a second."""
-        return design_family(
-            loop.plant,
-            loop.rate,
-            granted_delay=self.granted_delay,
-            memory=self.memory,
-            travel_limit=self.travel_limit,
-            spectrum=self.texture,
-            high_pass_frequency=loop.high_pass_frequency,
-        )
+        return design_family(loop.plant, loop.rate, **self.terms(loop))
 
 
 class AdaptiveController(Controller):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypedDict
 
 from haptic_accel.core.controllers.interface import Controller, Loop
 from haptic_accel.core.filters import SampleFilter
@@ -15,8 +16,18 @@ from haptic_accel.core.inversion.design import (
     InverseFilter,
     design_inverse,
 )
-from haptic_accel.core.inversion.spectrum import TexturePrior
+from haptic_accel.core.inversion.spectrum import TexturePrior, ToolSpectrum
 from haptic_accel.core.parameters import Checked, parameter
+
+
+class DesignTerms(TypedDict):
+    """Keyword arguments of `design_inverse` and `design_family`."""
+
+    granted_delay: int
+    memory: float
+    travel_limit: float
+    spectrum: ToolSpectrum
+    high_pass_frequency: float
 
 
 @dataclass(frozen=True)
@@ -49,15 +60,17 @@ class InverseParameters(Checked):
         ParameterError
             The rate is too low for the high-pass.
         """
-        return design_inverse(
-            loop.plant,
-            loop.rate,
-            granted_delay=self.granted_delay,
-            memory=self.memory,
-            travel_limit=self.travel_limit,
-            spectrum=self.texture,
-            high_pass_frequency=loop.high_pass_frequency,
-        )
+        return design_inverse(loop.plant, loop.rate, **self.terms(loop))
+
+    def terms(self, loop: Loop) -> DesignTerms:
+        """Return what a design of the inverse, or of a family of them, is asked for."""
+        return {
+            "granted_delay": self.granted_delay,
+            "memory": self.memory,
+            "travel_limit": self.travel_limit,
+            "spectrum": self.texture,
+            "high_pass_frequency": loop.high_pass_frequency,
+        }
 
 
 class InverseController(Controller):
