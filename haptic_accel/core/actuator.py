@@ -91,7 +91,7 @@ class ActuatorGuard:
         self._peak = peak_force
         self._bearable = min(limits.continuous_force, peak_force) ** 2
         self._warming = -math.expm1(-1.0 / (rate * limits.thermal_time))
-        suspension = SuspensionParameters(handle.m_a, handle.k_s, handle.b_s, limits.travel)
+        suspension = SuspensionParameters.of(handle, limits.travel)
         self._estimator = TravelEstimator(suspension, rate)
         self._m_a, self._k_s, self._b_s = handle.m_a, handle.k_s, handle.b_s
         self._soft, self._end = CUSHION * limits.travel, CUSHION_END * limits.travel

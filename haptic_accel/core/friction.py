@@ -31,9 +31,7 @@ class FrictionCompensation:
 
     def __init__(self, handle: HandleParameters, friction: float, rate: float) -> None:
         self._friction = friction
-        self._slip = TravelEstimator(
-            SuspensionParameters(handle.m_a, handle.k_s, handle.b_s), rate
-        )
+        self._slip = TravelEstimator(SuspensionParameters.of(handle), rate)
 
     def force(self, actuator_force: float, desired_acceleration: float) -> float:
         """Return what to add to a force until the next sample, N.

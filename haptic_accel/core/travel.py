@@ -6,7 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
+
+TRAVEL = 3.8e-3
+"""Free travel of the paper's voice coil either way, m (data sheet)."""
 
 
 @dataclass(frozen=True)
@@ -17,8 +21,13 @@ class SuspensionParameters(Checked):
     k_s: float = parameter(266.0, "its centring spring", unit="N/m", low=0)
     b_s: float = parameter(2.0, "damping of its bearing", unit="N s/m", low=0)
     travel: float = parameter(
-        3.8e-3, "free travel either way (data sheet)", unit="m", low=0, high=0.1, above=True
+        TRAVEL, "free travel either way (data sheet)", unit="m", low=0, high=0.1, above=True
     )
+
+    @classmethod
+    def of(cls, handle: HandleParameters, travel: float = TRAVEL) -> SuspensionParameters:
+        """Return the actuator's part of a handle, with its free travel in m."""
+        return cls(handle.m_a, handle.k_s, handle.b_s, travel)
 
 
 class TravelEstimator:

@@ -325,9 +325,7 @@ def _bound(case: Case, rig: RigParameters, trial: Trial, first: int) -> float:
 def _largest_travel(rig: RigParameters, trial: Trial, first: int) -> float:
     """Return the largest travel of the actuator, mm."""
     handle = rig.master.handle
-    estimator = TravelEstimator(
-        SuspensionParameters(handle.m_a, handle.k_s, handle.b_s), trial.rate
-    )
+    estimator = TravelEstimator(SuspensionParameters.of(handle), trial.rate)
     pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
     travel = [abs(estimator.sample(force, acceleration)) for force, acceleration in pairs]
     return 1e3 * max(travel[first:])
