@@ -90,7 +90,9 @@ class Supervisor:
         self._running: dict[str, subprocess.Popen[str]] = {}
         self._readers: list[threading.Thread] = []
         self._last_lines: dict[str, deque[str]] = {}
-        self._ended: queue.SimpleQueue[str] = queue.SimpleQueue()
+        # Not SimpleQueue: of CPython up to 3.11 at least, a signal in the instant its time-out
+        # is over makes it wait for ever.
+        self._ended: queue.Queue[str] = queue.Queue()
 
     @property
     def pids(self) -> dict[str, int]:

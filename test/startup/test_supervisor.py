@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import signal
 import sys
 import threading
@@ -50,6 +51,28 @@ def test_a_request_to_stop_lets_processes_end_by_themselves() -> None:
     assert outcome.first == ""
     assert outcome.statuses == {"patient": 0}
     assert outcome.failed == {}
+
+
+@pytest.mark.usefixtures("scripts")
+def test_a_signal_at_any_instant_leaves_it_looking(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervisor, "LOOK_PERIOD", 0.001)
+    before = signal.signal(signal.SIGUSR1, lambda *_: None)
+    looks = itertools.count()
+    over = threading.Event()
+
+    def interrupt() -> None:
+        while not over.wait(0.0003):
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
+
+    interrupting = threading.Thread(target=interrupt)
+    interrupting.start()
+    try:
+        outcome = Supervisor([script("patient", PATIENT)]).run(lambda: next(looks) > 1000)
+    finally:
+        over.set()
+        interrupting.join()
+        signal.signal(signal.SIGUSR1, before)
+    assert outcome.first == ""
 
 
 @pytest.mark.usefixtures("scripts")
