@@ -53,7 +53,7 @@ setup(
     maintainer_email="haptic-accel@users.noreply.github.com",
     license="Apache-2.0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={f"{NAME}.tools": ["templates/*"]},
+    package_data={f"{NAME}.pages": ["templates/*", "assets/*"]},
     data_files=data_files(),
     # Templates are read as files.
     zip_safe=False,
@@ -69,10 +69,17 @@ setup(
         "psutil>=5.9",
         # 0.10 came to write MCAP only in its last releases.
         "rosbags>=0.11",
+        # As rosbags has it, for bags that are read by chunks.
+        "backports.zstd; python_version<'3.14'",
+        "lz4",
+        "pandas>=2.1",
+        "aiohttp>=3.9",
     ],
     extras_require={
         "ros-jazzy": ros_wheels("jazzy"),
         "ros-kilted": ros_wheels("kilted"),
+        # ST-SIM and SPQI in reports; no rosdep key.
+        "perceptual": ["vibromaf"],
         "test": TEST,
         "dev": [
             *TEST,
@@ -82,6 +89,9 @@ setup(
             "types-PyYAML",
             "types-psutil",
             "scipy-stubs",
+            # Another reader of what is recorded, and a browser's driver for the pages.
+            "mcap",
+            "playwright",
             # These two build an ament_python package. colcon-core keeps setuptools below 80,
             # whose `develop` no longer knows the options of `colcon build --symlink-install`.
             "colcon-core",

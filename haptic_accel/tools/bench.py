@@ -23,13 +23,13 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
+from haptic_accel.bags.trials import AGE_OF, LABELS, Delivery, durations, read_delivery
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.nodes.topics import SIGNALS
 from haptic_accel.startup.arguments import GraphArguments, parse_arguments
 from haptic_accel.startup.graph import graph
 from haptic_accel.startup.process import DONE, EXECUTOR, FAILED, INTERRUPTED
 from haptic_accel.startup.supervisor import Supervisor
-from haptic_accel.tools.bag import AGE_OF, LABELS, Delivery, durations, read_delivery
 from haptic_accel.tools.teleop import StopOnSignal, conclude
 
 ROUNDS = 2

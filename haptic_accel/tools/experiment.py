@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from haptic_accel.bags.trials import SIGNALS, Delivery, read_trial
 from haptic_accel.core.controllers import CONTROLLERS
 from haptic_accel.core.metrics import REGRESSION, TABLE_II, Evaluation, evaluate
 from haptic_accel.core.parameters import ParameterError
@@ -27,7 +28,6 @@ from haptic_accel.startup.arguments import GraphArguments, parse_arguments
 from haptic_accel.startup.graph import graph, graph_parameters, rig_parameters
 from haptic_accel.startup.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.startup.supervisor import Supervisor
-from haptic_accel.tools.bag import SIGNALS, Delivery, read_trial
 from haptic_accel.tools.report import write_report
 from haptic_accel.tools.teleop import StopOnSignal, conclude
 

@@ -43,7 +43,7 @@ from haptic_accel.core.model import (
 )
 from haptic_accel.core.parameters import schema
 from haptic_accel.core.rig.master_rig import StructureParameters
-from haptic_accel.tools.page import template
+from haptic_accel.pages import template
 from haptic_accel.tools.report import DASH
 
 PARAMETER_FILE = "handle.yaml"

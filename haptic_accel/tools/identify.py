@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from haptic_accel.bags.trials import read_excited, read_force_age
 from haptic_accel.core.identification import (
     SAMPLES_MISSING,
     UNEXPLAINED,
@@ -45,7 +46,6 @@ from haptic_accel.startup.arguments import AVERAGE_GRIP, IdentifyArguments, pars
 from haptic_accel.startup.graph import SIMULATED, graph_parameters, identification_graph
 from haptic_accel.startup.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.startup.supervisor import Supervisor
-from haptic_accel.tools.bag import read_excited, read_force_age
 from haptic_accel.tools.experiment import check_writable, make_folder
 from haptic_accel.tools.identification_report import ModelError, write_identification_report
 from haptic_accel.tools.teleop import StopOnSignal, conclude

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from haptic_accel.core.metrics import PAPER_DELAY, Evaluation, align, spectra
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import Trial
-from haptic_accel.tools.page import template
+from haptic_accel.pages import template
 
 EXCERPT = 0.2
 """Length of the time traces, s: some strokes of texture, yet every swing can be seen."""

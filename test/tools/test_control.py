@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haptic_accel.bags.trials import read_trial
 from haptic_accel.core.controllers import CONTROLLERS
-from haptic_accel.tools.bag import read_trial
 from running import Command
 
 Start = Callable[..., Command]

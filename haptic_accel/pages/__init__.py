@@ -1,10 +1,21 @@
-"""Templates of the pages that tools write."""
+"""What the pages that are written or served are made of: templates, and what draws in them.
+
+The plots are drawn by uPlot (MIT), which is here whole because a page must not need the network.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import jinja2
+
+
+_FOLDER = Path(__file__).parent
+
+
+def asset(name: str) -> str:
+    """Return a script or style sheet of the folder ``assets``, to be put into a page."""
+    return (_FOLDER / "assets" / name).read_text(encoding="utf-8")
 
 
 def template(name: str) -> jinja2.Template:
@@ -16,7 +27,7 @@ def template(name: str) -> jinja2.Template:
         Of a file in ``templates``, which may include others from there.
     """
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=jinja2.FileSystemLoader(_FOLDER / "templates"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -1,27 +1,24 @@
-"""Reads the signals of one condition back from a bag."""
+"""What a bag says of one condition: signals on the sampling grid, and how samples travelled."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from operator import attrgetter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from rosbags.rosbag2 import Reader, ReaderError
-from rosbags.typesys import Stores, get_typestore
 
+from haptic_accel.bags.mcap import IntArray
+from haptic_accel.bags.recorded import Recorded, Signal, read_bag
+from haptic_accel.bags.vectors import NANOSECONDS
 from haptic_accel.core.histogram import QUANTILES
 from haptic_accel.core.identification import RecordingError
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import Trial
 from haptic_accel.nodes import topics
-from haptic_accel.nodes.topics import TOPICS, VECTORS, Topic
-
-NANOSECONDS = 1_000_000_000
+from haptic_accel.nodes.topics import Topic
 
 SIGNALS: dict[str, Topic] = {
     "tool_acceleration": topics.TOOL_ACCELERATION,
@@ -31,8 +28,8 @@ SIGNALS: dict[str, Topic] = {
 }
 """A trial's signals and the topics they come from."""
 
-ALONG_ACTUATOR = {kind: attrgetter(f"{vector}.z") for kind, vector in VECTORS.items()}
-"""What gets the component along the actuator's axis, by message type."""
+ALONG_ACTUATOR = 2
+"""Component of a vector along the actuator's axis: z."""
 
 AGE_OF = "actuator force"
 """Which command's age counts: the one whose force is felt."""
@@ -42,8 +39,6 @@ LABELS = (*QUANTILES, "max")
 
 SAME_PERIOD = 0.1
 """By how much of itself the median of periods may differ from the expected one."""
-
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -74,15 +69,6 @@ class Delivery:
     nodes: dict[str, dict[str, str]]
 
 
-@dataclass
-class _Series:
-    """What a bag holds of one topic: when stamped, when recorded, and the z component."""
-
-    stamps: IntArray
-    received: IntArray
-    values: FloatArray
-
-
 def read_trial(
     bag: Path, surface: str, controller: str, rate: float, high_pass_frequency: float
 ) -> tuple[Trial, Delivery]:
@@ -108,9 +94,9 @@ def read_trial(
     ParameterError
         It is not a bag, or lacks a signal.
     """
-    recorded = _Recorded(bag, rate)
+    recorded = _Coupled(read_bag(bag), rate)
     signals = {
-        name: _on_grid(recorded.places(topic.name), recorded.series[topic.name], recorded.length)
+        name: _on_grid(recorded.places(topic.name), recorded.signals[topic.name], recorded.length)
         for name, topic in SIGNALS.items()
     }
     trial = Trial(
@@ -148,13 +134,13 @@ def read_excited(bag: Path, rate: float) -> tuple[FloatArray, FloatArray, npt.ND
     RecordingError
         It lacks a signal, or is of another rate.
     """
-    series, _ = _read(bag)
-    force, acceleration = (
-        series[topic.name] for topic in (topics.ACTUATOR_FORCE, topics.HANDLE_ACCELERATION)
-    )
+    signals = read_bag(bag).signals
     for topic in (topics.ACTUATOR_FORCE, topics.HANDLE_ACCELERATION):
-        if len(series[topic.name].stamps) < 2:
+        if topic.name not in signals or len(signals[topic.name].stamps) < 2:
             raise RecordingError(f"{bag}: has no {topic.name}")
+    force, acceleration = (
+        signals[topic.name] for topic in (topics.ACTUATOR_FORCE, topics.HANDLE_ACCELERATION)
+    )
     period = NANOSECONDS / rate
     found = float(np.median(np.diff(acceleration.stamps)))
     if abs(found - period) > SAME_PERIOD * period:
@@ -165,7 +151,7 @@ def read_excited(bag: Path, rate: float) -> tuple[FloatArray, FloatArray, npt.ND
     start = int(acceleration.stamps[0])
     length = round((int(acceleration.stamps[-1]) - start) / period) + 1
 
-    def places(signal: _Series) -> IntArray:
+    def places(signal: Signal) -> IntArray:
         return np.asarray(np.round((signal.stamps - start) / period), dtype=np.int64)
 
     missing = np.ones(length, dtype=np.bool_)
@@ -187,12 +173,10 @@ def read_force_age(bag: Path) -> float:
     ParameterError
         It is not a bag.
     """
-    _, diagnostics = _read(bag)
-    found = [status for _, status in diagnostics if status.name == "master_device"]
+    found = [said for said in read_bag(bag).diagnostics if said.node == "master_device"]
     if not found:
         return 0.0
-    values = {pair.key: pair.value for pair in found[-1].values}
-    return durations(values, f"{AGE_OF} age", ("p50",)).get("p50", 0.0) * 1e-6
+    return durations(found[-1].values, f"{AGE_OF} age", ("p50",)).get("p50", 0.0) * 1e-6
 
 
 def read_delivery(bag: Path, rate: float) -> Delivery:
@@ -203,38 +187,42 @@ def read_delivery(bag: Path, rate: float) -> Delivery:
     ParameterError
         It is not a bag, or lacks a signal.
     """
-    return _Recorded(bag, rate).delivery()
+    return _Coupled(read_bag(bag), rate).delivery()
 
 
-class _Recorded:
+class _Coupled:
     """A bag's content, and the stretch of the sampling grid on which every signal was there."""
 
-    def __init__(self, bag: Path, rate: float) -> None:
-        self.series, self._diagnostics = _read(bag)
+    def __init__(self, recorded: Recorded, rate: float) -> None:
+        self.signals = recorded.signals
+        self._diagnostics = recorded.diagnostics
         self._period = NANOSECONDS / rate
         needed = [topic.name for topic in (*SIGNALS.values(), topics.MASTER_ARM_FORCE)]
         for name in needed:
-            if not len(self.series[name].stamps):
-                raise ParameterError(f"{bag}: has no message of {name}")
-        self._start = int(max(self.series[name].stamps[0] for name in needed))
-        end = int(min(self.series[name].stamps[-1] for name in needed))
+            if name not in self.signals:
+                raise ParameterError(f"{recorded.path}: has no message of {name}")
+        self._start = int(max(self.signals[name].stamps[0] for name in needed))
+        end = int(min(self.signals[name].stamps[-1] for name in needed))
         self.length = round((end - self._start) / self._period) + 1
         if self.length < 2:
-            raise ParameterError(f"{bag}: its signals do not overlap")
+            raise ParameterError(f"{recorded.path}: its signals do not overlap")
 
     def places(self, name: str) -> IntArray:
         """Return on which sample of the stretch each message of a topic lies."""
-        stamps = self.series[name].stamps
+        stamps = self.signals[name].stamps
         return np.round((stamps - self._start) / self._period).astype(np.int64)
 
     def delivery(self) -> Delivery:
         """Count what is missing on the grid and what came late, and find the ages."""
-        late, seen = {}, {}
+        late: dict[str, int] = {}
+        seen: dict[str, npt.NDArray[np.bool_]] = {}
         length = self.length
-        for name, found in self.series.items():
+        for topic in topics.SIGNALS:
+            seen[topic.name] = np.zeros(length, dtype=bool)
+            late[topic.name] = 0
+        for name, found in self.signals.items():
             places = self.places(name)
             within = (places >= 0) & (places < length)
-            seen[name] = np.zeros(length, dtype=bool)
             seen[name][places[within]] = True
             late[name] = int(np.sum((found.received - found.stamps)[within] > self._period / 2))
         # A sample was taken if any message that it caused is there.
@@ -251,11 +239,11 @@ class _Recorded:
         end = self._start + length * self._period
         nodes: dict[str, dict[str, str]] = {}
         warnings: list[str] = []
-        for received, status in self._diagnostics:
-            nodes[status.name] = {pair.key: pair.value for pair in status.values}
+        for said in self._diagnostics:
+            nodes[said.node] = said.values
             # Before and after the trial, nodes wait for each other.
-            if self._start <= received < end and status.message != "OK":
-                warnings.append(f"{status.name}: {status.message}")
+            if self._start <= said.received < end and said.message != "OK":
+                warnings.append(f"{said.node}: {said.message}")
         return Delivery(
             durations(nodes.get("master_device", {}), f"{AGE_OF} age", ("p50", "p99", "max")),
             lost,
@@ -266,47 +254,7 @@ class _Recorded:
         )
 
 
-def _read(bag: Path) -> tuple[dict[str, _Series], list[tuple[int, Any]]]:
-    """Return the stamped topics by relative name, and statuses with their time of receipt."""
-    types = get_typestore(Stores.ROS2_JAZZY)
-    rows: dict[str, list[tuple[int, int, float]]] = {
-        topic.name: [] for topic in TOPICS if topic is not topics.DIAGNOSTICS
-    }
-    diagnostics: list[tuple[int, Any]] = []
-    try:
-        with Reader(bag) as reader:
-            for connection, received, data in reader.messages():
-                name = _relative(connection.topic)
-                message: Any = types.deserialize_cdr(data, connection.msgtype)
-                if name in rows:
-                    moment = message.header.stamp
-                    stamp = moment.sec * NANOSECONDS + moment.nanosec
-                    along_actuator = ALONG_ACTUATOR[connection.msgtype](message)
-                    rows[name].append((stamp, received, along_actuator))
-                elif name == topics.DIAGNOSTICS.name:
-                    diagnostics.extend((received, status) for status in message.status)
-    except (ReaderError, OSError) as error:
-        raise ParameterError(f"{bag}: must be a bag of this graph: {error}") from None
-    return {name: _series(found) for name, found in rows.items()}, diagnostics
-
-
-def _relative(topic: str) -> str:
-    """Return a topic's name in our table, whatever namespace the graph had."""
-    for known in TOPICS:
-        if topic == f"/{known.name}" or topic.endswith(f"/{known.name}"):
-            return known.name
-    return topic
-
-
-def _series(rows: list[tuple[int, int, float]]) -> _Series:
-    return _Series(
-        np.array([row[0] for row in rows], dtype=np.int64),
-        np.array([row[1] for row in rows], dtype=np.int64),
-        np.array([row[2] for row in rows], dtype=float),
-    )
-
-
-def _on_grid(places: IntArray, series: _Series, length: int) -> FloatArray:
+def _on_grid(places: IntArray, signal: Signal, length: int) -> FloatArray:
     """Put samples at their places, each held until the next."""
     within = (places >= 0) & (places < length)
     source = np.full(length, -1)
@@ -314,7 +262,7 @@ def _on_grid(places: IntArray, series: _Series, length: int) -> FloatArray:
     # The index of the latest sample at each place; before the first sample, the first.
     source = np.maximum.accumulate(source)
     first = int(np.argmax(within))
-    return np.asarray(series.values[np.maximum(source, first)])
+    return np.asarray(signal.values[np.maximum(source, first), ALONG_ACTUATOR])
 
 
 def durations(

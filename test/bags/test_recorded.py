@@ -1,0 +1,272 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from haptic_accel.bags.recorded import Change, read_bag
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.nodes.topics import DIAGNOSTICS, SIGNALS, TOOL_ACCELERATION, VECTORS
+
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+MESSAGES = TYPES.types
+NS = 1_000_000_000
+
+Row = tuple[str, str, int, Any]
+"""Topic, type, time of receipt in ns, message."""
+
+
+def stamp(moment: int) -> Any:
+    return MESSAGES["builtin_interfaces/msg/Time"](*divmod(moment, NS))
+
+
+def stamped(kind: str, moment: int, frame: str, vector: Sequence[float]) -> Any:
+    """Make a message of one of the graph's types, its vector where `VECTORS` says."""
+    header = MESSAGES["std_msgs/msg/Header"](stamp(moment), frame)
+    first = MESSAGES["geometry_msgs/msg/Vector3"](*vector)
+    rest = MESSAGES["geometry_msgs/msg/Vector3"](7.0, 8.0, 9.0)
+    if kind.endswith("PoseStamped"):
+        point = MESSAGES["geometry_msgs/msg/Point"](*vector)
+        turn = MESSAGES["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+        body = MESSAGES["geometry_msgs/msg/Pose"](point, turn)
+    else:
+        body = MESSAGES[kind.replace("Stamped", "")](first, rest)
+    return MESSAGES[kind](header, body)
+
+
+def write(
+    path: Path,
+    rows: Sequence[Row],
+    *,
+    storage: StoragePlugin = StoragePlugin.MCAP,
+    compression: CompressionMode = CompressionMode.NONE,
+    facts: dict[str, str] | None = None,
+    little_endian: bool = True,
+) -> None:
+    writer = Writer(path, version=9, storage_plugin=storage)
+    writer.set_compression(compression, CompressionFormat.ZSTD)
+    writer.compression_mode = compression
+    for key, value in (facts or {}).items():
+        writer.set_custom_data(key, value)
+    with writer:
+        connections: dict[str, Any] = {}
+        for topic, kind, received, message in rows:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
+            data = TYPES.serialize_cdr(message, kind, little_endian=little_endian)
+            writer.write(connections[topic], received, data)
+
+
+FORMATS = [
+    (StoragePlugin.MCAP, CompressionMode.NONE),
+    (StoragePlugin.MCAP, CompressionMode.STORAGE),
+    (StoragePlugin.MCAP, CompressionMode.FILE),
+    (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+    (StoragePlugin.SQLITE3, CompressionMode.NONE),
+    (StoragePlugin.SQLITE3, CompressionMode.FILE),
+    (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+]
+
+samples = st.lists(
+    st.tuples(
+        st.sampled_from(SIGNALS),
+        st.integers(0, 2**31 * NS - 1),
+        st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9),
+        st.tuples(*[st.floats(allow_nan=False)] * 3),
+    ),
+    min_size=1,
+    max_size=40,
+)
+
+
+@settings(max_examples=40)
+@given(samples, st.sampled_from(FORMATS), st.booleans(), st.sampled_from(["", "/left", "/a/b"]))
+def test_what_was_written_is_read(
+    rows: list[tuple[Any, int, str, tuple[float, float, float]]],
+    form: tuple[StoragePlugin, CompressionMode],
+    little_endian: bool,
+    namespace: str,
+) -> None:
+    written = [
+        (f"{namespace}/{topic.name}", topic.type, 10**18 + n, stamped(topic.type, at, frame, v))
+        for n, (topic, at, frame, v) in enumerate(rows)
+    ]
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "bag"
+        storage, compression = form
+        write(path, written, storage=storage, compression=compression, little_endian=little_endian)
+        recorded = read_bag(path)
+    assert recorded.problems == []
+    assert sum(recorded.counts.values()) == len(rows)
+    for topic in SIGNALS:
+        of_topic = [(n, at, v) for n, (t, at, _, v) in enumerate(rows) if t is topic]
+        assert (topic.name in recorded.signals) == bool(of_topic)
+        if of_topic:
+            signal = recorded.signals[topic.name]
+            assert signal.received.tolist() == [10**18 + n for n, _, _ in of_topic]
+            assert signal.stamps.tolist() == [at for _, at, _ in of_topic]
+            assert np.array_equal(signal.values, [v for _, _, v in of_topic])
+
+
+@pytest.fixture(scope="module")
+def long_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a bag of 9000 numbered samples: several chunks of a mebibyte or less."""
+    path = tmp_path_factory.mktemp("bags") / "long"
+    kind = TOOL_ACCELERATION.type
+    topic = f"/{TOOL_ACCELERATION.name}"
+    write(path, [(topic, kind, n, stamped(kind, n, "tool", (0, 0, n))) for n in range(9000)])
+    return path
+
+
+@settings(max_examples=60)
+@given(share=st.floats(0.0, 1.0))
+def test_a_file_cut_off_anywhere_is_read_up_to_there(long_bag: Path, share: float) -> None:
+    whole = (long_bag / "long.mcap").read_bytes()
+    with TemporaryDirectory() as folder:
+        cut = Path(folder) / "cut.mcap"
+        cut_content = whole[: int(share * (len(whole) - 1))]
+        cut.write_bytes(cut_content)
+        try:
+            recorded = read_bag(cut)
+        except ParameterError as error:
+            assert len(cut_content) < 8, error
+            return
+    assert recorded.problems
+    if recorded.signals:
+        found = recorded.signals[TOOL_ACCELERATION.name].stamps
+        assert np.array_equal(found, np.arange(len(found)))
+    # A message takes less than 200 bytes; what is behind the messages, index and all, some more.
+    size = len(cut_content)
+    assert sum(recorded.counts.values()) >= min(9000, (size - 8000) // 200)
+
+
+@settings(max_examples=100)
+@given(where=st.floats(0.0, 0.999), damage=st.binary(min_size=1, max_size=40))
+def test_no_damage_is_a_traceback(long_bag: Path, where: float, damage: bytes) -> None:
+    content = bytearray((long_bag / "long.mcap").read_bytes())
+    place = int(where * len(content))
+    content[place : place + len(damage)] = damage
+    with TemporaryDirectory() as folder:
+        damaged = Path(folder) / "damaged.mcap"
+        damaged.write_bytes(content)
+        try:
+            read_bag(damaged)
+        except ParameterError as error:
+            assert "\n" not in str(error)
+
+
+def test_without_metadata_the_messages_are_read_all_the_same(
+    long_bag: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "long.mcap").write_bytes((long_bag / "long.mcap").read_bytes())
+    recorded = read_bag(tmp_path)
+    assert recorded.problems == ["metadata.yaml is missing: the recording was cut off"]
+    assert len(recorded.signals[TOOL_ACCELERATION.name].stamps) == 9000
+
+
+def test_splits_are_read_in_their_order(tmp_path: Path) -> None:
+    kind, topic = TOOL_ACCELERATION.type, f"/{TOOL_ACCELERATION.name}"
+    for number in (10, 9, 2):
+        write(tmp_path / f"p{number}", [(topic, kind, 0, stamped(kind, number, "", (0, 0, 0)))])
+        target = tmp_path / "bag" / f"bag_{number}.mcap"
+        target.parent.mkdir(exist_ok=True)
+        (tmp_path / f"p{number}" / f"p{number}.mcap").rename(target)
+    assert read_bag(tmp_path / "bag").signals[TOOL_ACCELERATION.name].stamps.tolist() == [2, 9, 10]
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_facts_diagnostics_and_changes_are_read(tmp_path: Path, storage: StoragePlugin) -> None:
+    make: Callable[[str], Any] = MESSAGES.__getitem__
+    pair = make("diagnostic_msgs/msg/KeyValue")("ticks", "3")
+    status = make("diagnostic_msgs/msg/DiagnosticStatus")(
+        1, "coupler", "alone", "/coupler", [pair]
+    )
+    header = make("std_msgs/msg/Header")(stamp(5), "")
+    diagnosis = make(DIAGNOSTICS.type)(header, [status])
+    empty = np.array([], dtype=np.int64)
+    value = make("rcl_interfaces/msg/ParameterValue")(
+        type=4,
+        bool_value=False,
+        integer_value=0,
+        double_value=0.0,
+        string_value="inverse",
+        byte_array_value=np.array([], dtype=np.uint8),
+        bool_array_value=np.array([], dtype=np.bool_),
+        integer_array_value=empty,
+        double_array_value=empty.astype(float),
+        string_array_value=[],
+    )
+    changed = make("rcl_interfaces/msg/Parameter")("controller", value)
+    event = make("rcl_interfaces/msg/ParameterEvent")(
+        stamp(6), "/x/compensator", [], [changed], []
+    )
+    write(
+        tmp_path / "bag",
+        [
+            ("/diagnostics", DIAGNOSTICS.type, 5, diagnosis),
+            ("/parameter_events", "rcl_interfaces/msg/ParameterEvent", 6, event),
+        ],
+        storage=storage,
+        facts={
+            "haptic_accel.version": "0.2.0",
+            "haptic_accel.arguments": json.dumps({"rate": 1000.0}),
+            "other": "kept out",
+        },
+    )
+    recorded = read_bag(tmp_path / "bag")
+    assert recorded.facts == {"version": "0.2.0", "arguments": {"rate": 1000.0}}
+    (said,) = recorded.diagnostics
+    assert (said.received, said.node, said.message, said.values) == (
+        5,
+        "coupler",
+        "alone",
+        {"ticks": "3"},
+    )
+    assert recorded.changes == [Change(6, "compensator", "controller", "inverse")]
+
+
+def test_another_graph_and_another_type_are_named_and_left_out(tmp_path: Path) -> None:
+    kind, topic = TOOL_ACCELERATION.type, TOOL_ACCELERATION.name
+    other = next(k for k in VECTORS if k.endswith("WrenchStamped"))
+    write(
+        tmp_path / "bag",
+        [
+            (f"/left/{topic}", kind, 1, stamped(kind, 1, "", (0, 0, 1))),
+            (f"/right/{topic}", kind, 2, stamped(kind, 2, "", (0, 0, 2))),
+            ("/left/master/measured_cp", other, 3, stamped(other, 3, "", (0, 0, 3))),
+        ],
+    )
+    recorded = read_bag(tmp_path / "bag")
+    assert list(recorded.signals) == [topic]
+    assert recorded.signals[topic].stamps.tolist() == [1]
+    assert any("/right" in problem for problem in recorded.problems)
+    assert any("/left/master/measured_cp" in problem for problem in recorded.problems)
+    assert len(recorded.counts) == 3
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no bag at all"])
+def test_what_is_no_bag_is_refused_in_one_line(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "x.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ParameterError, match=r"^/.*x\.mcap: must be a bag") as caught:
+        read_bag(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["", "notes.txt"])
+def test_a_folder_without_messages_is_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    if name:
+        path.write_text("no bag")
+    with pytest.raises(ParameterError, match="must be a bag"):
+        read_bag(path)
