@@ -225,6 +225,8 @@ def _files(path: Path, description: dict[str, Any], problems: list[str]) -> list
             problems.append(f"{file.name} is missing")
     # Those of a recording that was cut off are not all in the metadata.
     found = sorted((file for file in path.iterdir() if _is_storage(file)), key=_number)
+    # A recorder that died after it compressed a file may have left the plain one.
+    found = [file for file in found if file.with_name(file.name + COMPRESSED) not in found]
     if not found:
         raise ParameterError(f"{path}: must be a bag: it has no .mcap or .db3 file")
     first = [file for file in named if file in found]

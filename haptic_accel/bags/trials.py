@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.bags.mcap import IntArray
 from haptic_accel.bags.recorded import Recorded, Signal, read_bag
 from haptic_accel.bags.vectors import NANOSECONDS
+from haptic_accel.core.grid import on_grid, places
 from haptic_accel.core.histogram import QUANTILES
 from haptic_accel.core.identification import RecordingError
 from haptic_accel.core.model import FloatArray
@@ -96,7 +96,9 @@ def read_trial(
     """
     recorded = _Coupled(read_bag(bag), rate)
     signals = {
-        name: _on_grid(recorded.places(topic.name), recorded.signals[topic.name], recorded.length)
+        name: _along_actuator(recorded.signals[topic.name], recorded.start, rate, recorded.length)[
+            0
+        ]
         for name, topic in SIGNALS.items()
     }
     trial = Trial(
@@ -151,16 +153,9 @@ def read_excited(bag: Path, rate: float) -> tuple[FloatArray, FloatArray, npt.ND
     start = int(acceleration.stamps[0])
     length = round((int(acceleration.stamps[-1]) - start) / period) + 1
 
-    def places(signal: Signal) -> IntArray:
-        return np.asarray(np.round((signal.stamps - start) / period), dtype=np.int64)
-
-    missing = np.ones(length, dtype=np.bool_)
-    missing[places(acceleration)] = False
-    return (
-        _on_grid(places(force), force, length),
-        _on_grid(places(acceleration), acceleration, length),
-        missing,
-    )
+    held, _ = _along_actuator(force, start, rate, length)
+    sampled, seen = _along_actuator(acceleration, start, rate, length)
+    return held, sampled, ~seen
 
 
 def read_force_age(bag: Path) -> float:
@@ -196,21 +191,16 @@ class _Coupled:
     def __init__(self, recorded: Recorded, rate: float) -> None:
         self.signals = recorded.signals
         self._diagnostics = recorded.diagnostics
-        self._period = NANOSECONDS / rate
+        self._rate, self._period = rate, NANOSECONDS / rate
         needed = [topic.name for topic in (*SIGNALS.values(), topics.MASTER_ARM_FORCE)]
         for name in needed:
             if name not in self.signals:
                 raise ParameterError(f"{recorded.path}: has no message of {name}")
-        self._start = int(max(self.signals[name].stamps[0] for name in needed))
+        self.start = int(max(self.signals[name].stamps[0] for name in needed))
         end = int(min(self.signals[name].stamps[-1] for name in needed))
-        self.length = round((end - self._start) / self._period) + 1
+        self.length = round((end - self.start) / self._period) + 1
         if self.length < 2:
             raise ParameterError(f"{recorded.path}: its signals do not overlap")
-
-    def places(self, name: str) -> IntArray:
-        """Return on which sample of the stretch each message of a topic lies."""
-        stamps = self.signals[name].stamps
-        return np.round((stamps - self._start) / self._period).astype(np.int64)
 
     def delivery(self) -> Delivery:
         """Count what is missing on the grid and what came late, and find the ages."""
@@ -221,9 +211,9 @@ class _Coupled:
             seen[topic.name] = np.zeros(length, dtype=bool)
             late[topic.name] = 0
         for name, found in self.signals.items():
-            places = self.places(name)
-            within = (places >= 0) & (places < length)
-            seen[name][places[within]] = True
+            where = places(found.stamps, self.start, self._rate)
+            within = (where >= 0) & (where < length)
+            seen[name][where[within]] = True
             late[name] = int(np.sum((found.received - found.stamps)[within] > self._period / 2))
         # A sample was taken if any message that it caused is there.
         taken = {
@@ -236,13 +226,13 @@ class _Coupled:
             topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name]))
             for topic in topics.SIGNALS
         }
-        end = self._start + length * self._period
+        end = self.start + length * self._period
         nodes: dict[str, dict[str, str]] = {}
         warnings: list[str] = []
         for said in self._diagnostics:
             nodes[said.node] = said.values
             # Before and after the trial, nodes wait for each other.
-            if self._start <= said.received < end and said.message != "OK":
+            if self.start <= said.received < end and said.message != "OK":
                 warnings.append(f"{said.node}: {said.message}")
         return Delivery(
             durations(nodes.get("master_device", {}), f"{AGE_OF} age", ("p50", "p99", "max")),
@@ -254,15 +244,12 @@ class _Coupled:
         )
 
 
-def _on_grid(places: IntArray, signal: Signal, length: int) -> FloatArray:
-    """Put samples at their places, each held until the next."""
-    within = (places >= 0) & (places < length)
-    source = np.full(length, -1)
-    source[places[within]] = np.flatnonzero(within)
-    # The index of the latest sample at each place; before the first sample, the first.
-    source = np.maximum.accumulate(source)
-    first = int(np.argmax(within))
-    return np.asarray(signal.values[np.maximum(source, first), ALONG_ACTUATOR])
+def _along_actuator(
+    signal: Signal, start: int, rate: float, length: int
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Return a signal's component on the grid, and which of its samples are there."""
+    where = places(signal.stamps, start, rate)
+    return on_grid(where, signal.values[:, ALONG_ACTUATOR], length)
 
 
 def durations(

@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import os
-import threading
-import time
-from collections.abc import Callable
-from datetime import datetime
-from functools import partial
-from pathlib import Path
-from queue import Full, Queue
-from typing import Literal
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import (
-    Connection,
     Qos,
     QosDurability,
     QosHistory,
@@ -21,16 +15,14 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
-from rosbags.typesys import Stores, get_typestore
+from std_srvs.srv import Trigger
 
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.bags.definitions import UndefinedTypeError
+from haptic_accel.bags.facts import custom_data
+from haptic_accel.bags.session import Answer, RecordingSession
+from haptic_accel.nodes.interface import GraphNode, message_type, quality
 from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.topics import TOPICS, Topic
-
-BAG_VERSION: Literal[9] = 9
-"""Of metadata.yaml, as Jazzy and newer write it."""
+from haptic_accel.nodes.topics import SIGNALS, TOPICS, Topic
 
 DEPTH = 1000
 """Messages of one topic that the middleware keeps while Python is busy."""
@@ -38,85 +30,23 @@ DEPTH = 1000
 NICENESS = 10
 """How much less the recorder asks for a core than the nodes that make the force."""
 
+DISCOVERY_PERIOD = 1.0
+"""How often topics asked for by name or expression are looked for, s."""
+
+MUCH_WAITING = 0.5
+"""Share of the queue from which on it is a warning that messages wait."""
+
+LITTLE_SPACE = 1 << 30
+"""Bytes left on the disk, below which it is a warning: ten minutes of the graph at 1 kHz."""
+
+PARAMETER_EVENTS = Topic(
+    "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "", "", reliable=True
+)
+"""Of all nodes: a controller, surface or grip that was changed while recording is in the bag."""
+
+MICROSECONDS = 1e6
+_SECOND = 1_000_000_000
 _UNSPECIFIED = QosTime(0, 0)
-
-Written = tuple[Connection, int, bytes]
-
-
-class BagWriter:
-    """Writes messages to a bag on a thread of its own, from a bounded queue.
-
-    Parameters
-    ----------
-    path : Path
-        Folder to make.
-    capacity : int
-        Messages that may wait.
-
-    Attributes
-    ----------
-    written, dropped : int
-        Messages in the bag; messages for which the queue had no room, or the disk none.
-
-    Raises
-    ------
-    ParameterError
-        The folder exists already or cannot be made.
-    """
-
-    def __init__(self, path: Path, capacity: int) -> None:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._writer = Writer(path, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
-            self._writer.open()
-        except (WriterError, OSError) as error:
-            raise ParameterError(f"bag = '{path}': must be a folder to make: {error}") from None
-        self._types = get_typestore(Stores.ROS2_JAZZY)
-        self._queue: Queue[Written | None] = Queue(capacity)
-        self._thread = threading.Thread(target=self._write, name="bag writer")
-        self.written = self.dropped = 0
-        self.failure = ""
-        self._thread.start()
-
-    def connect(self, topic: Topic, name: str) -> Callable[[bytes], None]:
-        """Add a topic by its full name; return what to call with each serialised message."""
-        connection = self._writer.add_connection(
-            name,
-            topic.type,
-            typestore=self._types,
-            offered_qos_profiles=[_offered(topic)],
-        )
-        return partial(self._put, connection)
-
-    @property
-    def waiting(self) -> int:
-        """How many messages wait."""
-        return self._queue.qsize()
-
-    def close(self) -> None:
-        """Write what waits, then finish the file and its metadata."""
-        self._queue.put(None)
-        self._thread.join()
-        self._writer.close()
-
-    def _put(self, connection: Connection, message: bytes) -> None:
-        try:
-            self._queue.put_nowait((connection, time.time_ns(), bytes(message)))
-        except Full:
-            self.dropped += 1
-
-    def _write(self) -> None:
-        while (item := self._queue.get()) is not None:
-            if self.failure:
-                self.dropped += 1
-                continue
-            try:
-                self._writer.write(*item)
-                self.written += 1
-            except OSError as error:
-                # A full disk: what was written stays, what comes is counted.
-                self.failure = str(error)
-                self.dropped += 1
 
 
 class Recorder(GraphNode):
@@ -124,51 +54,167 @@ class Recorder(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("recorder")
-        path = Path(self.parameters.bag or f"bags/{datetime.now():%Y-%m-%d_%H-%M-%S}")
-        self._bag = BagWriter(path, self.parameters.queue)
-        self._path = path
-        self._reported = 0
-        for topic in TOPICS:
-            name = self.resolve_topic_name(topic.name)
-            self.subscribe_raw(topic, self._bag.connect(topic, name), DEPTH)
-        self.get_logger().info(f"recording to {path}")
+        self._session = RecordingSession(
+            self.parameters.bag,
+            self.parameters.queue,
+            self.parameters,
+            custom_data(self.parameters.facts),
+        )
+        self._reported = ""
+        self._settled: set[str] = set()
+        for topic in (*TOPICS, PARAMETER_EVENTS):
+            self._record_own(topic)
+        session = self._session
+        for action in (session.start, session.pause, session.split, session.stop):
+            self._serve(action.__name__, action)
+        self._serve("status", self._tell)
+        if self.parameters.topics or self.parameters.regex:
+            self.create_timer(DISCOVERY_PERIOD, self._look_for_topics)
+        self.get_logger().info(f"{self._session.state} to {self._session.path}")
 
     def close(self) -> None:
         """Finish the bag and say what is in it."""
-        self._bag.close()
-        bag = self._bag
-        print(f"{self._path}: {bag.written} messages, {bag.dropped} dropped", flush=True)
-        if bag.failure:
-            raise OSError(f"{self._path}: {bag.failure}")
+        done, line = self._session.stop()
+        if done:
+            print(line, flush=True)
+        if self._session.failures:
+            raise OSError("; ".join(self._session.failures))
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return how many messages are written, waiting and dropped."""
-        bag = self._bag
-        new = bag.dropped - self._reported
-        self._reported = bag.dropped
-        if new:
-            self.get_logger().warning(f"{new} messages dropped {bag.failure}".rstrip())
-        warning = bag.failure or (f"{bag.dropped} messages dropped" if bag.dropped else "")
+        """Return how many messages are written, waiting and lost, and how the disk does."""
+        writer = self._session.writer
+        files, load = writer.files, writer.take_load()
+        warnings = []
+        if writer.dropped:
+            warnings.append(f"{writer.dropped} messages dropped")
+        if files.failure or files.trouble:
+            warnings.append(files.failure or files.trouble)
+        if load.highest > MUCH_WAITING * self.parameters.queue:
+            warnings.append(f"{load.highest} messages wait for the disk")
+        if load.free_space < LITTLE_SPACE:
+            warnings.append(f"{load.free_space / 1e6:.0f} MB are left on the disk")
+        warning = "; ".join(warnings)
+        if warning and warning != self._reported:
+            self.get_logger().warning(warning)
+        self._reported = warning
         return warning, {
-            "bag": str(self._path),
-            "written": str(bag.written),
-            "waiting": str(bag.waiting),
-            "dropped": str(bag.dropped),
+            "bag": str(self._session.path),
+            "state": self._session.state,
+            "files": str(len(files.file_names)),
+            "written": str(files.written),
+            "written (bytes)": str(files.bytes),
+            "waiting": str(load.waiting),
+            "highest waiting": str(load.highest),
+            "dropped": str(writer.dropped),
+            "missing by stamps": str(writer.missing),
+            "flush max (us)": f"{load.flush_time * MICROSECONDS:.0f}",
+            "free space (bytes)": str(load.free_space),
         }
 
+    def _record_own(self, topic: Topic) -> None:
+        """Subscribe to one of the graph's topics, whose type and quality are known."""
+        name = self.resolve_topic_name(topic.name)
+        self._settled.add(name)
+        put = self._session.connect(name, topic.type, [_own(topic)], sampled=topic in SIGNALS)
+        self._subscribe(message_type(topic), name, put, quality(topic, DEPTH))
 
-def _offered(topic: Topic) -> Qos:
+    def _subscribe(
+        self, kind: Any, name: str, put: Callable[[bytes], None], profile: QoSProfile
+    ) -> None:
+        # What is lost on the way shows in the stamps. The middleware's own event of it (message
+        # lost) is no help: of 5000 messages of which 95 came, Fast DDS told of 5, and with the
+        # events executor of the wheels taking the event can hang for ever.
+        self.create_subscription(kind, name, put, profile, raw=True)
+
+    def _look_for_topics(self) -> None:
+        """Record what exists by now of that which was asked for by name or expression."""
+        named = {self.resolve_topic_name(name) for name in self.parameters.named_topics}
+        for name, kinds in self.get_topic_names_and_types():
+            if name in self._settled or not (name in named or self._is_found(name)):
+                continue
+            publishers = self.get_publishers_info_by_topic(name)
+            if not publishers:
+                continue  # whose quality is not known yet
+            self._settled.add(name)
+            problem = self._record_found(name, kinds, [p.qos_profile for p in publishers])
+            if problem:
+                self.get_logger().warning(f"{name}: is not recorded: {problem}")
+
+    def _is_found(self, name: str) -> bool:
+        """Whether the expressions ask for a topic; hidden ones are left out as ROS does it."""
+        hidden = any(word.startswith("_") for word in name.split("/"))
+        return not hidden and bool(self.parameters.finds(name))
+
+    def _record_found(self, name: str, kinds: Sequence[str], offered: Sequence[QoSProfile]) -> str:
+        """Subscribe to a topic as it is offered; return why not, empty if so."""
+        if len(kinds) > 1:
+            return f"it has {len(kinds)} types: {', '.join(kinds)}"
+        (kind,) = kinds
+        try:
+            message = message_type(Topic(name, kind, "", ""))
+            put = self._session.connect(name, kind, [_stored(profile) for profile in offered])
+        except (ImportError, AttributeError) as error:
+            return f"{kind} is not installed: {error}"
+        except UndefinedTypeError as error:
+            return str(error)
+        self._subscribe(message, name, put, _requested(offered))
+        self.get_logger().info(f"{name}: recorded too")
+        return ""
+
+    def _serve(self, verb: str, action: Callable[[], Answer]) -> None:
+        """Offer as a service what a user does to a recording."""
+
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.success, response.message = action()
+            if action != self._tell:
+                self.get_logger().info(response.message)
+                self.report()
+            return response
+
+        self.create_service(Trigger, f"~/{verb}", answer)
+
+    def _tell(self) -> Answer:
+        """Say how the recording stands."""
+        files, session = self._session.writer.files, self._session
+        return not files.failure, (
+            f"{session.path}: {session.state}, {files.written} messages in"
+            f" {len(files.file_names)} file(s), {session.writer.dropped} dropped"
+        )
+
+
+def _own(topic: Topic) -> Qos:
     """Return a topic's quality of service as rosbag2 stores it."""
+    return _stored(quality(topic, DEPTH))._replace(liveliness=QosLiveliness.AUTOMATIC)
+
+
+def _stored(profile: QoSProfile) -> Qos:
+    """Return a quality of service as rosbag2 stores it."""
     return Qos(
-        QosHistory.KEEP_LAST,
-        DEPTH,
-        QosReliability.RELIABLE if topic.reliable else QosReliability.BEST_EFFORT,
-        QosDurability.VOLATILE,
-        _UNSPECIFIED,
-        _UNSPECIFIED,
-        QosLiveliness.AUTOMATIC,
-        _UNSPECIFIED,
-        False,
+        QosHistory(int(profile.history)),
+        profile.depth,
+        QosReliability(int(profile.reliability)),
+        QosDurability(int(profile.durability)),
+        _time(profile.deadline.nanoseconds),
+        _time(profile.lifespan.nanoseconds),
+        QosLiveliness(int(profile.liveliness)),
+        _time(profile.liveliness_lease_duration.nanoseconds),
+        bool(profile.avoid_ros_namespace_conventions),
+    )
+
+
+def _time(nanoseconds: int) -> QosTime:
+    return QosTime(*divmod(nanoseconds, _SECOND))
+
+
+def _requested(offered: Iterable[QoSProfile]) -> QoSProfile:
+    """Return the most that all publishers of a topic offer, as `ros2 bag record` does."""
+    profiles = list(offered)
+    reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
+    latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    return QoSProfile(
+        depth=DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
 
 

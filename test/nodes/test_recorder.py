@@ -1,78 +1,131 @@
+"""The recorder in a graph that runs, asked and hurt as users do it."""
+
 from __future__ import annotations
 
+import os
+import resource
+import signal
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-import pytest
-from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_typestore
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosbags.interfaces import QosDurability
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.nodes import topics
-from haptic_accel.nodes.recorder import BagWriter
+from haptic_accel.bags.metadata import Metadata, read_metadata
+from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.repair import repair
+from haptic_accel.nodes.topics import TOPICS
+from observing import Observer
+from reading import with_mcap, with_rosbags
+from running import Command, nodes_of, wait_until
 
-TYPES = get_typestore(Stores.ROS2_JAZZY)
+Start = Callable[..., Command]
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+TEXT_TYPE = 4
+"""rcl_interfaces/msg/ParameterType."""
 
 
-def serialised(value: float, stamp: int = 0) -> bytes:
-    message = TYPES.types["geometry_msgs/msg/AccelStamped"]
-    header = TYPES.types["std_msgs/msg/Header"]
-    time = TYPES.types["builtin_interfaces/msg/Time"]
-    accel = TYPES.types["geometry_msgs/msg/Accel"]
-    vector = TYPES.types["geometry_msgs/msg/Vector3"]
-    made = message(
-        header(time(0, stamp), "slave_tool"),
-        accel(vector(0.0, 0.0, value), vector(0.0, 0.0, 0.0)),
+def asked(observer: Observer, verb: str) -> str:
+    """Ask the recorder for something that it can do; return its line."""
+    response = observer.call(Trigger, f"recorder/{verb}", Trigger.Request())
+    assert response.success, response.message
+    return str(response.message)
+
+
+def counts(metadata: Metadata) -> dict[str, int]:
+    return {topic.name: topic.messages for topic in metadata.topics}
+
+
+def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
+    haptic_accel: Start, observer: Observer, domain: int, tmp_path: Path
+) -> None:
+    for name in ("/named", "/found/wanted", "/found/hidden", "/other"):
+        publisher = observer.node.create_publisher(String, name, LATCHED)
+        publisher.publish(String(data=name))
+    graph = haptic_accel(
+        "teleop",
+        "rig:=ideal",
+        "surface:=vinyl",
+        "bag:=bag",
+        "topics:=named",
+        "regex:=^/found",
+        "exclude_regex:=hidden",
+        "start_paused:=true",
     )
-    return bytes(TYPES.serialize_cdr(made, "geometry_msgs/msg/AccelStamped"))
+    graph.wait_for("engaged")
+    graph.wait_for("/named: recorded too")
+    graph.wait_for("/found/wanted: recorded too")
+    assert "paused, 0 messages" in asked(observer, "status")
+    assert "goes on" in asked(observer, "start")
+    value = ParameterValue(type=TEXT_TYPE, string_value="none")
+    change = SetParameters.Request(parameters=[Parameter(name="controller", value=value)])
+    observer.call(SetParameters, "compensator/set_parameters", change)
+    told = haptic_accel("record", "split")
+    assert told.end() == 0, told.text
+    assert told.text == f"{tmp_path / 'bag'}: another file follows bag_0.mcap"
+    values = observer.status("recorder")
+    assert values["state"] == "recording"
+    assert int(values["free space (bytes)"]) > 0
+    assert "0 dropped" in asked(observer, "stop")
+    refused = observer.call(Trigger, "recorder/pause", Trigger.Request())
+    assert (refused.success, refused.message) == (False, f"{tmp_path / 'bag'}: is stopped already")
+
+    assert asked(observer, "start") == f"{tmp_path / 'bag-2'}: recording"
+    second = tmp_path / "bag-2" / "bag-2_0.mcap"
+    wait_until(lambda: second.stat().st_size > 300_000, "some chunks of recording")
+    # A limit on the size of files stands for the disk, which a test cannot fill.
+    full = (second.stat().st_size + 100_000,) * 2
+    resource.prlimit(nodes_of(domain)["recorder"], resource.RLIMIT_FSIZE, full)
+    warned = graph.wait_for("File too large")
+    assert "recorder" in warned
+    assert observer.status("coupler")
+    assert graph.process.poll() is None  # the graph goes on
+    assert graph.end(signal.SIGINT) == 1, graph.text
+    last = next(line for line in graph.lines if "are saved and can be read" in line)
+    assert f"{len(with_rosbags(tmp_path / 'bag-2'))} messages up to" in last
+
+    metadata = read_metadata(tmp_path / "bag")
+    assert len(metadata.files) == 2
+    topics = {f"/{topic.name}" for topic in TOPICS}
+    expected = topics | {"/parameter_events", "/named", "/found/wanted"}
+    assert set(counts(metadata)) == expected
+    assert counts(metadata)["/named"] == 0  # came while the recording was paused
+    (named,) = (topic for topic in metadata.topics if topic.name == "/named")
+    assert [qos.durability for qos in named.offered] == [QosDurability.TRANSIENT_LOCAL]
+    bag = read_bag(tmp_path / "bag")
+    assert bag.problems == []
+    assert bag.facts["arguments"]["surface"] == "vinyl"
+    assert bag.facts["parameters"]["slave_device"]["simulated.surface.name"] == "vinyl"
+    changes = [(one.node, one.parameter, one.value) for one in bag.changes]
+    assert ("compensator", "controller", "none") in changes
+    assert len(with_rosbags(tmp_path / "bag")) == len(with_mcap(tmp_path / "bag"))
 
 
-def test_what_is_put_in_is_read_back_in_order(tmp_path: Path) -> None:
-    bag = BagWriter(tmp_path / "bag", 10_000)
-    put = bag.connect(topics.TOOL_ACCELERATION, "/slave/tool/acceleration")
-    values = np.random.default_rng(1).normal(size=1000).tolist()
-    for value in values:
-        put(serialised(value))
-    bag.close()
-    assert (bag.written, bag.dropped) == (1000, 0)
-    with Reader(tmp_path / "bag") as reader:
-        (connection,) = reader.connections
-        assert connection.topic == "/slave/tool/acceleration"
-        read = [
-            TYPES.deserialize_cdr(data, connection.msgtype).accel.linear.z  # type: ignore[attr-defined]
-            for _, _, data in reader.messages()
-        ]
-        assert reader.message_count == 1000
-    assert read == values
+def test_after_kill_9_the_bag_is_repaired_and_says_what_was_run(
+    haptic_accel: Start, domain: int, tmp_path: Path
+) -> None:
+    graph = haptic_accel("teleop", "rig:=ideal", "surface:=text", "bag:=bag", "regex:=rosout")
+    graph.wait_for("engaged")
+    graph.wait_for("rosout: recorded too")
+    file = tmp_path / "bag" / "bag_0.mcap"
+    wait_until(lambda: file.stat().st_size > 500_000, "a second of recording")
+    os.kill(nodes_of(domain)["recorder"], signal.SIGKILL)
+    assert graph.end() == 1
+    done = repair(tmp_path / "bag")
+    rows = with_rosbags(tmp_path / "bag")
+    assert rows == with_mcap(tmp_path / "bag")
+    assert len(rows) == done.messages > 0
+    assert "/rosout" in counts(read_metadata(tmp_path / "bag"))
+    bag = read_bag(tmp_path / "bag")
+    assert bag.problems == []
+    assert bag.facts["arguments"]["surface"] == "text"
 
 
-def test_a_queue_that_is_full_drops_and_counts(tmp_path: Path) -> None:
-    bag = BagWriter(tmp_path / "bag", 1)
-    put = bag.connect(topics.TOOL_ACCELERATION, "/slave/tool/acceleration")
-    message = serialised(1.0)
-    for _ in range(20_000):
-        put(message)
-    bag.close()
-    assert bag.dropped > 0
-    assert bag.written + bag.dropped == 20_000
-    with Reader(tmp_path / "bag") as reader:
-        assert reader.message_count == bag.written
-
-
-def test_a_topic_without_messages_is_in_the_bag_too(tmp_path: Path) -> None:
-    bag = BagWriter(tmp_path / "bag", 10)
-    bag.connect(topics.DIAGNOSTICS, "/diagnostics")
-    bag.close()
-    with Reader(tmp_path / "bag") as reader:
-        assert [connection.topic for connection in reader.connections] == ["/diagnostics"]
-
-
-def test_a_folder_that_is_there_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="bag = "):
-        BagWriter(tmp_path, 10)
-
-
-def test_a_folder_that_cannot_be_made_is_refused_by_name(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ParameterError, match="bag = "):
-        BagWriter(tmp_path / "file" / "bag", 10)
+def test_a_recorder_that_is_told_nonsense_says_so(start: Start) -> None:
+    node = start("-m", "haptic_accel.nodes.recorder", "--ros-args", "-p", "facts:=word")
+    assert node.end() == 2
+    assert node.text == "recorder: facts: must be a JSON object"

@@ -1,0 +1,102 @@
+"""Type definitions as a bag carries them, so that it can be read where a type is unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+    Qos,
+)
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+SERIALIZATION = "cdr"
+"""How ROS 2 serialises messages."""
+
+
+class UndefinedTypeError(LookupError):
+    """No definition of a message type can be had; the message is one line."""
+
+
+def connection(number: int, topic: str, kind: str, offered: Sequence[Qos]) -> Connection:
+    """Return a topic as rosbags describes it, with its type's definition and hash.
+
+    Parameters
+    ----------
+    number : int
+        From 1, unique in the bag.
+    topic : str
+        Full name.
+    kind : str
+        Message type, as in ``std_msgs/msg/String``.
+    offered : sequence of Qos
+        What its publishers offer.
+
+    Raises
+    ------
+    UndefinedTypeError
+        The type is neither known to rosbags nor found in an installed package.
+    """
+    definition, digest = _definition(kind)
+    return Connection(
+        number,
+        topic,
+        kind,
+        MessageDefinition(MessageDefinitionFormat.MSG, definition),
+        digest,
+        0,
+        ConnectionExtRosbag2(SERIALIZATION, list(offered)),
+        None,
+    )
+
+
+@cache
+def _definition(kind: str) -> tuple[str, str]:
+    """Return a type's text with those it is made of, and its hash (REP 2016)."""
+    types = _types()
+    try:
+        _add_installed(types, kind)
+        text, _ = types.generate_msgdef(kind, ros_version=2)
+        return text, types.hash_rihs01(kind)
+    except (OSError, LookupError, ValueError, TypesysError) as error:
+        raise UndefinedTypeError(f"{kind}: no definition: {error}") from None
+
+
+@cache
+def _types() -> Typestore:
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def _add_installed(types: Typestore, kind: str) -> None:
+    """Register a type, and those it is made of, from the .msg files of installed packages."""
+    if kind in types.fielddefs:
+        return
+    found = get_types_from_msg(_message_file(kind).read_text(encoding="utf-8"), kind)
+    for _, fields in found.values():
+        for name in _names(fields):
+            if "/msg/" in name:
+                _add_installed(types, name)
+    types.register(found)
+
+
+def _message_file(kind: str) -> Path:
+    # Looked for only for types that rosbags does not know: needs an installed ROS 2.
+    from ament_index_python.packages import get_package_share_directory
+
+    package, _, name = kind.split("/")
+    return Path(get_package_share_directory(package)) / "msg" / f"{name}.msg"
+
+
+def _names(parsed: object) -> Iterator[str]:
+    """Yield every text in nested tuples and lists: type names are among them."""
+    if isinstance(parsed, str):
+        yield parsed
+    elif isinstance(parsed, (tuple, list)):
+        for part in parsed:
+            yield from _names(part)

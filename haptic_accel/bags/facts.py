@@ -1,0 +1,100 @@
+"""What a bag says of itself: a year later it is still known what was run, and on what."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+from collections.abc import Mapping
+from importlib import metadata
+from typing import Any
+
+from haptic_accel.core.parameters import ParameterError
+
+PREFIX = "haptic_accel."
+"""Of the names in a bag's custom data."""
+
+VERSION, ARGUMENTS, PARAMETERS, HOST = "version", "arguments", "parameters", "host"
+DISTRIBUTION = "haptic_accel"
+
+
+def custom_data(text: str) -> dict[str, str]:
+    """Return a bag's facts as rosbag2 stores them: text by name.
+
+    Parameters
+    ----------
+    text : str
+        JSON object that may have `ARGUMENTS` and `PARAMETERS`; empty for none.
+
+    Raises
+    ------
+    ParameterError
+        It is no JSON object.
+    """
+    given = _object(text)
+    facts = {
+        VERSION: software_version(),
+        ARGUMENTS: json.dumps(given.get(ARGUMENTS, {})),
+        PARAMETERS: json.dumps(given.get(PARAMETERS, {})),
+        HOST: json.dumps(host()),
+    }
+    return {PREFIX + name: value for name, value in facts.items()}
+
+
+def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
+    """Return the facts in a bag's custom data; what is no JSON stays text."""
+    facts: dict[str, Any] = {}
+    for key, value in custom.items():
+        if not key.startswith(PREFIX):
+            continue
+        name = key.removeprefix(PREFIX)
+        try:
+            facts[name] = value if name == VERSION else json.loads(value)
+        except ValueError:
+            facts[name] = value
+    return facts
+
+
+def facts_text(arguments: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the JSON that `custom_data` takes."""
+    return json.dumps({ARGUMENTS: dict(arguments), PARAMETERS: parameters})
+
+
+def software_version() -> str:
+    """Return this package's version, "unknown" where it is not installed."""
+    try:
+        return metadata.version(DISTRIBUTION)
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def host() -> dict[str, Any]:
+    """Return what is known of the machine and its software."""
+    return {
+        "name": platform.node(),
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        "ros_distro": ros_distro(),
+        "cores": os.cpu_count(),
+    }
+
+
+def ros_distro() -> str:
+    """Return the ROS 2 distribution: of the environment, or of the wheels installed."""
+    wheels = (
+        re.fullmatch(r"ros[-_](\w+)[-_]rclpy", d.name or "") for d in metadata.distributions()
+    )
+    return os.environ.get("ROS_DISTRO") or next((w[1] for w in wheels if w), "unknown")
+
+
+def _object(text: str) -> dict[str, Any]:
+    if not text:
+        return {}
+    try:
+        found = json.loads(text)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise ParameterError("facts: must be a JSON object")
+    return found

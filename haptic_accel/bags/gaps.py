@@ -1,0 +1,55 @@
+"""Samples that a topic's stamps show to be missing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+STAMP = slice(4, 12)
+"""Where a serialised message with a header has its stamp: behind the encapsulation, s and ns,
+four bytes each (CDR, little endian)."""
+
+LONGEST_STEP = 1.5
+"""Largest step between stamps of successive samples, periods."""
+
+ENOUGH = 20
+"""Stamps from which a topic's period is known."""
+
+_SECOND = 1_000_000_000
+
+
+class StampGaps:
+    """Counts samples missing between the stamps of one topic.
+
+    A step of more than `LONGEST_STEP` times the median step is taken for samples that were not
+    taken or were lost on the way.
+
+    Attributes
+    ----------
+    missing : int
+        How many so far.
+    """
+
+    def __init__(self) -> None:
+        self._stamps: list[bytes] = []
+        self.missing = 0
+
+    def take(self, message: bytes) -> None:
+        """Note a serialised message's stamp."""
+        self._stamps.append(message[STAMP])
+
+    def count(self) -> None:
+        """Look through what was noted."""
+        if len(self._stamps) < ENOUGH:
+            return
+        whole, rest = np.frombuffer(b"".join(self._stamps), "<u4").reshape(-1, 2).T
+        steps = np.diff(whole.astype(np.int64) * _SECOND + rest)
+        period = float(np.median(steps))
+        if period > 0:
+            long = steps[steps > LONGEST_STEP * period]
+            self.missing += int(np.sum(np.rint(long / period) - 1))
+        del self._stamps[:-1]
+
+    def forget(self) -> None:
+        """Begin anew: what comes does not follow what came."""
+        self.count()
+        self._stamps.clear()

@@ -1,0 +1,254 @@
+"""A bag's metadata.yaml: what rosbag2 wants to know of a bag before it opens its files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
+from rosbags.rosbag2.errors import ReaderError
+from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
+
+FILE_NAME = "metadata.yaml"
+VERSION = 9
+"""Of the file, as Jazzy and newer write it."""
+
+NEVER = 2**63 - 1
+"""Start of a bag without messages, ns, as rosbag2 has it."""
+
+# Those of libyaml, where PyYAML has it, are ten times as quick.
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+_ROOT = "rosbag2_bagfile_information"
+_LONG = 2**31 - 1
+"""Columns: no text is broken into lines."""
+
+
+class MetadataError(Exception):
+    """A metadata.yaml cannot be read; the message is one line."""
+
+
+@dataclass(frozen=True)
+class FileEntry:
+    """One file of a bag.
+
+    Attributes
+    ----------
+    name : str
+        Relative to the bag's folder.
+    start, end : int
+        When its first and last message were recorded, system time in ns; `NEVER` and 0
+        without messages.
+    messages : int
+        How many.
+    """
+
+    name: str
+    start: int = NEVER
+    end: int = 0
+    messages: int = 0
+
+
+@dataclass(frozen=True)
+class TopicEntry:
+    """One topic of a bag: name, type, how it was offered, and how many messages."""
+
+    name: str
+    type: str
+    format: str
+    offered: tuple[Qos, ...]
+    digest: str
+    messages: int = 0
+
+
+@dataclass(frozen=True)
+class Metadata:
+    """What metadata.yaml says.
+
+    Attributes
+    ----------
+    storage : str
+        ``mcap`` or ``sqlite3``.
+    files : tuple of FileEntry
+        In the order recorded.
+    topics : tuple of TopicEntry
+    compression_mode, compression_format : str
+        Empty without compression.
+    custom : dict
+        The bag's own facts, text by name.
+    distro : str
+        ROS distribution whose type definitions the bag carries.
+    """
+
+    storage: str
+    files: tuple[FileEntry, ...]
+    topics: tuple[TopicEntry, ...] = ()
+    compression_mode: str = ""
+    compression_format: str = ""
+    custom: Mapping[str, str] = field(default_factory=dict)
+    distro: str = "jazzy"
+
+    @property
+    def messages(self) -> int:
+        """How many messages the bag holds."""
+        return sum(file.messages for file in self.files)
+
+    @property
+    def start(self) -> int:
+        """When the first message was recorded, system time in ns."""
+        return min((file.start for file in self.files), default=NEVER)
+
+    @property
+    def duration(self) -> int:
+        """Time from the first message to the last, ns."""
+        return max(0, max((file.end for file in self.files), default=0) - self.start)
+
+    @property
+    def text(self) -> str:
+        """What a storage file keeps of it for rosbag2."""
+        return _yaml(self._content())
+
+    def write(self, folder: Path) -> None:
+        """Write metadata.yaml so that at every moment a whole one is there.
+
+        Raises
+        ------
+        OSError
+            It cannot be written; one that was there before stays.
+        """
+        path = folder / FILE_NAME
+        new = path.with_name(FILE_NAME + ".tmp")
+        with new.open("w", encoding="utf-8") as file:
+            file.write(_yaml({_ROOT: self._content()}))
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+
+    def _content(self) -> dict[str, Any]:
+        return {
+            "version": VERSION,
+            "storage_identifier": self.storage,
+            "duration": {"nanoseconds": self.duration},
+            "starting_time": {"nanoseconds_since_epoch": self.start},
+            "message_count": self.messages,
+            "topics_with_message_count": [_topic(topic) for topic in self.topics],
+            "compression_format": self.compression_format,
+            "compression_mode": self.compression_mode,
+            "relative_file_paths": [file.name for file in self.files],
+            "files": [_file(file) for file in self.files],
+            "custom_data": dict(self.custom) or None,
+            "ros_distro": self.distro,
+        }
+
+
+def topic_entry(connection: Connection, messages: int) -> TopicEntry:
+    """Return what metadata.yaml says of a topic."""
+    assert isinstance(connection.ext, ConnectionExtRosbag2)
+    return TopicEntry(
+        connection.topic,
+        connection.msgtype,
+        connection.ext.serialization_format,
+        tuple(connection.ext.offered_qos_profiles),
+        connection.digest,
+        messages,
+    )
+
+
+def read_metadata(folder: Path) -> Metadata:
+    """Read a bag's metadata.yaml, of any version of rosbag2 that has one.
+
+    Raises
+    ------
+    MetadataError
+        There is none, or it is not one.
+    """
+    path = folder / FILE_NAME
+    try:
+        content = yaml.load(path.read_text(encoding="utf-8"), _LOADER)[_ROOT]
+        return _metadata(content)
+    except OSError as error:
+        raise MetadataError(f"{path}: {error.strerror}") from None
+    except (yaml.YAMLError, ReaderError, KeyError, TypeError, ValueError) as error:
+        raise MetadataError(f"{path}: is no metadata of a bag: {_line(error)}") from None
+
+
+def qos_text(offered: Sequence[Qos]) -> str:
+    """Return how a topic is offered as storage files have it."""
+    return _yaml(dump_qos_v9(list(offered))).strip()
+
+
+def _metadata(content: dict[str, Any]) -> Metadata:
+    mode = content.get("compression_mode") or ""
+    return Metadata(
+        storage=content["storage_identifier"],
+        files=tuple(_files(content)),
+        topics=tuple(_read_topic(topic) for topic in content["topics_with_message_count"]),
+        compression_mode="" if mode.lower() == "none" else mode.lower(),
+        compression_format=content.get("compression_format") or "",
+        custom=content.get("custom_data") or {},
+        distro=content.get("ros_distro") or "",
+    )
+
+
+def _files(content: dict[str, Any]) -> list[FileEntry]:
+    names = [Path(name).name for name in content["relative_file_paths"]]
+    if not content.get("files"):  # before version 5
+        start = content["starting_time"]["nanoseconds_since_epoch"]
+        end = start + content["duration"]["nanoseconds"]
+        counts = [content["message_count"]] + [0] * (len(names) - 1)
+        return [FileEntry(name, start, end, n) for name, n in zip(names, counts, strict=True)]
+    found = []
+    for name, file in zip(names, content["files"], strict=True):
+        start, count = file["starting_time"]["nanoseconds_since_epoch"], file["message_count"]
+        end = start + file["duration"]["nanoseconds"]
+        found.append(FileEntry(name, start, end, count) if count else FileEntry(name))
+    return found
+
+
+def _read_topic(content: dict[str, Any]) -> TopicEntry:
+    topic = content["topic_metadata"]
+    return TopicEntry(
+        topic["name"],
+        topic["type"],
+        topic["serialization_format"],
+        tuple(parse_qos(topic.get("offered_qos_profiles") or [])),
+        topic.get("type_description_hash") or "",
+        content["message_count"],
+    )
+
+
+def _topic(topic: TopicEntry) -> dict[str, Any]:
+    return {
+        "topic_metadata": {
+            "name": topic.name,
+            "type": topic.type,
+            "serialization_format": topic.format,
+            "offered_qos_profiles": dump_qos_v9(list(topic.offered)),
+            "type_description_hash": topic.digest,
+        },
+        "message_count": topic.messages,
+    }
+
+
+def _file(file: FileEntry) -> dict[str, Any]:
+    return {
+        "path": file.name,
+        "starting_time": {"nanoseconds_since_epoch": file.start},
+        "duration": {"nanoseconds": max(0, file.end - file.start)},
+        "message_count": file.messages,
+    }
+
+
+def _yaml(content: Any) -> str:
+    return str(
+        yaml.dump(content, Dumper=_DUMPER, sort_keys=False, width=_LONG, allow_unicode=True)
+    )
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,161 @@
+"""Recording that is started, paused, split and stopped: one bag after another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+
+from rosbags.interfaces import Qos
+
+from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.writing import BagWriter
+from haptic_accel.core.parameters import ParameterError
+
+RECORDING, PAUSED, STOPPED = "recording", "paused", "stopped"
+
+Answer = tuple[bool, str]
+"""Whether it was done, and one line: what, or why not."""
+
+
+@dataclass(frozen=True)
+class _Topic:
+    name: str
+    type: str
+    offered: tuple[Qos, ...]
+    sampled: bool
+
+
+class RecordingSession:
+    """What a user does to a recording; not for more than one thread.
+
+    Parameters
+    ----------
+    bag : str
+        Folder to make; empty for one of today's date and time. Later bags get a number.
+    capacity : int
+        Messages that may wait for the disk.
+    options : RecordingOptions
+    facts : mapping
+        What every bag says of itself, text by name.
+
+    Attributes
+    ----------
+    writer : BagWriter
+        The bag, or the last one.
+    failures : list of str
+        One line for each bag that could not be recorded to its end.
+
+    Raises
+    ------
+    ParameterError
+        The folder exists already or cannot be made.
+    """
+
+    def __init__(
+        self, bag: str, capacity: int, options: RecordingOptions, facts: Mapping[str, str]
+    ) -> None:
+        self._bag = bag
+        self._capacity = capacity
+        self._options = options
+        self._facts = facts
+        self._topics: list[_Topic] = []
+        self._puts: dict[str, Callable[[bytes], None]] = {}
+        self._bags = 0
+        self._stopped = False
+        self.failures: list[str] = []
+        self.writer = self._open(options)
+
+    def connect(
+        self, topic: str, kind: str, offered: Sequence[Qos], *, sampled: bool = False
+    ) -> Callable[[bytes], None]:
+        """Add a topic to this bag and all that follow; as `BagWriter.connect`.
+
+        Raises
+        ------
+        UndefinedTypeError
+            There is no definition of the type.
+        """
+        added = _Topic(topic, kind, tuple(offered), sampled)
+        self._puts[topic] = self.writer.connect(topic, kind, offered, sampled=sampled)
+        if self._stopped:
+            self._puts[topic] = _leave_out
+        self._topics.append(added)
+        puts = self._puts
+        return lambda message: puts[topic](message)
+
+    @property
+    def state(self) -> str:
+        """Recording, paused or stopped."""
+        if self._stopped:
+            return STOPPED
+        return PAUSED if self.writer.paused else RECORDING
+
+    @property
+    def path(self) -> Path:
+        """Folder of the bag."""
+        return self.writer.files.path
+
+    def start(self) -> Answer:
+        """Go on after a pause, or begin another bag after a stop."""
+        if self.state == RECORDING:
+            return False, f"{self.path}: is being recorded already"
+        if self.state == PAUSED:
+            self.writer.resume()
+            return True, f"{self.path}: recording goes on"
+        try:
+            self.writer = self._open(replace(self._options, start_paused=False))
+        except ParameterError as error:
+            return False, str(error)
+        for topic in self._topics:
+            self._puts[topic.name] = self.writer.connect(
+                topic.name, topic.type, topic.offered, sampled=topic.sampled
+            )
+        self._stopped = False
+        return True, f"{self.path}: recording"
+
+    def pause(self) -> Answer:
+        """Leave out what comes."""
+        if self.state != RECORDING:
+            return False, f"{self.path}: is {self.state} already"
+        self.writer.pause()
+        return True, f"{self.path}: paused"
+
+    def split(self) -> Answer:
+        """Put what comes into another file of the bag."""
+        if self.state == STOPPED:
+            return False, f"{self.path}: is {self.state}: nothing to split"
+        self.writer.split()
+        return True, f"{self.path}: another file follows {self.writer.files.file_names[-1]}"
+
+    def stop(self) -> Answer:
+        """Finish the bag."""
+        if self.state == STOPPED:
+            return False, f"{self.path}: is {self.state} already"
+        for topic in self._puts:
+            self._puts[topic] = _leave_out
+        self._stopped = True
+        summary = self.writer.close()
+        if self.writer.files.failure:
+            self.failures.append(summary)
+        return not self.writer.files.failure, summary
+
+    def _open(self, options: RecordingOptions) -> BagWriter:
+        path = Path(self._bag or f"bags/{datetime.now():%Y-%m-%d_%H-%M-%S}")
+        self._bags += 1
+        if self._bags > 1:
+            path = _free(path)
+        return BagWriter(path, self._capacity, options, self._facts)
+
+
+def _free(path: Path) -> Path:
+    """Return the first of ``path-2``, ``path-3`` and so on that is not there."""
+    number = 2
+    while (found := path.with_name(f"{path.name}-{number}")).exists():
+        number += 1
+    return found
+
+
+def _leave_out(message: bytes) -> None:
+    """Take a message that no bag is to have."""

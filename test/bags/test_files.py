@@ -1,0 +1,162 @@
+from __future__ import annotations
+
+from itertools import accumulate
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from rosbags.interfaces import Connection
+
+from haptic_accel.bags.definitions import connection
+from haptic_accel.bags.files import BagFiles
+from haptic_accel.bags.metadata import read_metadata
+from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.core.parameters import ParameterError
+from reading import with_mcap, with_rosbags
+
+FACTS = {"haptic_accel.version": "1.2.3", "haptic_accel.arguments": '{"surface": "vinyl: #1"}'}
+TYPES = ("std_msgs/msg/String", "geometry_msgs/msg/AccelStamped", "std_msgs/msg/String")
+TOPICS = [connection(n + 1, f"/topic_{n}", kind, []) for n, kind in enumerate(TYPES)]
+START = 1_700_000_000_000_000_000
+
+FORMS = st.sampled_from(
+    [
+        {"storage": "mcap"},
+        {"storage": "mcap", "storage_preset_profile": "zstd_fast"},
+        {"storage": "mcap", "compression_mode": "file"},
+        {"storage": "mcap", "compression_mode": "message"},
+        {"storage": "sqlite3"},
+        {"storage": "sqlite3", "compression_mode": "file"},
+        {"storage": "sqlite3", "compression_mode": "message"},
+    ]
+)
+MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
+"""What is asked is what a bag holds, not how long a disk takes to say that it has it."""
+
+SPLITS = st.sampled_from([{}, {"max_bag_size": 300}, {"max_bag_duration": 0.005}])
+MESSAGES = st.lists(
+    st.tuples(
+        st.sampled_from(TOPICS),
+        st.integers(1, 10_000_000),  # ns after the one before
+        st.binary(max_size=200),
+    ),
+    max_size=40,
+)
+ACTIONS = st.sets(st.integers(0, 40), max_size=3)
+
+
+@given(form=FORMS, split=SPLITS, messages=MESSAGES, flushes=ACTIONS, splits=ACTIONS)
+@settings(max_examples=30)
+def test_what_goes_in_comes_out_in_order_for_every_reader(
+    form: dict[str, Any],
+    split: dict[str, Any],
+    messages: list[tuple[Connection, int, bytes]],
+    flushes: set[int],
+    splits: set[int],
+) -> None:
+    times = [START + passed for passed in accumulate(after for _, after, _ in messages)]
+    with TemporaryDirectory(dir=MEMORY) as folder:
+        bag = Path(folder) / "bag"
+        files = BagFiles(bag, RecordingOptions(**form, **split), FACTS)
+        for topic in TOPICS:
+            files.add(topic)
+        for position, ((topic, _, data), time) in enumerate(zip(messages, times, strict=True)):
+            if position in splits:
+                files.split()
+            if position in flushes:
+                files.flush()
+            files.write(topic, time, data)
+        files.close()
+        expected = [
+            (topic.topic, time, data)
+            for (topic, _, data), time in zip(messages, times, strict=True)
+        ]
+        assert (files.written, files.lost, files.failure, files.trouble) == (
+            len(messages),
+            0,
+            "",
+            "",
+        )
+        assert with_rosbags(bag) == expected
+        if form["storage"] == "mcap":
+            assert with_mcap(bag) == expected
+        metadata = read_metadata(bag)
+        assert metadata.custom == FACTS
+        assert {topic.name: topic.messages for topic in metadata.topics} == {
+            topic.topic: sum(one is topic for one, _, _ in messages) for topic in TOPICS
+        }
+        assert {path.name for path in bag.iterdir()} == {
+            "metadata.yaml",
+            *(entry.name for entry in metadata.files),
+        }
+
+
+def test_a_file_is_full_at_its_size_and_at_its_duration(tmp_path: Path) -> None:
+    topic = TOPICS[0]
+    options = RecordingOptions(max_bag_size=1000, max_bag_duration=1.0)
+    files = BagFiles(tmp_path / "bag", options, {})
+    files.add(topic)
+    for number in range(10):
+        files.write(topic, START + number, bytes(100))
+    assert len(files.file_names) == 1 + 1  # schema and header count too
+    files.write(topic, START + 2_000_000_000, b"")
+    assert files.file_names == ["bag_0.mcap", "bag_1.mcap", "bag_2.mcap"]
+    files.close()
+    first, second, third = read_metadata(tmp_path / "bag").files
+    assert first.messages + second.messages == 10
+    assert (third.start, third.end, third.messages) == (START + 2_000_000_000,) * 2 + (1,)
+
+
+def test_the_metadata_is_there_from_the_start(tmp_path: Path) -> None:
+    files = BagFiles(tmp_path / "bag", RecordingOptions(), FACTS)
+    metadata = read_metadata(tmp_path / "bag")
+    assert metadata.custom == FACTS
+    assert [file.name for file in metadata.files] == ["bag_0.mcap"]
+    files.close()
+
+
+def test_a_file_of_mcap_says_itself_what_it_is(tmp_path: Path) -> None:
+    files = BagFiles(tmp_path / "bag", RecordingOptions(), FACTS)
+    files.add(TOPICS[1])
+    files.write(TOPICS[1], START, b"")
+    files.close()
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        ((schema, channel, _),) = reader.iter_messages()
+        (metadata,) = reader.iter_metadata()
+    assert schema is not None
+    assert (schema.name, schema.encoding) == ("geometry_msgs/msg/AccelStamped", "ros2msg")
+    assert b"MSG: geometry_msgs/Vector3" in schema.data
+    assert channel.message_encoding == "cdr"
+    assert channel.metadata["topic_type_hash"].startswith("RIHS01_")
+    assert "offered_qos_profiles" in channel.metadata
+    assert "vinyl: #1" in metadata.metadata["serialized_metadata"]
+
+
+def test_where_no_other_file_can_be_made_the_recording_goes_on(tmp_path: Path) -> None:
+    files = BagFiles(tmp_path / "bag", RecordingOptions(), {})
+    files.add(TOPICS[0])
+    files.write(TOPICS[0], START, b"before")
+    (tmp_path / "bag").rename(tmp_path / "moved")
+    files.split()
+    assert "cannot be split" in files.trouble
+    files.write(TOPICS[0], START + 1, b"after")
+    files.close()
+    assert (files.written, files.lost, files.failure) == (2, 0, "")
+    assert "metadata.yaml cannot be written" in files.trouble
+    assert [data for _, _, data in with_rosbags(tmp_path / "moved" / "bag_0.mcap")] == [
+        b"before",
+        b"after",
+    ]
+
+
+@pytest.mark.parametrize("name", ["there", "file/bag"])
+def test_a_folder_that_cannot_be_made_is_refused_by_name(tmp_path: Path, name: str) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ParameterError, match="^bag = .*must be a folder to make"):
+        BagFiles(tmp_path / name, RecordingOptions(), {})

@@ -1,0 +1,209 @@
+from __future__ import annotations
+
+import random
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.bags.definitions import connection
+from haptic_accel.bags.files import BagFiles
+from haptic_accel.bags.metadata import read_metadata
+from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.repair import repair
+from haptic_accel.core.parameters import ParameterError
+from reading import Row, with_mcap, with_rosbags
+
+FACTS = {"haptic_accel.version": "1.2.3"}
+TOPICS = [connection(n + 1, f"/topic_{n}", "std_msgs/msg/String", []) for n in range(2)]
+START = 1_700_000_000_000_000_000
+MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
+"""What is asked is what a bag holds, not how long a disk takes to say that it has it."""
+
+FLUSHED = 30
+"""Messages after which those so far are brought to the disk."""
+
+FORMS = {
+    "mcap": RecordingOptions(),
+    "chunks compressed": RecordingOptions(storage_preset_profile="zstd_fast"),
+    "messages compressed": RecordingOptions(compression_mode="message"),
+    "files compressed": RecordingOptions(compression_mode="file", max_bag_duration=4e-8),
+    "split": RecordingOptions(max_bag_duration=4e-8),
+    "sqlite3": RecordingOptions(storage="sqlite3"),
+}
+
+
+@pytest.fixture
+def memory() -> Iterator[Path]:
+    with TemporaryDirectory(dir=MEMORY) as folder:
+        yield Path(folder)
+
+
+def killed(folder: Path, options: RecordingOptions, count: int) -> tuple[Path, list[Row]]:
+    """Return a bag as it is on the disk while it is recorded, and what was flushed by then."""
+    written: list[Row] = []
+    flushed = 0
+    files = BagFiles(folder / "bag", options, FACTS)
+    for topic in TOPICS:
+        files.add(topic)
+    for number in range(count):
+        topic = TOPICS[number % 2]
+        files.write(topic, START + number, bytes([number % 256]) * 50)
+        written.append((topic.topic, START + number, bytes([number % 256]) * 50))
+        if number % FLUSHED == FLUSHED - 1:
+            files.flush()
+            flushed = number + 1
+    shutil.copytree(folder / "bag", folder / "killed" / "bag")
+    files.close()
+    return folder / "killed" / "bag", written[:flushed]
+
+
+def state(bag: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in bag.iterdir()}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_all_that_was_flushed_is_there_after_a_repair(memory: Path, form: str) -> None:
+    bag, flushed = killed(memory, FORMS[form], 100)
+    done = repair(bag)
+    assert done.messages == len(with_rosbags(bag))
+    assert with_rosbags(bag)[: len(flushed)] == flushed
+    if FORMS[form].storage == "mcap":
+        assert with_mcap(bag)[: len(flushed)] == flushed
+    assert read_metadata(bag).custom == FACTS
+    assert done.mended
+    assert done.problems == []
+    assert any(name.endswith(".damaged") for name in state(bag))
+    before = state(bag)
+    assert repair(bag).mended == []
+    assert state(bag) == before
+
+
+@given(share=st.floats(0.0, 1.0))
+@settings(max_examples=30)
+def test_of_a_file_cut_off_anywhere_all_is_kept_that_is_whole(share: float) -> None:
+    with TemporaryDirectory(dir=MEMORY) as folder:
+        bag, flushed = killed(Path(folder), FORMS["mcap"], 100)
+        file = bag / "bag_0.mcap"
+        content = file.read_bytes()
+        cut = int(share * len(content))
+        file.write_bytes(content[:cut])
+        done = repair(bag)
+        # Each message's data occur in the file once: those before the cut are to be kept.
+        whole = sum(0 <= content.find(data) <= cut - len(data) for _, _, data in flushed)
+        assert done.messages == whole
+        if whole:
+            assert with_rosbags(bag) == with_mcap(bag) == flushed[:whole]
+        assert (bag / "bag_0.mcap.damaged").read_bytes() == content[:cut]
+        assert read_metadata(bag).custom == FACTS
+
+
+def test_zeros_after_a_power_cut_are_no_messages(memory: Path) -> None:
+    bag, flushed = killed(memory, FORMS["mcap"], 60)
+    with (bag / "bag_0.mcap").open("ab") as file:
+        file.write(bytes(10_000))
+    repair(bag)
+    assert with_mcap(bag) == with_rosbags(bag) == flushed
+
+
+def test_without_metadata_a_bag_is_put_together_from_its_files(memory: Path) -> None:
+    bag, flushed = killed(memory, FORMS["split"], 100)
+    (bag / "metadata.yaml").unlink()
+    repair(bag)
+    metadata = read_metadata(bag)
+    assert with_rosbags(bag)[: len(flushed)] == flushed
+    assert metadata.custom == FACTS  # closed files carry it too
+    assert [topic.digest for topic in metadata.topics] == [topic.digest for topic in TOPICS]
+
+
+def test_an_sqlite_file_that_is_cut_off_is_read_up_to_there(memory: Path) -> None:
+    bag, flushed = killed(memory, FORMS["sqlite3"], 3000)
+    file = bag / "bag_0.db3"
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    done = repair(bag)
+    kept = with_rosbags(bag)
+    assert 0 < len(kept) < len(flushed)
+    assert kept == flushed[: len(kept)]
+    assert done.problems
+
+
+def test_what_is_no_mcap_file_at_all_is_set_aside(memory: Path) -> None:
+    bag, flushed = killed(memory, FORMS["split"], 100)
+    last = max(bag.glob("*.mcap"))
+    last.write_bytes(b"nothing of the kind")
+    done = repair(bag)
+    assert [last.name in problem for problem in done.problems] == [True]
+    assert not last.exists()
+    assert with_rosbags(bag) == flushed[: done.messages]
+
+
+def test_a_whole_bag_stays_as_it_is(memory: Path) -> None:
+    files = BagFiles(memory / "bag", RecordingOptions(), FACTS)
+    files.add(TOPICS[0])
+    files.write(TOPICS[0], START, b"x")
+    files.close()
+    before = state(memory / "bag")
+    assert repair(memory / "bag").mended == []
+    assert state(memory / "bag") == before
+
+
+def test_a_folder_that_is_no_bag_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file.mcap").write_bytes(b"")
+    (tmp_path / "folder").mkdir()
+    for path in (tmp_path / "nothing", tmp_path / "folder", tmp_path / "file.mcap"):
+        with pytest.raises(ParameterError, match=f"^{path}: must be"):
+            repair(path)
+
+
+RECORDING = """
+import sys, time
+from pathlib import Path
+from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.writing import BagWriter
+bag = BagWriter(Path(sys.argv[1]), 100_000, RecordingOptions(storage=sys.argv[2]), {})
+put = bag.connect("/x", "std_msgs/msg/String", [])
+while True:
+    put(bytes(100))
+    if bag.files.bytes and not bag.files.trouble:
+        print("recording", flush=True)
+        bag.files.trouble = "told"
+    time.sleep(0.001)
+"""
+
+GAP = 1_000_000_000
+"""Between the last message and the end of the process, at most, ns."""
+
+ATTEMPTS = 4
+"""A machine that stalls just before the end saves nothing meanwhile: not in all of these."""
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_after_kill_9_at_most_the_last_second_is_lost(tmp_path: Path, storage: str) -> None:
+    moments = random.Random(storage)
+    gaps = []
+    for attempt in range(ATTEMPTS):
+        bag = tmp_path / f"bag{attempt}"
+        words = [sys.executable, "-c", RECORDING, str(bag), storage]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as child:
+            assert child.stdout
+            assert child.stdout.readline() == "recording\n"
+            time.sleep(moments.uniform(0.7, 1.7))
+            end = time.time_ns()
+            child.kill()
+        repair(bag)
+        rows = with_rosbags(bag)
+        assert len(read_bag(bag).counts) == 1
+        if storage == "mcap":
+            assert with_mcap(bag) == rows
+        gaps.append(end - rows[-1][1])
+        if gaps[-1] <= GAP:
+            return
+    pytest.fail(f"lost at the end, ns: {gaps}")

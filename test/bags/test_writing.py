@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from haptic_accel.bags.definitions import UndefinedTypeError
+from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.writing import BagWriter
+from haptic_accel.core.parameters import ParameterError
+from reading import with_rosbags
+
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+ACCEL = "geometry_msgs/msg/AccelStamped"
+STRING = "std_msgs/msg/String"
+PERIOD = 1_000_000
+"""Of 1 kHz, ns."""
+
+
+def serialised(value: float, stamp: int = 0) -> bytes:
+    message = TYPES.types[ACCEL]
+    header = TYPES.types["std_msgs/msg/Header"]
+    time = TYPES.types["builtin_interfaces/msg/Time"]
+    accel = TYPES.types["geometry_msgs/msg/Accel"]
+    vector = TYPES.types["geometry_msgs/msg/Vector3"]
+    made = message(
+        header(time(*divmod(stamp, 1_000_000_000)), "slave_tool"),
+        accel(vector(0.0, 0.0, value), vector(0.0, 0.0, 0.0)),
+    )
+    return bytes(TYPES.serialize_cdr(made, ACCEL))
+
+
+def writer(path: Path, capacity: int = 100_000) -> BagWriter:
+    return BagWriter(path, capacity, RecordingOptions(), {})
+
+
+def test_what_is_put_in_is_read_back_in_order(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag")
+    put = bag.connect("/slave/tool/acceleration", ACCEL, [])
+    values = np.random.default_rng(1).normal(size=1000).tolist()
+    for value in values:
+        put(serialised(value))
+    assert bag.close() == f"{tmp_path / 'bag'}: 1000 messages, 0 dropped"
+    with Reader(tmp_path / "bag") as reader:
+        (connection,) = reader.connections
+        assert connection.topic == "/slave/tool/acceleration"
+        read = [
+            TYPES.deserialize_cdr(data, connection.msgtype).accel.linear.z  # type: ignore[attr-defined]
+            for _, _, data in reader.messages()
+        ]
+    assert read == values
+
+
+def test_a_queue_that_is_full_drops_and_counts(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag", 1)
+    put = bag.connect("/x", STRING, [])
+    for _ in range(20_000):
+        put(b"")
+    bag.close()
+    assert bag.dropped > 0
+    assert bag.files.written + bag.dropped == 20_000
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == bag.files.written
+
+
+def test_a_topic_without_messages_is_in_the_bag_too(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag")
+    bag.connect("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", [])
+    bag.close()
+    with Reader(tmp_path / "bag") as reader:
+        assert [connection.topic for connection in reader.connections] == ["/diagnostics"]
+
+
+def test_a_type_that_nobody_defines_is_refused(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag")
+    with pytest.raises(UndefinedTypeError, match="nowhere_msgs/msg/Nothing"):
+        bag.connect("/x", "nowhere_msgs/msg/Nothing", [])
+    bag.close()
+
+
+def test_a_folder_that_is_there_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="bag = "):
+        writer(tmp_path)
+
+
+def test_what_comes_in_a_pause_is_left_out_and_not_missing(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag")
+    put = bag.connect("/x", ACCEL, [], sampled=True)
+    for number in range(300):
+        if number == 100:
+            bag.pause()
+        if number == 200:
+            bag.resume()
+        put(serialised(number, number * PERIOD))
+    bag.close()
+    assert (bag.files.written, bag.dropped, bag.missing) == (200, 0, 0)
+
+
+def test_samples_that_did_not_come_are_counted_by_their_stamps(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag")
+    put = bag.connect("/x", ACCEL, [], sampled=True)
+    left_out = {*range(50, 60), 100, 200}
+    for number in range(300):
+        if number not in left_out:
+            put(serialised(number, number * PERIOD))
+    bag.close()
+    assert bag.missing == len(left_out)
+
+
+FULL = """
+import resource, sys, time
+from pathlib import Path
+from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.writing import FLUSH_PERIOD, BagWriter
+bag = BagWriter(Path("bag"), 100_000, RecordingOptions(storage=sys.argv[1]), {"fact": "kept"})
+put = bag.connect("/x", "std_msgs/msg/String", [])
+for number in range(300):
+    put(bytes(1000))
+while not bag.files.free_space or sum(p.stat().st_size for p in Path("bag").iterdir()) < 300_000:
+    time.sleep(0.01)
+resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
+for number in range(500):
+    put(bytes(1000))
+time.sleep(2 * FLUSH_PERIOD)
+put(b"")
+print(bag.close())
+print(bag.files.trouble)
+"""
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_what_was_saved_before_the_disk_was_full_can_be_read(tmp_path: Path, storage: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, storage],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    line, trouble = done.stdout.splitlines()
+    # A limit on the size of files stands for the disk, which a test cannot fill.
+    assert "File too large" in line or "disk I/O error" in line
+    assert "300 messages up to" in line
+    assert line.endswith("are saved and can be read, 501 are not")
+    assert trouble == ""
+    assert len(with_rosbags(tmp_path / "bag")) == 300
