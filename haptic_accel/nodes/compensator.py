@@ -49,12 +49,12 @@ class Compensator(GraphNode):
         self._send_force(time.time_ns(), ZERO)
         super().close()
 
-    def change(self, name: str, value: Any) -> None:
+    def change(self, values: dict[str, Any]) -> None:
         """Let another controller take over, or stop or resume adaptation."""
-        if name == FROZEN:
-            self._compensation.freeze(value)
-        else:
-            self._compensation.select(value)
+        if FROZEN in values:
+            self._compensation.freeze(values[FROZEN])
+        if "controller" in values:
+            self._compensation.select(values["controller"])
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return what was lost, limited and refused, and what the controller says."""

@@ -6,6 +6,8 @@ import math
 import time
 
 from rclpy.subscription import Subscription
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
 
 from haptic_accel.core.coupling import ZERO, PositionPositionCoupling, Vector
 from haptic_accel.nodes import topics
@@ -18,6 +20,12 @@ LOOK_PERIOD = 0.02
 
 NAG_PERIOD = 5.0
 """How often an arm that does not come is asked for, s."""
+
+STOPPED = "emergency stop"
+"""Why the arms are free while the emergency stop is not released."""
+
+DISENGAGED = "let go on request"
+"""Why they are after `~/engage` with false."""
 
 
 class Arm:
@@ -43,7 +51,8 @@ class Coupler(GraphNode):
     """Engages when both arms are heard and the others there, lets go when an arm falls silent.
 
     Each arm's sample causes the other arm's force, so that both forces are as fresh as they
-    can be.
+    can be. Services let the arms go and take them again: `estop` stops both devices too,
+    `~/engage` frees the arms alone.
     """
 
     def __init__(self) -> None:
@@ -63,6 +72,13 @@ class Coupler(GraphNode):
         self._compensator_heard = not self.parameters.compensated
         if self.parameters.compensated:
             self._first_force = self.listen(topics.ACTUATOR_FORCE, self._hear_compensator)
+        self._engage = True
+        self._stopped_since: float | None = None
+        self._latched = False
+        self._publish_stop = self.publisher(topics.EMERGENCY_STOP).publish
+        self.listen_state(topics.EMERGENCY_STOP, self._on_stop)
+        self.create_service(SetBool, topics.EMERGENCY_STOP.name, self._serve_stop)
+        self.create_service(SetBool, "~/engage", self._serve_engage)
         self.create_timer(LOOK_PERIOD, self._look)
 
     def close(self) -> None:
@@ -100,9 +116,47 @@ class Coupler(GraphNode):
         )
         arm.force.send(moment, on_master if arm is master else on_slave)
 
+    def _on_stop(self, stop: bool) -> None:
+        """Follow the emergency stop, whoever asked for it."""
+        if stop == self._stopped:
+            return
+        self._stopped_since = time.monotonic() if stop else None
+        self._look()
+        self.report()
+
+    def _latch(self, stop: bool) -> None:
+        """Publish the emergency stop or its release, for the devices and for who comes later."""
+        self._latched = stop
+        self._publish_stop(Bool(data=stop))
+
+    def _serve_stop(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
+        """Stop everything at once, or release it."""
+        self._latch(request.data)
+        self._on_stop(request.data)
+        response.success = True
+        response.message = "stopped" if request.data else "released"
+        return response
+
+    def _serve_engage(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
+        """Take both arms as soon as all is there, or let them go."""
+        if request.data and self._stopped:
+            response.message = f"{STOPPED}: release it first"
+            return response
+        self._engage = request.data
+        self._look()
+        self.report()
+        response.success = True
+        response.message = self._missing()
+        return response
+
     def _look(self) -> None:
         """Engage, let go, or end, as things are now."""
         now = time.monotonic()
+        self._remember_stop(now)
         missing = self._missing()
         if self._coupling.engaged and missing:
             self.get_logger().warning(f"let go: {missing}")
@@ -115,7 +169,7 @@ class Coupler(GraphNode):
                 self.destroy_subscription(self._first_force)
                 self._first_force = None
             self.get_logger().info("engaged")
-        elif missing and now - self._asked > NAG_PERIOD:
+        elif missing and not self._held and now - self._asked > NAG_PERIOD:
             self._asked = now
             self.get_logger().warning(missing)
         duration = self.parameters.duration
@@ -124,11 +178,34 @@ class Coupler(GraphNode):
             self.get_logger().info(f"duration of {duration:g} s is over")
             self.finished.set_result(None)
 
+    @property
+    def _stopped(self) -> bool:
+        return self._stopped_since is not None
+
+    def _remember_stop(self, now: float) -> None:
+        """Latch a stop that another published, who may be gone before a device comes.
+
+        Not at once: what this node published itself is still to be heard.
+        """
+        if self._latched or self._stopped_since is None:
+            return
+        if now - self._stopped_since > LOOK_PERIOD:
+            self._latch(True)
+
     def _silent(self, arm: Arm) -> bool:
         return bool(time.monotonic() - arm.heard > self.parameters.timeout)
 
+    @property
+    def _held(self) -> str:
+        """Say who wants the arms free; empty if nobody does."""
+        if self._stopped:
+            return STOPPED
+        return "" if self._engage else DISENGAGED
+
     def _missing(self) -> str:
         """Say what engaging waits for, or what has gone; empty when all is there."""
+        if self._held:
+            return self._held
         silent = [arm.name for arm in (self._master, self._slave) if self._silent(arm)]
         if silent:
             return f"waiting for the position of {' and '.join(silent)}"

@@ -16,7 +16,7 @@ from rcl_interfaces.msg import (
 )
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from haptic_accel.core.coupling import Vector
@@ -109,9 +109,19 @@ class GraphNode(SupervisedNode):
         read = reader(message_type(topic), VECTORS[topic.type])
         return self.subscribe_raw(topic, lambda data: callback(*read(data)), DEPTH)
 
+    def listen_state(self, topic: Topic, callback: Callable[[bool], None]) -> Subscription:
+        """Subscribe to a latched state that is true or false."""
+        return self.create_subscription(
+            message_type(topic),
+            topic.name,
+            lambda message: callback(bool(message.data)),
+            quality(topic),
+        )
+
     def publisher(self, topic: Topic) -> Publisher:
         """Create a topic's publisher."""
-        return self.create_publisher(message_type(topic), topic.name, quality(topic))
+        depth = 1 if topic.latched else DEPTH
+        return self.create_publisher(message_type(topic), topic.name, quality(topic, depth))
 
     def subscribe_raw(
         self, topic: Topic, callback: Callable[[bytes], None], depth: int
@@ -125,8 +135,8 @@ class GraphNode(SupervisedNode):
         """Publish the last diagnostics; called once, whatever ended the node."""
         self.report()
 
-    def change(self, name: str, value: Any) -> None:
-        """Take a new value of a parameter that can be changed, checked.
+    def change(self, values: dict[str, Any]) -> None:
+        """Take new values, checked, of parameters that can be changed; all or none.
 
         Raises
         ------
@@ -136,14 +146,16 @@ class GraphNode(SupervisedNode):
 
     def _change(self, parameters: list[Parameter]) -> SetParametersResult:
         """Take new values, or say what is wrong with the first that is."""
+        values = {}
         try:
             for parameter in parameters:
                 name = parameter.name
                 if name not in self._schema:
                     raise ParameterError(f"{name}: no such parameter")
                 if name in self.CHANGEABLE:
-                    default, specification = self._schema[name]
-                    self.change(name, checked(name, parameter.value, default, specification))
+                    values[name] = checked(name, parameter.value, *self._schema[name])
+            if values:
+                self.change(values)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -226,4 +238,7 @@ def message_type(topic: Topic) -> Any:
 def quality(topic: Topic, depth: int = DEPTH) -> QoSProfile:
     """Return a topic's quality of service: signals as sensor data, events reliable."""
     reliability = ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT
-    return QoSProfile(depth=depth, reliability=reliability)
+    latched, volatile = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
+    return QoSProfile(
+        depth=depth, reliability=reliability, durability=latched if topic.latched else volatile
+    )

@@ -26,6 +26,8 @@ class Topic:
         Arm whose samples its stamps are: master or slave.
     reliable : bool
         Events are reliable, signals are best effort ("sensor data").
+    latched : bool
+        Whether the last message is kept for who comes later ("transient local").
     """
 
     name: str
@@ -33,12 +35,14 @@ class Topic:
     frame: str
     source: str
     reliable: bool = False
+    latched: bool = False
 
 
 _POSE = "geometry_msgs/msg/PoseStamped"
 _TWIST = "geometry_msgs/msg/TwistStamped"
 _WRENCH = "geometry_msgs/msg/WrenchStamped"
 _ACCEL = "geometry_msgs/msg/AccelStamped"
+_BOOL = "std_msgs/msg/Bool"
 
 VECTORS = {
     _POSE: "pose.position",
@@ -59,6 +63,9 @@ SLAVE_ARM_FORCE = Topic("slave/servo_cf", _WRENCH, SLAVE_FRAME, "master")
 TOOL_ACCELERATION = Topic("slave/tool/acceleration", _ACCEL, TOOL_FRAME, "slave")
 DESIRED_ACCELERATION = Topic("compensator/desired_acceleration", _ACCEL, HANDLE_FRAME, "slave")
 DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
+EMERGENCY_STOP = Topic("estop", _BOOL, "", "", reliable=True, latched=True)
+MASTER_STOPPED = Topic("master/stopped", _BOOL, "", "", reliable=True, latched=True)
+SLAVE_STOPPED = Topic("slave/stopped", _BOOL, "", "", reliable=True, latched=True)
 
 SIGNALS = (
     MASTER_POSITION,
@@ -74,5 +81,11 @@ SIGNALS = (
 )
 """The sampled topics, each a stamped vector."""
 
-TOPICS = (*SIGNALS, DIAGNOSTICS)
+SLAVE_SIGNALS = (TOOL_ACCELERATION, SLAVE_POSITION, SLAVE_VELOCITY)
+"""What the slave's device gives, what makes the felt force first."""
+
+PLAYED = "played"
+"""Put before the names of the slave's signals where `ros2 bag play` publishes them."""
+
+TOPICS = (*SIGNALS, DIAGNOSTICS, EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED)
 """Every topic of the graph: what the recorder keeps."""

@@ -1,23 +1,33 @@
-"""``haptic-accel control``: change the compensation of a graph that runs."""
+"""``haptic-accel control``: change a graph that runs."""
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.controllers import CONTROLLERS
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
+from haptic_accel.core.rig.master_rig import POSTURES
 from haptic_accel.startup.arguments import parse_arguments
+from haptic_accel.startup.files import surface_parameters
+from haptic_accel.startup.graph import RECORDING
 from haptic_accel.startup.process import DONE, FAILED
 
-PATIENCE = 5.0
-"""How long a compensator may take to be found, and to answer, s."""
+if TYPE_CHECKING:
+    from haptic_accel.tools.calling import Caller
+
+DEVICES = ("slave_device", "master_device")
+"""Nodes that can be armed; the one that the user holds last."""
 
 KEEP = "keep"
 """What leaves a setting as it is."""
+
+
+def _switch(text: str) -> Any:
+    """Declare what can be switched on, off, or left."""
+    return parameter(KEEP, text, choices=(KEEP, "true", "false"))
 
 
 @dataclass(frozen=True)
@@ -25,69 +35,80 @@ class ControlArguments(Checked):
     """What can be changed."""
 
     controller: str = parameter(KEEP, "controller that takes over", choices=(KEEP, *CONTROLLERS))
-    frozen: str = parameter(
-        KEEP, "whether the adaptive controller's grip stays", choices=(KEEP, "true", "false")
-    )
+    frozen: str = _switch("whether the adaptive controller's grip stays")
     reset: bool = parameter(False, "start all controllers anew, and forget the grip")
+    surface: str = parameter(
+        KEEP, "what the simulated slave touches: plywood, text, vinyl, or a .yaml file"
+    )
+    grip: str = parameter(
+        KEEP, "how the simulated hand holds the handle", choices=(KEEP, *POSTURES)
+    )
+    arm: bool = parameter(False, "allow forces again that a device refuses until armed")
+    engage: str = _switch("whether the arms are coupled")
     namespace: str = parameter("", "of the graph")
 
 
 def control(words: Sequence[str]) -> int:
     """Change what ``key:=value`` words say; return the exit status."""
     arguments = parse_arguments(words, ControlArguments)
-    values: dict[str, Any] = {}
-    if arguments.controller != KEEP:
-        values["controller"] = arguments.controller
-    if arguments.frozen != KEEP:
-        values["adaptive.frozen"] = arguments.frozen == "true"
-    if not values and not arguments.reset:
-        raise ParameterError("control: must be given controller:=, frozen:= or reset:=true")
-    refusal = _applied(f"{arguments.namespace.rstrip('/')}/compensator", values, arguments.reset)
-    if refusal:
-        print(f"haptic-accel: {refusal}", file=sys.stderr)
+    values = _values(arguments)
+    asked = arguments.reset or arguments.arm or arguments.engage != KEEP
+    if not (any(values.values()) or asked):
+        settings = [name for name in schema(ControlArguments) if name != "namespace"]
+        raise ParameterError(f"control: must be given one of {', '.join(settings)}")
+    # ROS takes a while to import: only who talks to it waits for that.
+    from std_srvs.srv import SetBool, Trigger
+
+    from haptic_accel.tools.calling import CallError, connected
+
+    try:
+        with connected(arguments.namespace) as graph:
+            for node, given in values.items():
+                if given:
+                    graph.set_parameters(node, given)
+            if arguments.reset:
+                graph.call(Trigger, "compensator/reset", Trigger.Request())
+            if arguments.arm:
+                _arm(graph)
+            if arguments.engage != KEEP:
+                engage = SetBool.Request(data=arguments.engage == "true")
+                response = graph.call(SetBool, "coupler/engage", engage)
+                if not response.success:
+                    raise CallError(f"coupler: {response.message}")
+    except CallError as error:
+        print(f"haptic-accel: {error}", file=sys.stderr)
         return FAILED
     return DONE
 
 
-def _applied(name: str, values: dict[str, Any], reset: bool) -> str:
-    """Ask a compensator; return why it did not, empty if it did."""
-    # ROS takes a while to import: only who talks to it waits for that.
-    import rclpy
-    from rcl_interfaces.srv import SetParameters
-    from rclpy.parameter import Parameter
+def _arm(graph: Caller) -> None:
+    """Let both devices take forces again, or say which does not."""
     from std_srvs.srv import Trigger
 
-    from haptic_accel.nodes.scheduling import MIDDLEWARE
+    from haptic_accel.tools.calling import CallError
 
-    for variable, value in MIDDLEWARE.items():
-        os.environ.setdefault(variable, value)
-    rclpy.init(args=[])
-    node = rclpy.create_node("haptic_accel_control")
+    refused = []
+    for device in DEVICES:
+        try:
+            response = graph.call(Trigger, f"{device}/arm", Trigger.Request())
+        except CallError as error:  # the other is armed all the same
+            refused.append(str(error))
+            continue
+        if not response.success:
+            refused.append(f"{device}: {response.message}")
+    if refused:
+        raise CallError("; ".join(refused))
 
-    def answer(kind: Any, service: str, request: Any) -> Any:
-        client = node.create_client(kind, f"{name}/{service}")
-        if not client.wait_for_service(PATIENCE):
-            return None
-        future = client.call_async(request)
-        rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
-        return future.result()
 
-    try:
-        if values:
-            parameters = [
-                Parameter(key, value=value).to_parameter_msg() for key, value in values.items()
-            ]
-            response = answer(
-                SetParameters, "set_parameters", SetParameters.Request(parameters=parameters)
-            )
-            if response is None:
-                return f"{name}: does not answer; is the graph running?"
-            reasons = [result.reason for result in response.results if not result.successful]
-            if reasons:
-                return f"{name}: {reasons[0]}"
-        if reset and answer(Trigger, "reset", Trigger.Request()) is None:
-            return f"{name}: does not answer; is the graph running?"
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
-    return ""
+def _values(arguments: ControlArguments) -> dict[str, dict[str, Any]]:
+    """Return the parameters to set, by node and dotted name."""
+    compensator: dict[str, Any] = {}
+    if arguments.controller != KEEP:
+        compensator["controller"] = arguments.controller
+    if arguments.frozen != KEEP:
+        compensator["adaptive.frozen"] = arguments.frozen == "true"
+    if arguments.surface == RECORDING:
+        raise ParameterError(f"surface = '{RECORDING}': must be chosen when the graph starts")
+    slave = {} if arguments.surface == KEEP else surface_parameters(arguments.surface)
+    master = {} if arguments.grip == KEEP else {"simulated.grip.posture": arguments.grip}
+    return {"compensator": compensator, "slave_device": slave, "master_device": master}

@@ -146,6 +146,7 @@ class MasterRig:
 
     def __init__(self, parameters: MasterRigParameters, rate: float, seed: int = 0) -> None:
         self._p = parameters
+        self._seed = seed
         self.handle = held(parameters.handle, parameters.grip, seed)
         period = 1.0 / rate
         self._step = period / max(1, math.ceil(period / RESOLUTION))
@@ -222,6 +223,12 @@ class MasterRig:
         self.handle = handle
         self._system = self._mechanics()
         self._system.state[:], self._system.inputs[:] = before.state, before.inputs
+
+    def hold(self, grip: GripParameters) -> None:
+        """Let the same user hold the handle in another way from now on."""
+        self._p = replace(self._p, grip=grip)
+        self.change_grip(held(self._p.handle, grip, self._seed))
+        self._system.inputs[G] = -grip.gravity
 
     def release(self) -> None:
         """Take all forces off."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from haptic_accel.core.coupling import Vector
 from haptic_accel.core.model import FloatArray
@@ -101,7 +101,9 @@ class SlaveRig:
         self._rate = rate
         self._longest_step = physics_step
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
+        self._seed = seed
         self._profile = height_profile(parameters.surface, seed).tolist()
+        self._lift = 0.0
         self._recording = None if recording is None else recording.tolist()
         self._corner = 2 * math.pi * parameters.accelerometer.bandwidth
         self._force_x = self._force_z = 0.0
@@ -159,6 +161,22 @@ class SlaveRig:
     def apply_actuator_force(self, force: float) -> None:
         """Do nothing: the slave's tool has no actuator."""
 
+    def change_surface(self, surface: SurfaceParameters) -> None:
+        """Put another surface under the tip; nothing moves at that moment.
+
+        It lies as high as it must for the tip to be pressed as before, and not higher than
+        the tip where there was no contact.
+        """
+        pressed = max(0.0, self._penetration())
+        # The same elastic force out of another stiffness (Hertz).
+        pressed *= (self._p.surface.stiffness / surface.stiffness) ** (2 / 3)
+        self._p = replace(self._p, surface=surface)
+        self._profile = height_profile(surface, self._seed).tolist()
+        self._lift = 0.0
+        excess = self._penetration() - pressed
+        if pressed > 0 or excess > 0:
+            self._lift = -excess
+
     def release(self) -> None:
         """Take the motors' force off."""
         self._force_x = self._force_z = 0.0
@@ -169,7 +187,7 @@ class SlaveRig:
 
     def energy(self) -> float:
         """Return kinetic energy and the contact's elastic energy, J."""
-        penetration = max(0.0, self._height()[0] - self._z)
+        penetration = max(0.0, self._penetration())
         kinetic = self._p.tool.mass * (self._v_x**2 + self._v_z**2) / 2
         return kinetic + self._p.surface.stiffness * float(penetration**2.5) / 2.5
 
@@ -228,6 +246,10 @@ class SlaveRig:
         elastic = surface.stiffness * penetration * math.sqrt(penetration)
         return max(0.0, elastic * (1 + surface.contact_damping * approach)), slope
 
+    def _penetration(self) -> float:
+        """How deep the tip is in the surface, m; negative above it."""
+        return float(self._height()[0] - self._z)
+
     def _height(self) -> tuple[float, float]:
         """Height in m and slope of the surface at the tip, linear between profile points."""
         place = self._x / PROFILE_STEP
@@ -235,4 +257,4 @@ class SlaveRig:
         profile = self._profile
         height = profile[index % PROFILE_POINTS]
         rise = profile[(index + 1) % PROFILE_POINTS] - height
-        return height + rise * (place - index), rise / PROFILE_STEP
+        return self._lift + height + rise * (place - index), rise / PROFILE_STEP

@@ -81,16 +81,17 @@ def height_profile(surface: SurfaceParameters, seed: int) -> FloatArray:
 
 def _roughness(surface: SurfaceParameters, random: np.random.Generator) -> FloatArray:
     """Gaussian noise with a power-law spectrum between two wavelengths."""
-    phases = np.exp(2j * np.pi * random.random(PROFILE_POINTS // 2 + 1))
+    turns = random.random(PROFILE_POINTS // 2 + 1)
     if surface.roughness == 0:
         return np.zeros(PROFILE_POINTS)
     frequency = np.fft.rfftfreq(PROFILE_POINTS, PROFILE_STEP)
     within = (frequency >= 1 / surface.longest_wavelength) & (
         frequency <= 1 / surface.shortest_wavelength
     )
-    amplitude = np.zeros(len(frequency))
-    amplitude[within] = frequency[within] ** (-surface.roughness_exponent / 2)
-    heights = np.fft.irfft(amplitude * phases, PROFILE_POINTS)
+    amplitude = frequency[within] ** (-surface.roughness_exponent / 2)
+    spectrum = np.zeros(len(frequency), dtype=complex)
+    spectrum[within] = amplitude * np.exp(2j * np.pi * turns[within])
+    heights = np.fft.irfft(spectrum, PROFILE_POINTS)
     deviation = heights.std()
     # No wavelength of a periodic profile may lie between the two: then it is smooth.
     return np.asarray(heights * (surface.roughness / deviation if deviation > 0 else 0.0))

@@ -17,6 +17,7 @@ from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.instruments import AccelerometerParameters
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE
 from haptic_accel.core.rig.master_rig import (
+    POSTURES,
     ActuatorParameters,
     GripParameters,
     MasterRig,
@@ -484,6 +485,37 @@ def test_users_differ_from_seed_to_seed_about_the_average_one() -> None:
     # The actuator is the same in every hand.
     assert {(user.m_a, user.k_s, user.b_s) for user in users} == {(0.018, 266.0, 2.0)}
     assert held(average, grip, 7) == held(average, grip, 7)
+
+
+@few
+@given(st.sampled_from(sorted(POSTURES)), st.floats(0.0, 1.0), st.integers(0, 10))
+def test_another_grip_is_the_same_user_s_and_nothing_moves(
+    posture: str, variation: float, seed: int
+) -> None:
+    rig = MasterRig(MasterRigParameters(), RATE, seed)
+    rig.apply_arm_force((0.0, 0.0, 0.0))
+    rig.apply_actuator_force(1.0)
+    run(rig, 1, 900)
+    before, travel = rig.measure(), rig.travel
+    grip = GripParameters(posture=posture, variation=variation)
+    rig.hold(grip)
+    after = rig.measure()
+    assert (after.position, after.velocity) == (before.position, before.velocity)
+    assert rig.travel == travel
+    assert rig.handle == held(HandleParameters(), grip, seed)
+    run(rig, 900, 1000)
+    assert math.isfinite(rig.measure().acceleration)
+
+
+def test_a_handle_turned_upright_sinks_into_the_grip(ideal_master: MasterRigParameters) -> None:
+    rig = MasterRig(replace(ideal_master, exploration=STILL.exploration), RATE)
+    rig.hold(GripParameters(gravity=6.9))
+    run(rig, 1, 2000)
+    # Both masses on the grip's spring, the actuator's on its own.
+    sample = rig.measure()
+    assert sample.position[2] == pytest.approx(-(0.128 + 0.018) * 6.9 / 1500, rel=1e-3)
+    assert rig.travel == pytest.approx(-0.018 * 6.9 / 266, rel=1e-3)
+    assert sample.acceleration == pytest.approx(6.9, abs=1e-3)
 
 
 @few

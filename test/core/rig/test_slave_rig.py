@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.rig.instruments import AccelerometerParameters, ArmParameters
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, ToolParameters
@@ -355,3 +355,80 @@ def test_the_accelerometer_saturates_and_counts() -> None:
 def test_an_impossible_tool_is_refused(field: str, value: float) -> None:
     with pytest.raises(ParameterError, match=f"^{field} = {value}: must be from "):
         ToolParameters(**{field: value})
+
+
+# Another surface
+
+
+def within(name: str) -> st.SearchStrategy[float]:
+    """Draw what a parameter of a surface may be."""
+    _, specification = schema(SurfaceParameters)[name]
+    return st.floats(specification.low, specification.high)
+
+
+contact = {
+    name: within(name) for name in ("stiffness", "friction", "roughness", "roughness_exponent")
+}
+bumps = {
+    name: within(name) for name in ("bump_height", "bump_width", "bump_pitch", "bump_irregularity")
+}
+surfaces = st.builds(SurfaceParameters, **contact, **bumps)
+
+
+def pressed(surface: SurfaceParameters = ROUGH) -> SlaveRig:
+    """Return a rig whose tip came to rest on a surface under 1 N."""
+    rig = SlaveRig(replace(LOSSLESS, tool=ToolParameters(height=1e-4), surface=surface), RATE)
+    rig.apply_arm_force((0.0, 0.0, -1.0))
+    run(rig, 1, 200)
+    return rig
+
+
+@few
+@given(surfaces)
+def test_another_surface_presses_as_the_one_before_at_that_moment(
+    other: SurfaceParameters,
+) -> None:
+    rig = pressed()
+    before, force = rig.measure(), rig.contact_force
+    assert force == pytest.approx(1.0, rel=0.05)
+    rig.change_surface(replace(other, contact_damping=ROUGH.contact_damping))
+    after = rig.measure()
+    assert (after.position, after.velocity) == (before.position, before.velocity)
+    # The damping sees another slope at what is left of the speed.
+    assert rig.contact_force == pytest.approx(force, rel=1e-3)
+
+
+@few
+@given(surfaces, within("contact_damping"), st.floats(0.0, 2e-3))
+def test_in_the_air_another_surface_is_not_felt(
+    other: SurfaceParameters, contact_damping: float, height: float
+) -> None:
+    rig = SlaveRig(replace(LOSSLESS, tool=ToolParameters(height=height)), RATE)
+    rig.change_surface(replace(other, contact_damping=contact_damping))
+    assert rig.contact_force == pytest.approx(0.0, abs=1e-9)
+    run(rig, 1, 20)
+    assert rig.measure().position[2] == pytest.approx(height, abs=1e-9)
+
+
+@few
+@given(st.lists(surfaces, min_size=1, max_size=3))
+def test_dragged_over_any_surfaces_everything_stays_finite(
+    others: list[SurfaceParameters],
+) -> None:
+    rig = pressed()
+    rig.apply_arm_force((1.0, 0.0, -1.0))
+    for count, other in enumerate(others):
+        rig.change_surface(other)
+        run(rig, 200 + 50 * count, 250 + 50 * count)
+        sample = rig.measure()
+        assert all(map(math.isfinite, (*sample.position, *sample.velocity, sample.acceleration)))
+
+
+def test_after_lifting_a_changed_surface_is_the_same_as_one_from_the_start() -> None:
+    changed = SlaveRig(replace(LOSSLESS, surface=SurfaceParameters()), RATE)
+    changed.change_surface(ROUGH)
+    begun = SlaveRig(replace(LOSSLESS, surface=ROUGH), RATE)
+    for rig in (changed, begun):
+        rig.apply_arm_force((0.3, 0.0, -1.0))
+    assert run(changed, 1, 300) == run(begun, 1, 300)
+    assert changed.measure() == begun.measure()

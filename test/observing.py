@@ -1,0 +1,97 @@
+"""A node of the tests' own that listens to the graph."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.task import Future
+
+from haptic_accel.nodes.interface import message_type, quality
+from haptic_accel.nodes.topics import DIAGNOSTICS, Topic
+from running import PATIENCE
+
+
+class Observer:
+    """Listens to topics and calls services in a ROS domain."""
+
+    def __init__(self, domain: int) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node("observer", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def collect(self, topics: tuple[Topic, ...], count: int) -> dict[str, list[Any]]:
+        """Return messages of topics, at least `count` of each."""
+        messages: dict[str, list[Any]] = {topic.name: [] for topic in topics}
+        enough: Future = Future()
+
+        def keep(name: str, message: Any) -> None:
+            messages[name].append(message)
+            if min(map(len, messages.values())) >= count and not enough.done():
+                enough.set_result(True)
+
+        subscriptions = [
+            self.node.create_subscription(
+                message_type(topic),
+                topic.name,
+                lambda message, name=topic.name: keep(name, message),
+                quality(topic, depth=1000),
+            )
+            for topic in topics
+        ]
+        self.executor.spin_until_future_complete(enough, PATIENCE)
+        for subscription in subscriptions:
+            self.node.destroy_subscription(subscription)
+        assert enough.done(), {name: len(found) for name, found in messages.items()}
+        return messages
+
+    def wait_for_state(self, topic: Topic, state: bool) -> None:
+        """Wait until a latched state has a value."""
+        self.watch(topic)(lambda message: message.data is state)
+
+    def status(self, node: str, said: str = "") -> dict[str, str]:
+        """Return the values of a node's next diagnostics whose message has a text in it."""
+        found: dict[str, str] = {}
+
+        def wanted(message: Any) -> bool:
+            for status in message.status:
+                if status.name == node and said in status.message:
+                    found.update((pair.key, pair.value) for pair in status.values)
+            return bool(found)
+
+        self.watch(DIAGNOSTICS)(wanted)
+        return found
+
+    def call(self, kind: Any, service: str, request: Any) -> Any:
+        """Return a service's response."""
+        client = self.node.create_client(kind, service)
+        assert client.wait_for_service(PATIENCE), service
+        future = client.call_async(request)
+        self.executor.spin_until_future_complete(future, PATIENCE)
+        assert future.done(), service
+        return future.result()
+
+    def watch(self, topic: Topic) -> Callable[[Callable[[Any], bool]], None]:
+        """Subscribe; return what waits for a message that is wanted."""
+        arrived: list[Any] = []
+        self.node.create_subscription(
+            message_type(topic), topic.name, arrived.append, quality(topic)
+        )
+
+        def wait_for(wanted: Callable[[Any], bool]) -> None:
+            deadline = time.monotonic() + PATIENCE
+            while not any(wanted(message) for message in arrived):
+                assert time.monotonic() < deadline, arrived
+                self.executor.spin_once(timeout_sec=1.0)
+
+        return wait_for
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
