@@ -24,11 +24,27 @@ CUSHION = 0.8
 CUSHION_END = 0.95
 """Share of the travel at which it is to stand still: the rest is for errors of the estimate."""
 
+WARM = 0.1
+"""Share of the heat it bears up to which the coil is allowed its full peak."""
+
+HARD_CUSHION = 0.95
+"""As `CUSHION`, where force is only held back that others should not have asked for."""
+
+HARD_CUSHION_END = 1.0
+"""As `CUSHION_END`, there."""
+
+HARD_WARM = 0.9
+"""As `WARM`, there."""
+
 CUSHION_SPEED = 400.0
 """How fast it may approach that, per second: 0.25 m/s across the cushion of the paper's coil."""
 
 CUSHION_SPEED_SHARE = 0.4
 """Of the rate, which it may not exceed: a brake as fast as the loop would ring."""
+
+FORGOTTEN = 0.1
+"""Time after which an actuator is where its force holds it, wherever it was before, s: five times
+2 m_a / b_s of Table I."""
 
 CUSHION_AHEAD = 1.5
 """How far it looks ahead, ms, or samples where these are longer: there is no time to brake for
@@ -54,6 +70,30 @@ class LimitParameters(Checked):
     )
 
 
+@dataclass(frozen=True)
+class Margins:
+    """How long before its limits an actuator is held back.
+
+    Attributes
+    ----------
+    cushion, cushion_end : float
+        Shares of the travel.
+    warm : float
+        Share of the heat.
+    """
+
+    cushion: float = CUSHION
+    cushion_end: float = CUSHION_END
+    warm: float = WARM
+
+
+COMFORT = Margins()
+"""Of who makes the force: it comes to rest gently, and says what is left of it."""
+
+HARD = Margins(HARD_CUSHION, HARD_CUSHION_END, HARD_WARM)
+"""Of who applies it: outside `COMFORT`, so that both never quarrel over the same force."""
+
+
 class ActuatorGuard:
     """Limits force, heat and travel, in this order of the harm they do.
 
@@ -72,6 +112,7 @@ class ActuatorGuard:
         Mass, spring and damping of the actuator count.
     rate : float
         Samples per second.
+    margins : Margins
 
     Attributes
     ----------
@@ -85,16 +126,21 @@ class ActuatorGuard:
         limits: LimitParameters,
         handle: HandleParameters,
         rate: float,
+        margins: Margins = COMFORT,
     ) -> None:
         if not 0 <= peak_force < math.inf:
             raise ParameterError(f"peak_force = {peak_force}: must be at least 0 N, and finite")
         self._peak = peak_force
         self._bearable = min(limits.continuous_force, peak_force) ** 2
-        self._warming = -math.expm1(-1.0 / (rate * limits.thermal_time))
+        self._staying = -1.0 / (rate * limits.thermal_time)
+        self._warming = -math.expm1(self._staying)
+        self._forgotten = math.ceil(rate * FORGOTTEN)
         suspension = SuspensionParameters.of(handle, limits.travel)
         self._estimator = TravelEstimator(suspension, rate)
         self._m_a, self._k_s, self._b_s = handle.m_a, handle.k_s, handle.b_s
-        self._soft, self._end = CUSHION * limits.travel, CUSHION_END * limits.travel
+        self._soft = margins.cushion * limits.travel
+        self._end = margins.cushion_end * limits.travel
+        self._cool = 1.0 - margins.warm
         self._speed = min(CUSHION_SPEED, CUSHION_SPEED_SHARE * rate)
         self._ahead = CUSHION_AHEAD * max(1e-3, 1.0 / rate)
         self.saturated = self.heated = self.cushioned = 0
@@ -120,6 +166,12 @@ class ActuatorGuard:
         handle_acceleration : float
             As measured, m/s^2; finite.
         """
+        force = self.within(force, handle_acceleration)
+        self.advance(force, handle_acceleration)
+        return force
+
+    def within(self, force: float, handle_acceleration: float) -> float:
+        """Return the force that may be applied now, N; parameters as for `limited`."""
         d, v = self._estimator.travel, self._estimator.velocity
         if abs(d) > self._soft or abs(d + v * self._ahead) > self._soft:
             force = self._cushioned(force, handle_acceleration)
@@ -130,9 +182,34 @@ class ActuatorGuard:
             else:
                 self.saturated += 1
             force = math.copysign(allowed, force)
-        self._heat += self._warming * (force * force - self._heat)
-        self._estimator.sample(force, handle_acceleration)
         return force
+
+    def advance(
+        self,
+        force: float,
+        handle_acceleration: float,
+        *,
+        square: float | None = None,
+        samples: int = 1,
+    ) -> None:
+        """Note what acted since the last sample.
+
+        Parameters
+        ----------
+        force : float
+            Its mean, N.
+        handle_acceleration : float
+            As measured, m/s^2.
+        square : float, optional
+            Mean of the square of a force that was not held, N^2.
+        samples : int
+            How many it acted for; more than one where some were missed.
+        """
+        heat = force * force if square is None else square
+        warming = self._warming if samples == 1 else -math.expm1(samples * self._staying)
+        self._heat += warming * (heat - self._heat)
+        for _ in range(min(samples, self._forgotten)):
+            self._estimator.sample(force, handle_acceleration)
 
     def reset(self) -> None:
         """Take the actuator for cold, in the middle and at rest."""
@@ -145,11 +222,10 @@ class ActuatorGuard:
         if not bearable:
             return 0.0
         left = 1.0 - heat / bearable
-        # Full peaks while there is no more than a tenth of the heat.
-        if left >= 0.9:
+        if left >= self._cool:
             allowed = self._peak**2
         else:
-            allowed = bearable + max(0.0, left) / 0.9 * (self._peak**2 - bearable)
+            allowed = bearable + max(0.0, left) / self._cool * (self._peak**2 - bearable)
         # A coil can be so small that a single sample of its peak overheats it.
         most = max(bearable, heat + (bearable - heat) / self._warming)
         return min(self._peak, math.sqrt(min(allowed, most)))

@@ -12,9 +12,7 @@ from haptic_accel.core.filters import HIGH_PASS_FREQUENCY, SampleFilter, high_pa
 from haptic_accel.core.inversion.plant import Plant
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.rig.instruments import GRAVITY
-
-LARGEST_ACCELERATION = 1.0e4
-"""Above anything an accelerometer of a hand tool gives, m/s^2: a thousand g."""
+from haptic_accel.core.travel import LARGEST_ACCELERATION as LARGEST_ACCELERATION
 
 AT_RANGE = 0.999
 """Share of the handle's sensor's range from which on it may be saturated: converters differ."""

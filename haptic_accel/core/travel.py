@@ -12,6 +12,9 @@ from haptic_accel.core.parameters import Checked, ParameterError, parameter
 TRAVEL = 3.8e-3
 """Free travel of the paper's voice coil either way, m (data sheet)."""
 
+LARGEST_ACCELERATION = 1.0e4
+"""Above anything an accelerometer of a hand tool gives, m/s^2: a thousand g."""
+
 
 @dataclass(frozen=True)
 class SuspensionParameters(Checked):

@@ -2,20 +2,40 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections import Counter
+from collections.abc import Mapping
 from typing import Any
+
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
 
 from haptic_accel.core.coupling import ZERO, Vector
 from haptic_accel.core.histogram import DurationHistogram
-from haptic_accel.devices import Device, Sample
-from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.core.parameters import ParameterError, from_flat
+from haptic_accel.core.safety import STOPPED, SafetyLayer
+from haptic_accel.devices import Device, DeviceError, Sample
+from haptic_accel.nodes import topics
+from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
+from haptic_accel.nodes.parameters import SAFETY
 from haptic_accel.nodes.scheduling import NANOSECONDS, RateKeeper, start_timer, system_time
 from haptic_accel.nodes.topics import Topic
 
 STALL = 0.02
 """Time without a tick from which on diagnostics warn, s: a fiftieth of their own period."""
+
+SETTLING = 1.0
+"""Age of a node below which it takes no release of the emergency stop, s: what several senders
+have latched arrives at once and in any order, and the stop among it must win."""
+
+NEWS_PERIOD = 0.1
+"""How often what the safety layer has to tell is looked for, s."""
+
+DONE, FAILED, ERROR = (
+    TransitionCallbackReturn.SUCCESS,
+    TransitionCallbackReturn.FAILURE,
+    TransitionCallbackReturn.ERROR,
+)
 
 
 def quantiles(durations: DurationHistogram, name: str) -> dict[str, str]:
@@ -27,7 +47,7 @@ def quantiles(durations: DurationHistogram, name: str) -> dict[str, str]:
 
 
 class Command:
-    """What is known of one kind of command: how old it was when applied, and whether it lives.
+    """How old one kind of command was when it was applied.
 
     Attributes
     ----------
@@ -35,52 +55,59 @@ class Command:
         From the stamp of the sample that caused a force to its application.
     late : int
         Forces older than half a period when applied.
-    rejected : int
-        Forces that were not finite, and not applied.
     """
 
-    def __init__(self, period: float, timeout: float) -> None:
+    def __init__(self, period: float) -> None:
         self._period = period
-        self._timeout = timeout
-        self._last: float | None = None
         self.age = DurationHistogram()
-        self.late = self.rejected = self.timeouts = 0
+        self.late = 0
 
-    def applied(self, moment: int, now: float) -> None:
+    def applied(self, moment: int) -> None:
         """Note that a command caused by a sample of a moment (system time, ns) was applied."""
-        age = (time.time_ns() - moment) / NANOSECONDS
+        age = age_of(moment)
         self.age.add(age)
         if age > self._period / 2:
             self.late += 1
-        self._last = now
-
-    def went_silent(self, now: float) -> bool:
-        """Tell, once, that commands have stopped coming."""
-        if self._last is None or now - self._last < self._timeout:
-            return False
-        self._last = None
-        self.timeouts += 1
-        return True
 
     def status(self, name: str) -> dict[str, str]:
         """Return values for diagnostics."""
         values = {f"{name} count": str(self.age.count)}
         values |= quantiles(self.age, f"{name} age")
         values[f"{name} late"] = str(self.late)
-        values[f"{name} rejected"] = str(self.rejected)
-        values[f"{name} timeouts"] = str(self.timeouts)
         return values
 
 
-class DeviceNode(GraphNode):
+def age_of(moment: int) -> float:
+    """Return how long ago a moment of system time in ns was, s."""
+    return (time.time_ns() - moment) / NANOSECONDS
+
+
+def steady_now() -> float:
+    """Return what time it is for devices, s."""
+    return time.monotonic_ns() / NANOSECONDS
+
+
+def changeable(devices: Mapping[str, type[Device]]) -> tuple[str, ...]:
+    """Return the parameters of devices that can be changed while they run, by dotted name."""
+    return tuple(
+        f"{device}.{name}" for device, kind in devices.items() for name in kind.CHANGEABLE
+    )
+
+
+class DeviceNode(ManagedNode):
     """Samples a device on the machine's grid, publishes, applies commands at once.
+
+    Every command passes a safety layer. Configured, the node samples and publishes, which needs
+    no force and shows whether all is well; only while it is active forces are allowed.
 
     Parameters
     ----------
     executable : str
     devices : dict
         Device classes by name.
-    position, velocity, acceleration, arm_force : Topic
+    position, velocity, acceleration, arm_force, stopped : Topic
+    actuator_force : Topic, optional
+        Where there is an actuator.
     first : bool
         Whether its tick gives no other the precedence.
     """
@@ -93,26 +120,102 @@ class DeviceNode(GraphNode):
         velocity: Topic,
         acceleration: Topic,
         arm_force: Topic,
+        stopped: Topic,
+        actuator_force: Topic | None = None,
         *,
         first: bool = True,
     ) -> None:
         super().__init__(executable)
         p = self.parameters
-        self.device = devices[p.device](self.options[p.device], p.rate, p.seed)
+        self._kind = devices[p.device]
+        self.device = self._build_device()
+        self.safety = SafetyLayer(self.options[SAFETY], p.rate)
+        self.rate_keeper = RateKeeper(p.rate)
+        self._first = first
+        self._timer: Any = None
+        self._used = self._starting = False
+        self._failure: Exception | None = None
+        self._unread = self._told_unread = 0
+        self._started = time.monotonic()
         self._send_position = self.sender(position).send
         self._send_velocity = self.sender(velocity).send
         self._send_acceleration = self.sender(acceleration).send
-        self._arm_command = self.command()
-        self.listen(arm_force, self._apply_arm_force)
+        self._publish_stopped = self.publisher(stopped).publish
+        self._arm_command = Command(1 / p.rate)
         self._commands = {"arm force": self._arm_command}
-        self._told: Counter[str] = Counter()
-        self.rate_keeper = RateKeeper(p.rate)
-        self.device.open()
-        start_timer(self, self.rate_keeper, self._sample, first=first)
+        self.listen(arm_force, self._apply_arm_force)
+        if actuator_force:
+            self._actuator_command = Command(1 / p.rate)
+            self._commands["actuator force"] = self._actuator_command
+            self.listen(actuator_force, self._apply_actuator_force)
+        self.listen_state(topics.EMERGENCY_STOP, self._stop)
+        self.create_service(Trigger, "~/arm", self._serve_arm)
+        self.create_timer(NEWS_PERIOD, self._tell)
+        if p.autostart:
+            self._autostart()
 
-    def command(self) -> Command:
-        """Make the record of one kind of command."""
-        return Command(1 / self.parameters.rate, self.parameters.timeout)
+    # What a managed node does on its way from state to state
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Open the device and begin to sample it, without force."""
+        self._failure = None
+        try:
+            self._renew()
+            self.device.open()
+            if self.device.remark:
+                self.get_logger().info(self.device.remark)
+            self._timer = start_timer(self, self.rate_keeper, self._sample, first=self._first)
+        except Exception as error:  # rclpy would keep it to itself
+            self._failure = error
+            if not self._starting:  # otherwise the process ends with this line
+                self.get_logger().error(str(error))
+            self._close_device()
+            return FAILED
+        return DONE
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Allow forces."""
+        self.safety.enable(steady_now(), True)
+        return DONE
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take all forces off, and allow none."""
+        self.safety.enable(steady_now(), False)
+        try:
+            self.device.write(steady_now(), arm_force=ZERO, actuator_force=0.0)
+        except (DeviceError, OSError) as error:
+            self.get_logger().error(f"{error}: device closed")
+            return ERROR
+        return ERROR if self._failure else DONE
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the device, which leaves it without force."""
+        self._release()
+        return DONE
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the device, and end."""
+        self._release()
+        if not self.finished.done():
+            self.finished.set_result(None)
+        return DONE
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close what does not work."""
+        self._release()
+        return DONE
+
+    def change(self, values: dict[str, Any]) -> None:
+        """Let the device go on with other parameters."""
+        name = self.parameters.device
+        for changed in values:
+            if not changed.startswith(f"{name}."):
+                raise ParameterError(f"{changed}: the device is {name}")
+        known = {key: p.value for key, p in self.get_parameters_by_prefix(name).items()}
+        new = {key.removeprefix(f"{name}."): value for key, value in values.items()}
+        parameters: Any = from_flat(self._kind.Parameters, known | new)
+        self.device.change(parameters)
+        self.options[name] = parameters
 
     def close(self) -> None:
         """Leave the device without force."""
@@ -120,42 +223,101 @@ class DeviceNode(GraphNode):
         super().close()
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return the rate held, the commands' ages and the device's counts."""
+        """Return the rate held, the commands' ages, what limits leave, the device's counts."""
         keeper = self.rate_keeper
         values = {
+            "state": self.state,
             "rate (Hz)": f"{self.parameters.rate:g}",
             "ticks": str(keeper.ticks),
             "late ticks": str(keeper.late),
             "missed ticks": str(keeper.missed),
+            "ticks without a sample": str(self._unread),
             **quantiles(keeper.lateness, "tick lateness"),
         }
         for name, command in self._commands.items():
             values |= command.status(name)
+        values |= self.safety.status()
         values |= {name: str(count) for name, count in self.device.status().items()}
         return self._warning(), values
 
     def _warning(self) -> str:
-        """Say what went wrong since the last report."""
+        """Say what is wrong, and what went wrong since the last report."""
         stall = self.rate_keeper.take_longest_gap()
-        warnings = [f"stalled for {stall * 1e3:.0f} ms"] if stall >= STALL else []
-        timeouts = {name: command.timeouts for name, command in self._commands.items()}
-        warnings += [f"{n} went silent" for n, count in timeouts.items() if count > self._told[n]]
-        self._told.update(timeouts)
+        warnings = self.safety.warnings()
+        warnings += [self.device.problem] if self.device.problem else []
+        warnings += ["no sample"] if self._unread > self._told_unread else []
+        self._told_unread = self._unread
+        warnings += [f"stalled for {stall * 1e3:.0f} ms"] if stall >= STALL else []
         return ", ".join(warnings)
+
+    def _build_device(self) -> Device:
+        p = self.parameters
+        return self._kind(self.options[p.device], p.rate, p.seed)
+
+    def _autostart(self) -> None:
+        """Go where forces are allowed, or say why not."""
+        self._starting = True
+        if self.trigger_configure() != DONE:
+            assert self._failure
+            raise self._failure
+        self._starting = False
+        self.trigger_activate()
+
+    def _renew(self) -> None:
+        """Take a new device in place of one that was used, and a new grid."""
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+            self._timer = None
+        if self._used:
+            self.device = self._build_device()
+            self.rate_keeper = RateKeeper(self.parameters.rate)
+        self._used = True
+
+    def _release(self) -> None:
+        """Sample no more, and leave the device without force."""
+        self.safety.enable(steady_now(), False)
+        # Not destroyed: this may be its own callback.
+        if self._timer is not None:
+            self._timer.cancel()
+        self._close_device()
+
+    def _close_device(self) -> None:
+        try:
+            self.device.close()
+        except (DeviceError, OSError) as error:
+            self.get_logger().error(f"{self.parameters.device} device: {error}")
+
+    def _fail(self, error: Exception) -> None:
+        """Give a device up that does not work: no force, no samples, until configured again."""
+        name = self.get_fully_qualified_name()
+        self.get_logger().error(
+            f"{error}: device closed, no force; ros2 lifecycle set {name} configure opens it again"
+        )
+        self._failure = error
+        if self.state == ACTIVE:
+            self.trigger_deactivate()
+        elif self.state != UNCONFIGURED:
+            self.trigger_cleanup()
+        self._failure = None
+        self.report()
 
     def _sample(self) -> None:
         due = self.rate_keeper.tick()
         if due is None:
             return
-        sample = self.device.read(due / NANOSECONDS)
-        self._publish(sample, system_time(due))
-        self._quiet_the_silent(due / NANOSECONDS)
-
-    def write(self, **forces: Any) -> float:
-        """Apply forces now; return what time it is, s."""
-        now = time.monotonic_ns() / NANOSECONDS
-        self.device.write(now, **forces)
-        return now
+        try:
+            sample = self.device.read(due / NANOSECONDS)
+        except (DeviceError, OSError) as error:
+            self._fail(error)
+            return
+        if sample is None:
+            self._unread += 1
+        else:
+            self._publish(sample, system_time(due))
+        self._watch(None if sample is None else sample.acceleration)
+        if self.device.ended and not self.finished.done():
+            self.get_logger().info(f"{self.parameters.device} device has ended")
+            self.finished.set_result(None)
 
     def _publish(self, sample: Sample, moment: int) -> None:
         # What makes the felt force goes first.
@@ -163,17 +325,73 @@ class DeviceNode(GraphNode):
         self._send_position(moment, sample.position)
         self._send_velocity(moment, sample.velocity)
 
-    def _quiet_the_silent(self, now: float) -> None:
-        """Take a force off whose sender has gone."""
-        if self._arm_command.went_silent(now):
-            self.write(arm_force=ZERO)
+    def _watch(self, acceleration: float | None) -> None:
+        """Take off what nobody commands any more, or what must not go on."""
+        now = steady_now()
+        arm, actuator = self.safety.tick(now, acceleration)
+        if arm is not None or actuator is not None:
+            forces = {"arm_force": arm, "actuator_force": actuator}
+            self._write(now, **{name: f for name, f in forces.items() if f is not None})
+
+    def _write(self, now: float, **forces: Any) -> None:
+        """Apply forces, or give the device up."""
+        try:
+            self.device.write(now, **forces)
+        except (DeviceError, OSError) as error:
+            self._fail(error)
 
     def _apply_arm_force(self, moment: int, force: Vector) -> None:
-        if not math.isfinite(sum(force)):
-            self._arm_command.rejected += 1
+        now = steady_now()
+        allowed = self.safety.arm_force(now, age_of(moment), force)
+        if allowed is None:
             return
         if not self._arm_command.age.count:
             # The arms engage: what was late while nodes came up says nothing about the run.
             for command in self._commands.values():
                 command.age.reset()
-        self._arm_command.applied(moment, self.write(arm_force=force))
+        self._write(now, arm_force=allowed)
+        self._arm_command.applied(moment)
+
+    def _apply_actuator_force(self, moment: int, force: Vector) -> None:
+        now = steady_now()
+        allowed = self.safety.actuator_force(now, age_of(moment), force[2])
+        if allowed is None:
+            return
+        self._write(now, actuator_force=allowed)
+        self._actuator_command.applied(moment)
+
+    def _stop(self, stop: bool) -> None:
+        """Take all forces off and refuse others, or allow them again; answer in any case."""
+        now = steady_now()
+        stopped = self.safety.stopped
+        if stop:
+            if self.state != UNCONFIGURED:
+                self._write(now, arm_force=ZERO, actuator_force=0.0)
+        elif time.monotonic() - self._started < SETTLING:
+            stop = stopped
+        if stop != stopped:
+            self.safety.stop(now, stop)
+        self._publish_stopped(Bool(data=stop))
+        if stop == stopped:
+            return
+        if stop:
+            self.get_logger().warning(f"{STOPPED}: no force until it is released")
+        else:
+            self.get_logger().info(f"{STOPPED} released")
+        self.report()
+
+    def _serve_arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Allow forces again after silence, an outdated command, or the device's own refusal."""
+        refused = self.safety.refusal
+        if not refused and self.device.arm() is False:
+            refused = self.device.problem or "the device does not arm"
+        response.message = refused or self.safety.arm() or "armed"
+        response.success = not refused
+        self.report()
+        return response
+
+    def _tell(self) -> None:
+        """Tell what the safety layer has to tell, each once."""
+        for line in self.safety.news(steady_now()):
+            self.get_logger().warning(line)
+            self.report()

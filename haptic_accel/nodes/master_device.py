@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
+from typing import ClassVar
 
-from haptic_accel.core.coupling import Vector
 from haptic_accel.devices import MASTERS
 from haptic_accel.nodes import topics
-from haptic_accel.nodes.device_node import DeviceNode
+from haptic_accel.nodes.device_node import DeviceNode, changeable
 from haptic_accel.nodes.scheduling import run
 
 
@@ -20,6 +19,8 @@ class MasterDevice(DeviceNode):
         Whether its tick gives no other the precedence.
     """
 
+    CHANGEABLE: ClassVar[tuple[str, ...]] = changeable(MASTERS)
+
     def __init__(self, *, first: bool = True) -> None:
         super().__init__(
             "master_device",
@@ -28,22 +29,10 @@ class MasterDevice(DeviceNode):
             topics.MASTER_VELOCITY,
             topics.HANDLE_ACCELERATION,
             topics.MASTER_ARM_FORCE,
+            topics.MASTER_STOPPED,
+            topics.ACTUATOR_FORCE,
             first=first,
         )
-        self._actuator_command = self.command()
-        self._commands["actuator force"] = self._actuator_command
-        self.listen(topics.ACTUATOR_FORCE, self._apply_actuator_force)
-
-    def _quiet_the_silent(self, now: float) -> None:
-        super()._quiet_the_silent(now)
-        if self._actuator_command.went_silent(now):
-            self.write(actuator_force=0.0)
-
-    def _apply_actuator_force(self, moment: int, force: Vector) -> None:
-        if not math.isfinite(force[2]):
-            self._actuator_command.rejected += 1
-            return
-        self._actuator_command.applied(moment, self.write(actuator_force=force[2]))
 
 
 def main() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from haptic_accel.bags.options import RecordingOptions
 from haptic_accel.core.actuator import LimitParameters
 from haptic_accel.core.compensation import LIMITS, PLANT, CompensationParameters, check_rate
 from haptic_accel.core.controllers import CONTROLLERS
@@ -14,12 +15,22 @@ from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.inversion.plant import Plant
 from haptic_accel.core.parameters import Checked, Schema, from_flat, parameter, schema
 from haptic_accel.core.rig.instruments import AccelerometerParameters
+from haptic_accel.core.safety import MasterSafetyParameters, SafetyParameters
 from haptic_accel.core.travel import SuspensionParameters
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES
 
+SAFETY = "safety"
+"""Name of the limits of a device node, among its devices' parameters."""
+
 HIGHEST_RATE = 20e3
 """Above what any of these nodes can hold, Hz."""
+
+SCOPE_HOST = "127.0.0.1"
+"""Where only this machine reaches it."""
+
+SCOPE_PORT = 8642
+"""Registered for nothing (IANA), and below those that Linux hands out."""
 
 
 def rate_parameter() -> Any:
@@ -38,6 +49,24 @@ def timeout_parameter() -> Any:
     return parameter(0.1, "silence after which forces go to zero", unit="s", low=0.005, high=10.0)
 
 
+def scope_host_parameter() -> Any:
+    """Declare where the live scope listens."""
+    return parameter(
+        SCOPE_HOST,
+        "address the scope's page is served on; others than this machine's own need its token",
+    )
+
+
+def scope_port_parameter() -> Any:
+    """Declare the port of the live scope."""
+    return parameter(SCOPE_PORT, "of the scope's page; 0 for any that is free", low=0, high=65535)
+
+
+def scope_control_parameter() -> Any:
+    """Declare whether the live scope may act."""
+    return parameter(False, "whether the scope's page may control the graph, not only show it")
+
+
 def trials_parameter() -> Any:
     """Declare how often a handle is excited."""
     return parameter(4, "trials, each of all repeats (paper: four a user)", low=1, high=1000)
@@ -49,7 +78,9 @@ class DeviceNodeParameters(Checked):
 
     rate: float = rate_parameter()
     seed: int = parameter(0, "of texture and noise of simulated devices", low=0, high=2**31 - 1)
-    timeout: float = timeout_parameter()
+    autostart: bool = parameter(
+        True, "whether to configure and activate by itself, or wait for `ros2 lifecycle`"
+    )
 
 
 @dataclass(frozen=True)
@@ -64,6 +95,26 @@ class SlaveNodeParameters(DeviceNodeParameters):
     """Of `slave_device`."""
 
     device: str = parameter("simulated", "which device", choices=tuple(SLAVES))
+
+
+@dataclass(frozen=True)
+class RestamperNodeParameters(Checked):
+    """Of `restamper`."""
+
+    rate: float = rate_parameter()
+    drift: float = parameter(
+        0.1,
+        "of a stamp behind its arrival, from which on stamps are moved anew",
+        unit="s",
+        low=0.005,
+        high=10.0,
+    )
+    listeners: int = parameter(
+        1,
+        "subscribers of acceleration and position to wait for before saying that all is ready",
+        low=0,
+        high=100,
+    )
 
 
 @dataclass(frozen=True)
@@ -123,19 +174,39 @@ class IdentifierNodeParameters(SweepParameters):
 
 
 @dataclass(frozen=True)
-class RecorderNodeParameters(Checked):
+class RecorderNodeParameters(RecordingOptions):
     """Of `recorder`."""
 
     bag: str = parameter("", "folder to write; empty for bags/<date and time>")
     queue: int = parameter(
         100_000, "messages kept waiting for the disk before some are dropped", low=100
     )
+    facts: str = parameter(
+        "", "JSON object with the arguments and parameters of the graph, for the bag"
+    )
+
+
+@dataclass(frozen=True)
+class ScopeNodeParameters(Checked):
+    """Of `scope`."""
+
+    host: str = scope_host_parameter()
+    port: int = scope_port_parameter()
+    control: bool = scope_control_parameter()
 
 
 NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     "recorder": (RecorderNodeParameters, {}),
-    "master_device": (MasterNodeParameters, {n: d.Parameters for n, d in MASTERS.items()}),
-    "slave_device": (SlaveNodeParameters, {n: d.Parameters for n, d in SLAVES.items()}),
+    "scope": (ScopeNodeParameters, {}),
+    "master_device": (
+        MasterNodeParameters,
+        {**{n: d.Parameters for n, d in MASTERS.items()}, SAFETY: MasterSafetyParameters},
+    ),
+    "slave_device": (
+        SlaveNodeParameters,
+        {**{n: d.Parameters for n, d in SLAVES.items()}, SAFETY: SafetyParameters},
+    ),
+    "restamper": (RestamperNodeParameters, {}),
     "coupler": (CouplerNodeParameters, {}),
     "identifier": (
         IdentifierNodeParameters,

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from haptic_accel.devices import SLAVES
 from haptic_accel.nodes import topics
-from haptic_accel.nodes.device_node import DeviceNode
+from haptic_accel.nodes.device_node import DeviceNode, changeable
 from haptic_accel.nodes.scheduling import run
 
 
 class SlaveDevice(DeviceNode):
     """The device node of the slave."""
+
+    CHANGEABLE: ClassVar[tuple[str, ...]] = changeable(SLAVES)
 
     def __init__(self) -> None:
         super().__init__(
@@ -19,6 +23,7 @@ class SlaveDevice(DeviceNode):
             topics.SLAVE_VELOCITY,
             topics.TOOL_ACCELERATION,
             topics.SLAVE_ARM_FORCE,
+            topics.SLAVE_STOPPED,
         )
 
 

@@ -1,0 +1,51 @@
+"""A managed node: what ROS 2 calls a lifecycle node, made to fit this package's."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lifecycle_msgs.srv import ChangeState
+from rclpy.lifecycle import LifecycleNodeMixin
+
+from haptic_accel.nodes.interface import GraphNode
+
+UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
+"""The states in which a managed node rests, by ROS' names."""
+
+
+class ManagedNode(LifecycleNodeMixin, GraphNode):
+    """A graph node with the states of ROS 2's lifecycle, and its services.
+
+    Parameters
+    ----------
+    executable : str
+    """
+
+    def __init__(self, executable: str) -> None:
+        GraphNode.__init__(self, executable)
+        LifecycleNodeMixin.__init__(self)
+        self._unguarded = self._service_change_state.callback
+        self._service_change_state.callback = self._serve_transition
+
+    @property
+    def state(self) -> str:
+        """Name of the state it is in."""
+        return str(self._state_machine.current_state[1])
+
+    def _serve_transition(
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> Any:
+        """Change the state as asked; rclpy would end the node for what cannot be from here."""
+        # By number or, which goes first, by name.
+        names = [name for _, name, *_ in self._state_machine.available_transitions]
+        numbers = [number for number, *_ in self._state_machine.available_transitions]
+        wanted = request.transition
+        possible = wanted.label in names if wanted.label else wanted.id in numbers
+        if not possible:
+            self.get_logger().warning(
+                f"transition {wanted.label or wanted.id}: not from {self.state};"
+                f" possible are {', '.join(names)}"
+            )
+            response.success = False
+            return response
+        return self._unguarded(request, response)

@@ -1,0 +1,313 @@
+"""A device node with a device that remembers what was written to it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import rclpy
+from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
+from rclpy.executors import SingleThreadedExecutor
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+from haptic_accel.core.actuator import PEAK_FORCE
+from haptic_accel.core.coupling import ZERO, Vector
+from haptic_accel.core.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE
+from haptic_accel.devices import MASTERS, DeviceError, Sample
+from haptic_accel.devices.simulated import SimulatedMaster
+from haptic_accel.nodes import device_node, topics
+from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.nodes.master_device import MasterDevice
+from running import PATIENCE
+
+STOP = {"arm_force": ZERO, "actuator_force": 0.0}
+
+
+class Witness(SimulatedMaster):
+    """A simulated master that keeps every force written to it."""
+
+    written: list[dict[str, Any]]
+    broken = ""
+    unplugged = False
+
+    def open(self) -> None:
+        """Start with nothing written."""
+        self.written = []
+        self._work()
+        super().open()
+
+    def read(self, time: float) -> Sample | None:
+        """Give a sample while there is one."""
+        self._work()
+        return None if self.unplugged else super().read(time)
+
+    def write(self, time: float, **forces: Any) -> None:
+        """Keep the forces, and apply them."""
+        self.written.append(forces)
+        super().write(time, **forces)
+
+    def _work(self) -> None:
+        if self.broken:
+            raise DeviceError(self.broken)
+
+
+class Bench:
+    """A master device, and another node that sends to it."""
+
+    def __init__(self) -> None:
+        self.node = MasterDevice()
+        self.other = GraphNode("coupler")
+        self.executor = SingleThreadedExecutor()
+        for node in (self.node, self.other):
+            self.executor.add_node(node)
+        self._arm = self.other.sender(topics.MASTER_ARM_FORCE)
+        self._actuator = self.other.sender(topics.ACTUATOR_FORCE)
+        self._stop = self.other.publisher(topics.EMERGENCY_STOP)
+        self.answers: list[bool] = []
+        self.other.listen_state(topics.MASTER_STOPPED, self.answers.append)
+
+    @property
+    def written(self) -> list[dict[str, Any]]:
+        """What was written to the device so far."""
+        assert isinstance(self.node.device, Witness)
+        return self.node.device.written
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        """Let both nodes run until a condition holds."""
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, (self.written[-3:], self.answers)
+            self.executor.spin_once(timeout_sec=0.1)
+
+    def command(self, arm: Vector, actuator: float, age: float = 0.0) -> None:
+        """Send a force to the arm and one to the actuator, made of samples of an age in s."""
+        moment = time.time_ns() - round(age * 1e9)
+        self._arm.send(moment, arm)
+        self._actuator.send(moment, (0.0, 0.0, actuator))
+
+    def warned(self, *of: str) -> None:
+        """Wait until the node's status has warned of something."""
+        said: list[str] = []
+
+        def found() -> bool:
+            said.append(self.node.status()[0])
+            return all(any(words in warning for warning in said) for words in of)
+
+        self.until(found)
+
+    def change_state(self, transition: str = "", number: int = 0) -> bool:
+        """Ask for a transition as `ros2 lifecycle set` does."""
+        request = ChangeState.Request()
+        request.transition.label, request.transition.id = transition, number
+        return bool(self.call(ChangeState, "master_device/change_state", request).success)
+
+    def call(self, kind: Any, service: str, request: Any) -> Any:
+        """Call a service of the node."""
+        client = self.other.create_client(kind, service)
+        self.until(client.service_is_ready)
+        future = client.call_async(request)
+        self.until(future.done)
+        self.other.destroy_client(client)
+        return future.result()
+
+    def driven(self) -> None:
+        """Send commands until both have come."""
+        before = len(self.written)
+
+        def both() -> bool:
+            self.command((0.1, 0.0, 0.2), 0.3)
+            names = {name for forces in self.written[before:] for name in forces}
+            return names == {"arm_force", "actuator_force"}
+
+        self.until(both)
+
+    def stop(self, stop: bool) -> None:
+        """Publish the emergency stop or its release, and wait for the answer."""
+        known = len(self.answers)
+        self._stop.publish(Bool(data=stop))
+        self.until(lambda: len(self.answers) > known)
+
+    def close(self) -> None:
+        """End both nodes."""
+        self.executor.shutdown()
+        for node in (self.node, self.other):
+            node.destroy_node()
+
+
+@pytest.fixture
+def bench(
+    domain: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> Iterator[Bench]:
+    """Give a master device that is past its first moments, with parameters name:=value."""
+    monkeypatch.setitem(MASTERS, "simulated", Witness)
+    monkeypatch.setattr(device_node, "SETTLING", 0.0)
+    given = [word for value in getattr(request, "param", ()) for word in ("-p", value)]
+    rclpy.init(args=["--ros-args", *given] if given else None)
+    bench = Bench()
+    yield bench
+    bench.close()
+    rclpy.shutdown()
+
+
+def test_the_first_command_after_a_stop_is_zero_and_there_is_no_other(bench: Bench) -> None:
+    bench.driven()
+    before = len(bench.written)
+    bench.stop(True)
+    assert STOP in bench.written[before:]
+    stopped = len(bench.written)
+    for _ in range(50):
+        bench.command((0.1, 0.0, 0.2), 0.3)
+        bench.executor.spin_once(timeout_sec=0.0)
+    bench.stop(True)
+    assert bench.written[stopped:] == [STOP], "the second stop writes zero again, nothing else"
+    assert bench.answers[-1] is True
+    assert bench.node.status()[0].startswith("emergency stop")
+    bench.stop(False)
+    assert bench.answers[-1] is False
+    assert "emergency stop" not in bench.node.status()[0]
+    bench.driven()
+
+
+def test_what_was_stopped_is_not_said_to_have_gone_silent(bench: Bench) -> None:
+    bench.driven()
+    bench.stop(True)
+    over = time.monotonic() + 2 * ARM_TIMEOUT
+    bench.until(lambda: time.monotonic() > over)
+    warning, values = bench.node.status()
+    assert "silent" not in warning
+    assert values["actuator force timeouts"] == "0"
+
+
+def test_a_force_whose_sender_has_gone_is_taken_off(bench: Bench) -> None:
+    bench.driven()
+    for name, none in STOP.items():
+        bench.until(lambda name=name, none=none: any(f.get(name) == none for f in bench.written))
+    assert "actuator force went silent" in bench.node.status()[0]
+
+
+def test_at_the_start_a_stop_wins_over_a_release_in_any_order(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(device_node, "SETTLING", PATIENCE)
+    for stop in (False, True, False):
+        bench.stop(stop)
+    assert bench.answers[-2:] == [True, True]
+    monkeypatch.setattr(device_node, "SETTLING", 0.0)
+    bench.stop(False)
+    assert bench.answers[-1] is False
+
+
+def test_nothing_unsafe_reaches_the_device(bench: Bench) -> None:
+    bench.driven()
+    before = len(bench.written)
+
+    def cut() -> bool:
+        bench.command((30.0, 0.0, 0.0), -1e9)
+        return {"arm_force": (ARM_PEAK_FORCE, 0.0, 0.0)} in bench.written[before:]
+
+    bench.until(cut)
+    for wrong in (math.nan, math.inf):
+        bench.command((0.0, wrong, 0.0), wrong)
+    bench.warned("arm force not finite", "actuator force not finite")
+    bench.driven()
+    bench.command((0.5, 0.0, 0.0), 0.5, age=2 * MAX_AGE)
+    bench.warned("arm force out of date", "actuator force out of date")
+    for forces in bench.written[before:]:
+        assert math.hypot(*forces.get("arm_force", ZERO)) <= ARM_PEAK_FORCE * 1.000001
+        assert abs(forces.get("actuator_force", 0.0)) <= PEAK_FORCE
+    assert {"arm_force": (0.5, 0.0, 0.0)} not in bench.written
+    bench.driven()
+
+
+@pytest.mark.parametrize("bench", [("safety.recovery:=manual",)], indirect=True)
+def test_where_recovery_is_manual_a_service_arms(bench: Bench) -> None:
+    bench.driven()
+    bench.warned("not armed: arm force: none for 20 ms, actuator force: none for 5 ms")
+    before = len(bench.written)
+    for _ in range(20):
+        bench.command((0.1, 0.0, 0.2), 0.3)
+        bench.executor.spin_once(timeout_sec=0.0)
+    assert bench.written[before:] == []
+    answer = bench.call(Trigger, "master_device/arm", Trigger.Request())
+    assert (answer.success, answer.message) == (True, "armed")
+    bench.driven()
+    bench.stop(True)
+    answer = bench.call(Trigger, "master_device/arm", Trigger.Request())
+    assert (answer.success, answer.message) == (False, "emergency stop")
+
+
+@pytest.mark.parametrize("bench", [("autostart:=false",)], indirect=True)
+def test_states_open_enable_and_close_the_device(bench: Bench) -> None:
+    def state() -> str:
+        answer = bench.call(GetState, "master_device/get_state", GetState.Request())
+        return str(answer.current_state.label)
+
+    def possible() -> set[str]:
+        request = GetAvailableTransitions.Request()
+        service = "master_device/get_available_transitions"
+        found = bench.call(GetAvailableTransitions, service, request).available_transitions
+        return {item.transition.label for item in found}
+
+    heard: list[int] = []
+    bench.other.listen(topics.HANDLE_ACCELERATION, lambda moment, _: heard.append(moment))
+    assert state() == "unconfigured"
+    assert possible() == {"configure", "shutdown"}
+    assert "not active" in bench.node.status()[0]
+    bench.stop(True)
+    bench.stop(False)
+    # What cannot be from here ends nothing.
+    assert not bench.change_state("activate")
+    assert not bench.change_state(number=99)
+    assert not heard
+    assert bench.change_state("configure")
+    assert state() == "inactive"
+    bench.until(lambda: len(heard) > 10)
+    for _ in range(20):
+        bench.command((0.1, 0.0, 0.2), 0.3)
+        bench.executor.spin_once(timeout_sec=0.0)
+    assert bench.written == [], "read, but not moved"
+    assert bench.change_state("activate")
+    bench.driven()
+    assert bench.change_state("deactivate")
+    assert bench.written[-1] == STOP
+    assert bench.change_state("cleanup")
+    count = bench.node.rate_keeper.ticks
+    first = bench.node.device
+    # Again, and with a device that does not work.
+    Witness.broken = "no such board"
+    try:
+        assert not bench.change_state("configure")
+    finally:
+        Witness.broken = ""
+    assert state() == "unconfigured"
+    assert bench.node.rate_keeper.ticks in (0, count)
+    assert bench.change_state("configure")
+    assert bench.change_state("activate")
+    assert bench.node.device is not first
+    bench.driven()
+    assert bench.change_state("shutdown")
+    assert bench.node.finished.done()
+
+
+def test_a_device_that_fails_is_left_without_force_until_configured_again(bench: Bench) -> None:
+    bench.driven()
+    device = bench.node.device
+    assert isinstance(device, Witness)
+    device.unplugged = True
+    bench.warned("no sample")
+    device.unplugged = False
+    device.broken = "the cable is out"
+    bench.until(lambda: bench.node.state == "unconfigured")
+    assert device.written[-1] == STOP
+    written = len(device.written)
+    for _ in range(20):
+        bench.command((0.1, 0.0, 0.2), 0.3)
+        bench.executor.spin_once(timeout_sec=0.0)
+    assert len(device.written) == written
+    assert bench.change_state("configure")
+    assert bench.change_state("activate")
+    bench.driven()
