@@ -9,10 +9,12 @@ from dataclasses import InitVar, dataclass, field, replace
 import numpy as np
 
 from haptic_accel.core.compensation import Compensation, CompensationParameters
-from haptic_accel.core.coupling import CouplingParameters, PositionPositionCoupling
+from haptic_accel.core.coupling import ZERO, CouplingParameters, PositionPositionCoupling
 from haptic_accel.core.filters import HIGH_PASS_FREQUENCY, without_hand_motion
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.core.replay import ReplayRig, Track
+from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters
 
@@ -101,6 +103,7 @@ def run_trial(
     rate: float = DEFAULT_RATE,
     seed: int = 0,
     recording: FloatArray | None = None,
+    replayed: Track | None = None,
     compensation: CompensationParameters | None = None,
     controllers: Mapping[str, Checked] | None = None,
     grips: Sequence[GripChange] = (),
@@ -126,6 +129,9 @@ def run_trial(
         Of texture and noise.
     recording : ndarray, optional
         Tool acceleration at `rate` in place of the simulated one, m/s^2.
+    replayed : Track, optional
+        Tool acceleration and motion at `rate` in place of the simulated slave, played from the
+        first sample.
     compensation : CompensationParameters, optional
         High-pass and limit; its `controller` is replaced by the one named.
     controllers : mapping, optional
@@ -144,6 +150,8 @@ def run_trial(
     ParameterError
         Unknown controller, or a rate or duration that is not allowed.
     """
+    if replayed is not None and replayed.rate != rate:
+        raise ParameterError(f"rate = {rate:g}: must be {replayed.rate:g} Hz as what is replayed")
     if not (np.isfinite(rate) and rate > 0):
         raise ParameterError(f"rate = {rate}: must be above 0 Hz")
     if not (np.isfinite(duration) and duration * rate >= 1):
@@ -154,7 +162,9 @@ def run_trial(
     samples = round(duration * rate)
     return _run(
         MasterRig(rig.master, rate, seed),
-        SlaveRig(rig.slave, rate, seed, recording, physics_step),
+        _driven(replayed)
+        if replayed is not None
+        else SlaveRig(rig.slave, rate, seed, recording, physics_step),
         PositionPositionCoupling(rig.coupling),
         Compensation(around, rate, controllers),
         Trial(
@@ -177,9 +187,16 @@ _SIGNALS = (
 )
 
 
+def _driven(track: Track) -> ReplayRig:
+    """Return a replayed slave that has its first force, and plays from the first sample."""
+    slave = ReplayRig(track)
+    slave.apply_arm_force(ZERO)
+    return slave
+
+
 def _run(
     master: MasterRig,
-    slave: SlaveRig,
+    slave: Rig,
     coupling: PositionPositionCoupling,
     compensation: Compensation,
     trial: Trial,

@@ -1,0 +1,71 @@
+"""Moves the stamps of signals that are played again to the time at which they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+LISTENING = 100_000_000
+"""How long arrivals are compared before anything is passed on, ns: the first may be held up."""
+
+
+class StampShift:
+    """Adds to old stamps what makes them now, the same for all.
+
+    Their spacing stays exactly what it was, however unevenly they arrive: the quickest of the
+    first arrivals tells what to add. Where stamps and arrivals drift apart, because a bag is
+    played at another speed or over and over, that is found anew.
+
+    Parameters
+    ----------
+    grid : callable
+        The last point of the sampling grid up to a moment, both system time in ns: moved stamps
+        lie on the grid that the other arm is sampled on.
+    period : int
+        Of the grid, ns: by so much a moved stamp may be ahead of its arrival.
+    limit : int
+        By how much it may be behind, ns.
+
+    Attributes
+    ----------
+    anchored : int
+        How often it was found what to add; once in a playback at its original speed.
+    """
+
+    def __init__(self, grid: Callable[[int], int], period: int, limit: int) -> None:
+        self._grid = grid
+        self._ahead = period
+        self._behind = limit
+        self._until: int | None = None
+        self._quickest = 0
+        self._offset: int | None = None
+        self.anchored = 0
+
+    def moved(self, stamp: int, now: int) -> int | None:
+        """Return a stamp as if its sample had just been taken; None while only listening.
+
+        Parameters
+        ----------
+        stamp : int
+            Of the recording, ns.
+        now : int
+            When it arrived, system time, ns.
+        """
+        if self._offset is None:
+            self._listen(now - stamp, now)
+            if self._until is None or now < self._until:
+                return None
+            self._anchor(stamp, self._quickest)
+        elif not -self._ahead <= now - stamp - self._offset <= self._behind:
+            self._anchor(stamp, now - stamp)
+        assert self._offset is not None
+        return stamp + self._offset
+
+    def _listen(self, distance: int, now: int) -> None:
+        if self._until is None:
+            self._until = now + LISTENING
+            self._quickest = distance
+        self._quickest = min(self._quickest, distance)
+
+    def _anchor(self, stamp: int, distance: int) -> None:
+        self._offset = self._grid(stamp + distance) - stamp
+        self.anchored += 1

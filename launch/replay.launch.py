@@ -1,0 +1,23 @@
+"""Plays a bag again: ``ros2 launch haptic_accel replay.launch.py bag:=BAG controller:=inverse``.
+
+`rate` is the speed, as of ``ros2 bag play``; an argument of the graph that is left empty is as in
+the bag.
+"""
+
+from __future__ import annotations
+
+from launch import LaunchDescription
+
+from haptic_accel.startup.graph import graph
+from haptic_accel.startup.launching import launched_from
+from haptic_accel.startup.replay import described_replay, replay_arguments
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Declare the arguments and start the nodes, each of whose ends ends all."""
+    return launched_from(
+        described_replay(),
+        lambda words: graph(
+            replay_arguments(word for word in words if not word.endswith(":=")).graph
+        ),
+    )

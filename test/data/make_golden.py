@@ -1,0 +1,90 @@
+"""Makes the golden bags beside it, and the figures of their lockstep replay.
+
+``python test/data/make_golden.py`` runs the simulated rig in lockstep and keeps what the slave
+gave, and the handle's acceleration; for when what the bags hold is to change. With ``--figures``
+the bags stay and only the figures are made anew, which a change of rig or controller may ask for,
+and whoever reads the change then sees.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from bag_maker import write_bag
+from haptic_accel.core.compensation import Compensation
+from haptic_accel.core.coupling import PositionPositionCoupling, Vector
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.rig.master_rig import MasterRig
+from haptic_accel.core.rig.slave_rig import SlaveRig
+from haptic_accel.nodes import topics
+from haptic_accel.nodes.parameters import node_parameters
+from haptic_accel.nodes.topics import SLAVE_SIGNALS, Topic
+from haptic_accel.startup.arguments import GraphArguments
+from haptic_accel.startup.graph import graph_parameters, rig_parameters
+from haptic_accel.tools.replay import replay_lockstep
+
+FOLDER = Path(__file__).parent
+FIGURES = FOLDER / "golden.json"
+SURFACES = ("plywood", "text")
+TOPICS = (*SLAVE_SIGNALS, topics.HANDLE_ACCELERATION)
+CONTROLLERS = ("none", "constant", "dynamic", "inverse")
+SKIPPED, KEPT = 1.0, 1.1
+"""s; after the first second the tool drags over the surface."""
+
+
+def main() -> None:
+    bags = [FOLDER / surface for surface in SURFACES]
+    if "--figures" not in sys.argv:
+        for bag in bags:
+            arguments = GraphArguments(surface=bag.name, rig="paper")
+            shutil.rmtree(bag, ignore_errors=True)
+            said = {"haptic_accel.arguments": json.dumps(asdict(arguments))}
+            write_bag(bag, samples(arguments), arguments.rate, custom=said, compressed=True)
+    words = [str(bag) for bag in bags]
+    replay_lockstep(words, controllers=CONTROLLERS, json_file=FIGURES)
+    content = json.loads(FIGURES.read_text(encoding="utf-8"))
+    for condition in content["conditions"]:
+        condition["bag"] = Path(condition["bag"]).name
+    FIGURES.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def samples(arguments: GraphArguments) -> dict[Topic, FloatArray]:
+    """Return what the topics carry, with numbers of single precision: they compress well."""
+    rows: dict[Topic, list[Vector]] = {topic: [] for topic in TOPICS}
+    values = graph_parameters(arguments)
+    rig = rig_parameters(values)
+    around, controllers = node_parameters("compensator", values["compensator"])
+    master = MasterRig(rig.master, arguments.rate, arguments.seed)
+    slave = SlaveRig(rig.slave, arguments.rate, arguments.seed)
+    coupling = PositionPositionCoupling(rig.coupling)
+    compensation = Compensation(around, arguments.rate, controllers)
+    before = None
+    for index in range(round((SKIPPED + KEPT) * arguments.rate)):
+        for side in (master, slave):
+            side.advance(index / arguments.rate)
+        handle, tool = master.measure(), slave.measure()
+        if not coupling.engaged:
+            coupling.engage(handle.position, tool.position)
+        on_master, on_slave = coupling.forces(handle.position, tool.position)
+        _, force = compensation.sample(tool.acceleration, before)
+        master.apply_arm_force(on_master)
+        slave.apply_arm_force(on_slave)
+        master.apply_actuator_force(force)
+        before = handle.acceleration
+        if index >= SKIPPED * arguments.rate:
+            rows[topics.HANDLE_ACCELERATION].append((0.0, 0.0, handle.acceleration))
+            rows[topics.SLAVE_POSITION].append(tool.position)
+            rows[topics.SLAVE_VELOCITY].append(tool.velocity)
+            rows[topics.TOOL_ACCELERATION].append((0.0, 0.0, tool.acceleration))
+    return {topic: np.float32(vectors).astype(float) for topic, vectors in rows.items()}
+
+
+if __name__ == "__main__":
+    main()
