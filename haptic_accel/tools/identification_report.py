@@ -23,6 +23,7 @@ from matplotlib.ticker import (
     StrMethodFormatter,
 )
 
+from haptic_accel.analysis.figures import DASH
 from haptic_accel.core.identification import (
     UNEXPLAINED,
     DiscreteModel,
@@ -44,7 +45,6 @@ from haptic_accel.core.model import (
 from haptic_accel.core.parameters import schema
 from haptic_accel.core.rig.master_rig import StructureParameters
 from haptic_accel.pages import template
-from haptic_accel.tools.report import DASH
 
 PARAMETER_FILE = "handle.yaml"
 """Name of the parameter file that the page tells of."""

@@ -12,31 +12,25 @@ import re
 import urllib.parse
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypedDict
+from typing import Any, Protocol
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import (
-    FixedLocator,
-    MaxNLocator,
-    MultipleLocator,
-    NullLocator,
-    StrMethodFormatter,
-)
-from numpy.typing import NDArray
 
-from haptic_accel.core.metrics import PAPER_DELAY, Evaluation, align, spectra
-from haptic_accel.core.model import FloatArray
+from haptic_accel.analysis.figures import (
+    EXCERPT,
+    MOST_POINTS,
+    Grid,
+    Portrait,
+    amplitude_spectra,
+    number,
+    percent,
+    regressions,
+    time_traces,
+)
+from haptic_accel.core.metrics import PAPER_DELAY, Evaluation, align
 from haptic_accel.core.trial import Trial
 from haptic_accel.pages import template
-
-EXCERPT = 0.2
-"""Length of the time traces, s: some strokes of texture, yet every swing can be seen."""
-
-LOWEST_FREQUENCY = 10.0
-"""Lower end of the spectra, Hz: below it the 15 Hz high-pass leaves little."""
 
 AVERAGE = "average"
 """Name of the average over surfaces, as a column of Table II and as a key of its mapping."""
@@ -51,34 +45,7 @@ SIGNALS = {
 }
 """Columns of the signals' CSV by the name of the trial's array."""
 
-DASH = "\N{EN DASH}"
-"""What stands where there is no number."""
-
-
-class _Style(TypedDict, total=False):
-    """How a line is drawn, in matplotlib's words."""
-
-    color: str
-    linewidth: float
-    linestyle: Literal["--", ""]
-    marker: str
-    markeredgewidth: float
-
-
-# Of the palette of Okabe and Ito: apart in every common colour vision, and in print. Desired is
-# the broader one, so that it is seen where actual lies on it.
-_BLUE, _ORANGE, _VERMILION = "#0072b2", "#e69f00", "#d55e00"
-_DESIRED: _Style = {"color": _BLUE, "linewidth": 2.0}
-_ACTUAL: _Style = {"color": _ORANGE, "linewidth": 1.1}
-_REGRESSION: _Style = {"color": _VERMILION, "linewidth": 2.0}
-_EQUAL: _Style = {"color": "black", "linewidth": 1.0, "linestyle": "--"}
-_SAMPLES: _Style = {"color": _BLUE, "marker": "o", "linestyle": "", "markeredgewidth": 0}
-
 _DPI = 130  # pixels per inch
-_CHARACTER = 0.115  # width of a bold letter of 12 points, inches
-_MOST_POINTS = 4000  # in a scatter plot; more are drawn over each other
-_DECADES = 4.5  # most that a spectrum's axis spans
-_TICKS = (10, 20, 50, 100, 200, 500, 1000, 2000)  # Hz
 _REGRESSION_COLUMNS = ("slope_desired_on_actual", "slope_actual_on_desired", "r2")
 
 
@@ -160,7 +127,7 @@ def write_report(
         No condition, the same surface and controller twice, or a trial too short for a
         spectrum.
     """
-    grid = _Grid.of(conditions, delay)
+    grid = _grid(conditions, delay)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     files = _signal_files(conditions)
@@ -168,9 +135,9 @@ def write_report(
         _write_signals(condition.trial, folder / file)
     _write_table(conditions, paper_table, folder / "table.csv")
     figures = {
-        "fig9_time.png": _time_traces(grid),
-        "fig10_regression.png": _regressions(grid),
-        "fig11_spectra.png": _amplitude_spectra(grid),
+        "fig9_time.png": time_traces(grid),
+        "fig10_regression.png": regressions(grid),
+        "fig11_spectra.png": amplitude_spectra(grid),
     }
     for name, figure in figures.items():
         figure.savefig(folder / name, dpi=_DPI)
@@ -187,7 +154,7 @@ def write_report(
         sizes={name: _pixels(figure) for name, figure in figures.items()},
         surfaces=", ".join(grid.surfaces),
         controllers=", ".join(grid.controllers),
-        most_points=_MOST_POINTS,
+        most_points=MOST_POINTS,
         excerpt=EXCERPT,
         delay=f"{1e3 * delay:g} ms",
     )
@@ -205,307 +172,20 @@ def _pixels(figure: Figure) -> tuple[int, int]:
 # Conditions by surface and controller
 
 
-@dataclasses.dataclass(frozen=True)
-class _Shifted:
-    """A condition's desired and actual acceleration after the shift, with its evaluation."""
-
-    rate: float
-    desired: FloatArray
-    actual: FloatArray
-    evaluation: Evaluation
-
-
-@dataclasses.dataclass(frozen=True)
-class _Grid:
-    """Conditions in rows of surfaces and columns of controllers; some may be missing."""
-
-    surfaces: tuple[str, ...]
-    controllers: tuple[str, ...]
-    shifted: Mapping[tuple[str, str], _Shifted]
-
-    @classmethod
-    def of(cls, conditions: Iterable[Condition], delay: float) -> _Grid:
-        """Sort conditions into a grid; raise ValueError if there is none, or one twice."""
-        shifted: dict[tuple[str, str], _Shifted] = {}
-        for condition in conditions:
-            trial = condition.trial
-            key = (trial.surface, trial.controller)
-            if key in shifted:
-                raise ValueError(f"conditions: {key[0]} with {key[1]} is there twice")
-            samples = math.floor(delay * trial.rate + 0.5)
-            desired, actual = align(trial.desired_acceleration, trial.actual_acceleration, samples)
-            shifted[key] = _Shifted(trial.rate, desired, actual, condition.evaluation)
-        if not shifted:
-            raise ValueError("conditions: none given, at least one is needed")
-        return cls(
-            surfaces=tuple(dict.fromkeys(surface for surface, _ in shifted)),
-            controllers=tuple(dict.fromkeys(controller for _, controller in shifted)),
-            shifted=shifted,
-        )
-
-    def of_surface(self, surface: str) -> dict[str, _Shifted]:
-        return {c: shifted for (s, c), shifted in self.shifted.items() if s == surface}
-
-    def of_controller(self, controller: str) -> dict[str, _Shifted]:
-        return {s: shifted for (s, c), shifted in self.shifted.items() if c == controller}
-
-
-# Figures
-
-
-def _panels(
-    title: str,
-    legend: Sequence[Line2D],
-    rows: Sequence[str],
-    columns: Sequence[str],
-    size: tuple[float, float],
-    down: float = 0.45,
-    above: float = 0.34,
-) -> tuple[Figure, list[list[Axes]]]:
-    """Lay out a figure of axes of one size under a title, a legend and the columns' names.
-
-    Sizes are in inches, and so are the gap `down` between rows and the height of the columns'
-    names `above` the axes. It is laid out by hand because matplotlib's layout engines draw
-    everything twice.
-    """
-    left, right, top, bottom, across = 1.15, 0.3, 0.91 + above, 0.65, 0.4
-    width = max(left + len(columns) * (size[0] + across) - across + right, 7.2)
-    height = top + len(rows) * (size[1] + down) - down + bottom
-    figure = Figure(figsize=(width, height), facecolor="white")
-
-    def heading(x: float, y: float, words: str, room: float, rotation: str) -> None:
-        figure.text(
-            x / width,
-            y / height,
-            _short(words, int(room / _CHARACTER)),
-            size=12,
-            weight="bold",
-            ha="center",
-            va="center",
-            rotation=rotation,
-            parse_math=False,
-        )
-
-    figure.text(left / width, 1 - 0.15 / height, title, size=14, weight="bold", va="top")
-    figure.legend(
-        handles=legend,
-        loc="upper left",
-        bbox_to_anchor=(left / width, 1 - 0.48 / height),
-        ncols=len(legend),
-        frameon=False,
-        fontsize=11,
-        borderaxespad=0,
-        borderpad=0,
-        handlelength=1.8,
-    )
-    axes = []
-    for i, row in enumerate(rows):
-        y = height - top - size[1] - i * (size[1] + down)
-        heading(0.2, y + size[1] / 2, row, size[1], "vertical")
-        axes.append(
-            [
-                figure.add_axes((x / width, y / height, size[0] / width, size[1] / height))
-                for x in (left + j * (size[0] + across) for j in range(len(columns)))
-            ]
-        )
-    for j, column in enumerate(columns):
-        middle = left + j * (size[0] + across) + size[0] / 2
-        heading(middle, height - top + above, column, size[0], "horizontal")
-    return figure, axes
-
-
-def _dress(axes: Sequence[Sequence[Axes]], x: str, y: str, one_x: bool = True) -> None:
-    """Rule all axes; name and number those at the left and at the bottom.
-
-    Where the rows have not `one_x` scale for all, x is numbered in each.
-    """
-    for i, row in enumerate(axes):
-        for j, panel in enumerate(row):
-            panel.set_axisbelow(True)
-            panel.grid(color="#dddddd", linewidth=0.6)
-            panel.spines[["top", "right"]].set_visible(False)
-            lowest = i == len(axes) - 1
-            panel.tick_params(labelsize=10, color="#888888")
-            panel.tick_params(labelleft=j == 0, labelbottom=lowest or not one_x)
-            if j == 0:
-                panel.set_ylabel(y, fontsize=11)
-            if lowest:
-                panel.set_xlabel(x, fontsize=11)
-
-
-def _traces() -> list[Line2D]:
-    return [
-        Line2D([], [], **_DESIRED, label="desired"),
-        Line2D([], [], **_ACTUAL, label="actual, shifted back"),
-    ]
-
-
-def _time_traces(grid: _Grid) -> Figure:
-    """Draw the paper's Fig. 9: desired and actual acceleration where desired is liveliest."""
-    figure, axes = _panels(
-        "Handle acceleration over time", _traces(), grid.surfaces, grid.controllers, (3.5, 1.9)
-    )
-    for surface, row in zip(grid.surfaces, axes, strict=True):
-        windows = {
-            controller: _liveliest(shifted.desired, round(EXCERPT * shifted.rate))
-            for controller, shifted in grid.of_surface(surface).items()
-        }
-        extent = 1.05 * _extent(
-            signal[windows[controller]]
-            for controller, shifted in grid.of_surface(surface).items()
-            for signal in (shifted.desired, shifted.actual)
-        )
-        for controller, panel in zip(grid.controllers, row, strict=True):
-            panel.set_xlim(0, 1e3 * EXCERPT)
-            panel.xaxis.set_major_locator(MultipleLocator(250 * EXCERPT))
-            panel.set_ylim(-extent, extent)
-            shifted = grid.shifted.get((surface, controller))
-            if shifted is None:
-                _not_run(panel)
-                continue
-            window = windows[controller]
-            milliseconds = 1e3 * np.arange(window.stop - window.start) / shifted.rate
-            panel.plot(milliseconds, shifted.desired[window], **_DESIRED)
-            panel.plot(milliseconds, shifted.actual[window], **_ACTUAL)
-            error = _percent(shifted.evaluation.nrmse_percent)
-            _subtitle(panel, f"NRMSE {error}, from {window.start / shifted.rate:.2f} s")
-    _dress(axes, "time in the excerpt (ms)", "acceleration (m/s²)")
-    return figure
-
-
-def _liveliest(signal: FloatArray, samples: int) -> slice:
-    """Return the first window of so many samples that has the largest RMS."""
-    samples = min(max(samples, 1), signal.size)
-    energy = np.concatenate([[0.0], np.cumsum(signal**2)])
-    start = int(np.argmax(energy[samples:] - energy[:-samples]))
-    return slice(start, start + samples)
-
-
-def _regressions(grid: _Grid) -> Figure:
-    """Draw the paper's Fig. 10: desired against actual acceleration with the regression line."""
-    legend = [
-        Line2D([], [], **_SAMPLES, markersize=4, label="samples"),
-        Line2D([], [], **_REGRESSION, label="regression of desired on actual"),
-        Line2D([], [], **_EQUAL, label="1:1"),
-    ]
-    figure, axes = _panels(
-        "Desired against actual handle acceleration",
-        legend,
-        grid.surfaces,
-        grid.controllers,
-        (3.0, 3.0),
-        down=0.65,
-    )
-    for surface, row in zip(grid.surfaces, axes, strict=True):
-        extent = 1.05 * _extent(
-            signal
-            for shifted in grid.of_surface(surface).values()
-            for signal in (shifted.desired, shifted.actual)
-        )
-        for controller, panel in zip(grid.controllers, row, strict=True):
-            panel.set_xlim(-extent, extent)
-            panel.set_ylim(-extent, extent)
-            panel.xaxis.set_major_locator(MaxNLocator(5, steps=(1, 2, 5, 10)))
-            panel.yaxis.set_major_locator(MaxNLocator(5, steps=(1, 2, 5, 10)))
-            shifted = grid.shifted.get((surface, controller))
-            if shifted is None:
-                _not_run(panel)
-            else:
-                _regression(panel, shifted, extent)
-    _dress(axes, "actual (m/s²)", "desired (m/s²)", one_x=False)
-    return figure
-
-
-def _regression(panel: Axes, shifted: _Shifted, extent: float) -> None:
-    """Draw one panel of `_regressions`."""
-    some = _some(shifted.desired.size)
-    panel.plot(
-        shifted.actual[some],
-        shifted.desired[some],
-        **_SAMPLES,
-        markersize=2,
-        alpha=0.45,
-    )
-    panel.plot([-extent, extent], [-extent, extent], **_EQUAL)
-    slope = shifted.evaluation.slope_desired_on_actual
-    middle = (float(shifted.actual.mean()), float(shifted.desired.mean()))
-    panel.axline(middle, slope=slope, **_REGRESSION)
-    _subtitle(panel, f"slope {_number(slope)}, R² {_number(shifted.evaluation.r2)}")
-
-
-def _some(size: int) -> NDArray[np.intp]:
-    """Return the indices of at most so many points as can be told apart.
-
-    They are drawn by lot, from a fixed seed, because every n-th would beat with a periodic
-    signal.
-    """
-    if size <= _MOST_POINTS:
-        return np.arange(size)
-    return np.random.default_rng(0).choice(size, _MOST_POINTS, replace=False)
-
-
-def _amplitude_spectra(grid: _Grid) -> Figure:
-    """Draw the paper's Fig. 11: amplitude spectra of desired and actual acceleration."""
-    figure, axes = _panels(
-        "Amplitude spectra of the handle acceleration",
-        _traces(),
-        grid.controllers,
-        grid.surfaces,
-        (3.5, 2.2),
-        above=0.2,
-    )
-    found = {
-        key: spectra(shifted.desired, shifted.actual, shifted.rate)
-        for key, shifted in grid.shifted.items()
-    }
-    drawn = [
-        amplitude[spectrum.frequency >= LOWEST_FREQUENCY]
-        for spectrum in found.values()
-        for amplitude in (spectrum.desired, spectrum.actual)
-    ]
-    top = 2.0 * _extent(drawn)
-    bottom = min((a[a > 0].min() for a in drawn if np.any(a > 0)), default=top)
-    bottom = max(float(bottom), top * 10.0**-_DECADES)
-    highest = max(shifted.rate for shifted in grid.shifted.values()) / 2
-    for controller, row in zip(grid.controllers, axes, strict=True):
-        for surface, panel in zip(grid.surfaces, row, strict=True):
-            panel.set_xscale("log")
-            panel.set_yscale("log")
-            panel.set_xlim(LOWEST_FREQUENCY, highest)
-            panel.set_ylim(bottom, top)
-            panel.xaxis.set_major_locator(FixedLocator([t for t in _TICKS if t <= highest]))
-            panel.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-            panel.xaxis.set_minor_locator(NullLocator())
-            panel.yaxis.set_minor_locator(NullLocator())
-            spectrum = found.get((surface, controller))
-            if spectrum is None:
-                _not_run(panel)
-                continue
-            panel.plot(spectrum.frequency, spectrum.desired, **_DESIRED)
-            panel.plot(spectrum.frequency, spectrum.actual, **_ACTUAL)
-    _dress(axes, "frequency (Hz)", "amplitude (m/s²/√Hz)")
-    return figure
-
-
-def _extent(signals: Iterable[FloatArray]) -> float:
-    """Return the largest magnitude in some signals, or 1 if all are zero."""
-    return max((float(np.abs(signal).max()) for signal in signals), default=0.0) or 1.0
-
-
-def _subtitle(panel: Axes, words: str) -> None:
-    panel.set_title(words, fontsize=10, pad=4)
-
-
-def _not_run(panel: Axes) -> None:
-    panel.text(
-        0.5, 0.5, "not run", transform=panel.transAxes, ha="center", color="#666666", fontsize=11
-    )
-
-
-def _short(name: str, longest: int) -> str:
-    """Return a name on one line, cut to so many characters."""
-    name = " ".join("".join(c if c.isprintable() else " " for c in name).split())
-    return name if len(name) <= longest else name[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
+def _grid(conditions: Iterable[Condition], delay: float) -> Grid:
+    """Sort conditions into a grid; raise ValueError if there is none, or one twice."""
+    portraits: dict[tuple[str, str], Portrait] = {}
+    for condition in conditions:
+        trial = condition.trial
+        key = (trial.surface, trial.controller)
+        if key in portraits:
+            raise ValueError(f"conditions: {key[0]} with {key[1]} is there twice")
+        samples = math.floor(delay * trial.rate + 0.5)
+        desired, actual = align(trial.desired_acceleration, trial.actual_acceleration, samples)
+        portraits[key] = Portrait.of(desired, actual, trial.rate, condition.evaluation)
+    if not portraits:
+        raise ValueError("conditions: none given, at least one is needed")
+    return Grid.of(portraits)
 
 
 # CSV files
@@ -576,24 +256,24 @@ class _Row:
     cells: list[Any]
 
 
-def _table_two(grid: _Grid, paper_table: Mapping[tuple[str, str], float]) -> dict[str, Any]:
+def _table_two(grid: Grid, paper_table: Mapping[tuple[str, str], float]) -> dict[str, Any]:
     """Return columns and rows of Table II; each cell is (measured, the paper's)."""
     columns = list(grid.surfaces)
     rows = []
     for controller in grid.controllers:
         measured = {
-            surface: shifted.evaluation.nrmse_percent
-            for surface, shifted in grid.of_controller(controller).items()
+            surface: portrait.evaluation.nrmse_percent
+            for surface, portrait in grid.of_controller(controller).items()
         }
         cells = [
-            (_percent(measured.get(surface)), _percent(paper_table.get((surface, controller))))
+            (percent(measured.get(surface)), percent(paper_table.get((surface, controller))))
             for surface in columns
         ]
         if len(columns) > 1:
             # An average over fewer surfaces than its neighbours would not compare with them.
             average = _mean(measured.values()) if len(measured) == len(columns) else None
             paper = _paper_average(set(columns), controller, paper_table)
-            cells.append((_percent(average), _percent(paper)))
+            cells.append((percent(average), percent(paper)))
         rows.append(_Row(controller, cells))
     return {"columns": columns + [AVERAGE] * (len(columns) > 1), "rows": rows}
 
@@ -606,16 +286,16 @@ def _paper_average(
     return paper_table.get((AVERAGE, controller)) if surfaces == published else None
 
 
-def _regression_rows(grid: _Grid) -> list[_Row]:
+def _regression_rows(grid: Grid) -> list[_Row]:
     """Return a group of rows per controller: slopes and R^2 of each surface, and the average."""
     groups = []
     for controller in grid.controllers:
         evaluations = {
-            surface: shifted.evaluation
-            for surface, shifted in grid.of_controller(controller).items()
+            surface: portrait.evaluation
+            for surface, portrait in grid.of_controller(controller).items()
         }
         rows = [
-            _Row(surface, [_number(getattr(evaluation, name)) for name in _REGRESSION_COLUMNS])
+            _Row(surface, [number(getattr(evaluation, name)) for name in _REGRESSION_COLUMNS])
             for surface, evaluation in evaluations.items()
         ]
         if len(rows) > 1:
@@ -623,7 +303,7 @@ def _regression_rows(grid: _Grid) -> list[_Row]:
                 _mean(getattr(evaluation, name) for evaluation in evaluations.values())
                 for name in _REGRESSION_COLUMNS
             ]
-            rows.append(_Row(AVERAGE, [_number(mean) for mean in means]))
+            rows.append(_Row(AVERAGE, [number(mean) for mean in means]))
         groups.append(_Row(controller, rows))
     return groups
 
@@ -640,13 +320,13 @@ def _condition_rows(
             {
                 "surface": condition.trial.surface,
                 "controller": condition.trial.controller,
-                "seconds": _number(condition.trial.seconds, 1),
+                "seconds": number(condition.trial.seconds, 1),
                 "rate": f"{condition.trial.rate:g}",
-                "p50": _number(age.get("p50"), 0),
-                "p99": _number(age.get("p99"), 0),
-                "max": _number(age.get("max"), 0),
-                "lost": _number(_total(condition.lost), 0),
-                "late": _number(_total(condition.late), 0),
+                "p50": number(age.get("p50"), 0),
+                "p99": number(age.get("p99"), 0),
+                "max": number(age.get("max"), 0),
+                "lost": number(_total(condition.lost), 0),
+                "late": number(_total(condition.late), 0),
                 "signals": file,
                 "bag": bag.name if bag else "",
                 "bag_link": urllib.parse.quote(os.path.relpath(bag, folder)) if bag else "",
@@ -679,15 +359,3 @@ def _mean(values: Iterable[float]) -> float:
     """Return the mean of the finite values, NaN where there is none."""
     finite = [value for value in values if math.isfinite(value)]
     return math.fsum(finite) / len(finite) if finite else math.nan
-
-
-def _percent(value: float | None) -> str:
-    return _number(value, 1, " %")
-
-
-def _number(value: float | None, decimals: int = 2, unit: str = "") -> str:
-    """Return a number for a reader, a dash where there is none."""
-    if value is None or not math.isfinite(value):
-        return DASH
-    rounded = round(value, decimals) + 0.0  # no minus before a zero
-    return f"{rounded:.{decimals}f}{unit}".replace("-", "\N{MINUS SIGN}")

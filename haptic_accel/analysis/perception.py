@@ -1,0 +1,108 @@
+"""How alike two accelerations feel, by metrics of the library `vibromaf`.
+
+ST-SIM (Hassen and Steinbach, IEEE Trans. Haptics 2020, ieeexplore.ieee.org/document/8943164) and
+SPQI, both as `vibromaf` 0.0.8 has them (Noll et al., IEEE Haptics Symposium 2022): scores of 0 to
+1 without unit, 1 for equal signals. Both weigh the spectrum by a threshold of perception that the
+library fixes for signals of 8 kHz, whatever it is given; its documentation states neither a rate
+nor a unit. Here signals are resampled to that rate and given in m/s^2. SPQI does not depend on the
+unit, as the threshold only weighs frequencies against each other there. ST-SIM does, in its
+spectral part: scores of one unit compare with each other, not with those of another.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+
+RATE = 8000
+"""Samples per second that the library's threshold is for (`PerceptualThreshold(8000)`)."""
+
+BLOCK = 512
+"""Samples of a block of the library, at `RATE`; less cannot be scored."""
+
+PIECE = 10.0
+"""Length of the pieces that are scored, s, of which the mean is taken: as long as a trial, and
+short enough not to fill the memory."""
+
+SILENT = 1e-9
+"""RMS below which a signal is none, m/s^2."""
+
+MISSING = "ST-SIM and SPQI need the library vibromaf: pip install 'haptic_accel[perceptual]'"
+
+_FINEST = 1000  # largest denominator of a ratio of rates
+
+
+@dataclass(frozen=True)
+class Perception:
+    """Perceptual scores of an actual acceleration against the desired one.
+
+    Attributes
+    ----------
+    st_sim, spqi : float
+        0 to 1, no unit; NaN where undefined.
+    note : str
+        Why there is none; empty otherwise.
+    """
+
+    st_sim: float
+    spqi: float
+    note: str = ""
+
+
+def perceive(desired: FloatArray, actual: FloatArray, rate: float) -> Perception:
+    """Score how alike two accelerations feel.
+
+    Parameters
+    ----------
+    desired, actual : ndarray, shape (n,)
+        Already aligned, m/s^2.
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    Perception
+        The mean over pieces of about `PIECE`; without scores where the library is not installed,
+        the desired acceleration is silent, or there is less than one block.
+    """
+    nothing = math.nan, math.nan
+    try:
+        from vibromaf.metrics.spqi import spqi  # type: ignore[import-untyped]
+        from vibromaf.metrics.stsim import st_sim  # type: ignore[import-untyped]
+    except ImportError:
+        return Perception(*nothing, MISSING)
+    if np.sqrt(np.mean(desired**2)) < SILENT:
+        return Perception(*nothing, "nothing was to be felt: ST-SIM and SPQI are undefined")
+    number = max(round(len(desired) / rate / PIECE), 1)
+    scores = []
+    for piece in np.array_split(np.arange(len(desired)), number):
+        reference, distorted = (_resampled(signal[piece], rate) for signal in (desired, actual))
+        if len(reference) < BLOCK:
+            return Perception(*nothing, f"shorter than {BLOCK / RATE:g} s: no ST-SIM, no SPQI")
+        with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
+            # Silence is minus infinity in dB, which the library then takes as it should.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            scores.append((_real(st_sim(distorted, reference)), spqi(distorted, reference)))
+    similarity, quality = np.mean(np.array(scores, dtype=float), axis=0).tolist()
+    note = "ST-SIM is undefined: the signals are opposed" if math.isnan(similarity) else ""
+    return Perception(similarity, quality, note)
+
+
+def _real(score: complex) -> float:
+    """Return a score; NaN for the complex root of a negative likeness in time."""
+    return math.nan if isinstance(score, complex) else float(score)
+
+
+def _resampled(values: FloatArray, rate: float) -> FloatArray:
+    from scipy import signal
+
+    ratio = Fraction(RATE / rate).limit_denominator(_FINEST)
+    if ratio == 1:
+        return values
+    return np.asarray(signal.resample_poly(values, ratio.numerator, ratio.denominator))

@@ -1,0 +1,199 @@
+"""How sure a figure is, and whether two conditions differ: intervals and paired tests.
+
+Student (1908) for means, Efron (1979) for the bootstrap, Wilcoxon (1945) for signed ranks; the
+distributions are those of `scipy.stats`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+
+CONFIDENCE = 0.95
+"""Of every interval."""
+
+SEGMENT = 1.0
+"""Length of the pieces of a trial that are taken for independent, s: some strokes of a hand, and
+many times as long as handle and texture remember."""
+
+FEWEST_SEGMENTS = 5
+"""From which a trial's own interval is given."""
+
+RESAMPLES = 2000
+"""Of the bootstrap: its quantiles are then sure to about a tenth of the interval."""
+
+FEWEST_TESTED = 3
+"""Pairs from which a difference is tested."""
+
+FEWEST_RANKED = 6
+"""Pairs from which Wilcoxon's test can give less than 5 % at all: 2 / 2^6 is 3 %."""
+
+_SEED = 0  # the same interval for the same trial, every time
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A figure and how sure it is.
+
+    Attributes
+    ----------
+    value : float
+    low, high : float
+        Ends of the interval of `CONFIDENCE`; NaN where there is none.
+    n : int
+        Of how many values.
+    method : str
+        How it was found, in words.
+    """
+
+    value: float
+    low: float
+    high: float
+    n: int
+    method: str
+
+
+@dataclass(frozen=True)
+class PairedDifference:
+    """Whether the second of two conditions differs from the first, pair by pair.
+
+    Attributes
+    ----------
+    n : int
+        Pairs.
+    mean : Interval
+        Mean of second minus first, with Student's interval.
+    effect : float
+        Mean over standard deviation of the differences, Cohen's d_z; NaN where undefined.
+    t, p_t : float
+        Statistic and two-sided probability of the paired t-test; NaN where not tested.
+    p_wilcoxon : float
+        Two-sided probability of Wilcoxon's signed-rank test; NaN where not tested.
+    verdict : str
+        The same in words, with what could not be tested and why.
+    """
+
+    n: int
+    mean: Interval
+    effect: float
+    t: float
+    p_t: float
+    p_wilcoxon: float
+    verdict: str
+
+
+def mean_interval(values: Sequence[float]) -> Interval:
+    """Return the mean of independent values with Student's interval; of one, only the value.
+
+    Values that are not finite are left out; NaN where none is left.
+    """
+    finite = np.array([value for value in values if math.isfinite(value)])
+    n = len(finite)
+    if n == 0:
+        return Interval(math.nan, math.nan, math.nan, 0, "no value")
+    mean = float(np.mean(finite))
+    if n == 1:
+        return Interval(mean, math.nan, math.nan, 1, "one value, no interval")
+    from scipy import stats
+
+    reach = float(stats.t.ppf((1 + CONFIDENCE) / 2, n - 1)) * float(np.std(finite, ddof=1))
+    reach /= math.sqrt(n)
+    return Interval(mean, mean - reach, mean + reach, n, f"t over {n} trials")
+
+
+def nrmse_interval(desired: FloatArray, actual: FloatArray, rate: float) -> Interval:
+    """Return a trial's NRMSE with the interval that its own pieces give.
+
+    The trial is cut into pieces of `SEGMENT`, which are drawn with replacement `RESAMPLES` times;
+    the interval is between quantiles of the NRMSE of the draws. It says what another piece of the
+    same trial might have given, not what another trial might.
+
+    Parameters
+    ----------
+    desired, actual : ndarray, shape (n,)
+        Already aligned, m/s^2.
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    Interval
+        A ratio; without ends where there are fewer than `FEWEST_SEGMENTS`.
+    """
+    reference = float(np.sum(desired**2))
+    value = (
+        math.sqrt(float(np.sum((actual - desired) ** 2)) / reference) if reference else math.nan
+    )
+    n = round(len(desired) / rate / SEGMENT)
+    if n < FEWEST_SEGMENTS:
+        return Interval(value, math.nan, math.nan, n, f"{n} pieces of {SEGMENT:g} s: too few")
+    edges = np.linspace(0, len(desired), n + 1).astype(int)[:-1]
+    errors = np.add.reduceat((actual - desired) ** 2, edges)
+    references = np.add.reduceat(desired**2, edges)
+    drawn = np.random.default_rng(_SEED).integers(0, n, (RESAMPLES, n))
+    below = np.sum(references[drawn], axis=1)
+    ratios = np.sqrt(np.sum(errors[drawn], axis=1)[below > 0] / below[below > 0])
+    low, high = np.quantile(ratios, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return Interval(
+        value, float(low), float(high), n, f"bootstrap over {n} pieces of {SEGMENT:g} s"
+    )
+
+
+def paired_difference(first: Sequence[float], second: Sequence[float]) -> PairedDifference:
+    """Test whether two conditions differ, from values that belong together in pairs.
+
+    Parameters
+    ----------
+    first, second : sequence of float, the same length
+        Finite; the value of each pair under either condition.
+
+    Returns
+    -------
+    PairedDifference
+        Without probabilities where there are fewer than `FEWEST_TESTED` pairs, and without
+        Wilcoxon's below `FEWEST_RANKED`.
+
+    Raises
+    ------
+    ValueError
+        They differ in length.
+    """
+    if len(first) != len(second):
+        raise ValueError(f"{len(first)} and {len(second)} values: must be pairs")
+    differences = np.asarray(second, dtype=float) - np.asarray(first, dtype=float)
+    n = len(differences)
+    mean = mean_interval(differences.tolist())
+    spread = float(np.std(differences, ddof=1)) if n > 1 else math.nan
+    # Equal differences differ by the rounding of their subtraction all the same.
+    varies = spread > 1e-12 * max(float(np.max(np.abs(differences))), 1e-300) if n > 1 else False
+    effect = mean.value / spread if varies else math.nan
+    t = p_t = p_wilcoxon = math.nan
+    if n >= FEWEST_TESTED and varies:
+        from scipy import stats
+
+        tested = stats.ttest_rel(second, first)
+        t, p_t = float(tested.statistic), float(tested.pvalue)
+        if n >= FEWEST_RANKED:
+            p_wilcoxon = float(stats.wilcoxon(differences).pvalue)
+    return PairedDifference(
+        n, mean, effect, t, p_t, p_wilcoxon, _verdict(n, varies, p_t, p_wilcoxon)
+    )
+
+
+def _verdict(n: int, varies: bool, p_t: float, p_wilcoxon: float) -> str:
+    if n == 0:
+        return "no pair: nothing can be compared"
+    if n < FEWEST_TESTED:
+        pairs = "1 pair" if n == 1 else f"{n} pairs"
+        return f"{pairs}: too few to test, at least {FEWEST_TESTED} are needed"
+    if not varies:
+        return f"{n} pairs differ by the same amount: there is no scatter to test against"
+    words = f"paired t-test over {n} pairs, p = {p_t:.2g}"
+    if math.isnan(p_wilcoxon):
+        return f"{words}; Wilcoxon's test needs {FEWEST_RANKED} pairs"
+    return f"{words}; Wilcoxon's signed ranks, p = {p_wilcoxon:.2g}"

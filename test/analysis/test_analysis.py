@@ -1,0 +1,240 @@
+"""From bags to figures: known answers, groups, pairs, and what bags lack."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bagging import BagContent, of_trial, write_bag
+from haptic_accel.analysis import bands, compare, groups, load, signals, spectra, trials
+from haptic_accel.analysis.comparison import RUNS
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.trial import Trial
+from haptic_accel.nodes import topics
+
+RATE = 1000.0
+
+
+def texture(seed: int, seconds: float) -> FloatArray:
+    """Return noise far above the hand's own motion, and below half the rate."""
+    from scipy import signal
+
+    sections = signal.butter(4, (40.0, 300.0), "bandpass", fs=RATE, output="sos")
+    noise = np.random.default_rng(seed).normal(0.0, 4.0, round(seconds * RATE))
+    return np.asarray(signal.sosfilt(sections, noise))
+
+
+def copy(
+    controller: str = "dynamic",
+    surface: str = "plywood",
+    *,
+    gain: float = 0.8,
+    delay: int = 1,
+    noise: float = 0.0,
+    seed: int = 0,
+    seconds: float = 6.0,
+) -> BagContent:
+    """Return a bag in which the handle copies what is desired, scaled and some samples later."""
+    desired = texture(seed, seconds)
+    disturbed = desired + noise * texture(seed + 1000, seconds)
+    handle = gain * np.concatenate([np.zeros(delay), disturbed[: len(desired) - delay]])
+    force = 0.128 * desired
+    time = np.arange(len(desired)) / RATE
+    trial = Trial(surface, controller, RATE, time, desired, desired, handle, force)
+    return of_trial(trial, seed=seed)
+
+
+def test_a_scaled_and_delayed_copy_has_exact_figures(tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", copy(gain=0.75, delay=3))
+    found = trials(load(tmp_path, shift="3")).iloc[0]
+    assert found["nrmse_percent"] == pytest.approx(25.0, abs=0.1)
+    assert found["slope_actual_on_desired"] == pytest.approx(0.75, abs=1e-3)
+    assert found["slope_desired_on_actual"] == pytest.approx(1 / 0.75, abs=2e-3)
+    assert found["r2"] == pytest.approx(1.0, abs=1e-4)
+    assert found["delay_ms"] == pytest.approx(3.0, abs=0.01)
+    assert found["nrmse_60_125_Hz_percent"] == pytest.approx(25.0, abs=0.2)
+    assert found["nrmse_low_percent"] <= found["nrmse_percent"] <= found["nrmse_high_percent"]
+    desired = texture(0, 6.0)
+    assert found["force_rms_N"] == pytest.approx(0.128 * np.sqrt(np.mean(desired**2)))
+    assert found["latency_p50_us"] == pytest.approx(400.0)
+
+
+def test_the_shift_is_what_was_asked_for(tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", copy(gain=1.0, delay=3))
+    paper, measured, fixed = (
+        trials(load(tmp_path, shift=shift, perceptual=False)).iloc[0]
+        for shift in ("paper", "measured", "3")
+    )
+    assert (paper["shift_ms"], fixed["shift_ms"]) == (1.0, 3.0)
+    assert measured["shift_ms"] == pytest.approx(3.0, abs=0.01)
+    assert fixed["nrmse_percent"] < 0.5
+    assert measured["nrmse_percent"] < 1.0
+    assert paper["nrmse_percent"] > 50.0
+
+
+@pytest.mark.parametrize("shift", ["", "later", "nan", "1e9"])
+def test_a_shift_that_is_none_is_refused(tmp_path: Path, shift: str) -> None:
+    with pytest.raises(ParameterError, match="shift = "):
+        load(tmp_path, shift=shift)
+
+
+def test_coherence_is_that_of_signal_in_noise(tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", copy(noise=0.5, seconds=30.0))
+    found = spectra(load(tmp_path, perceptual=False))
+    inside = found[(found.frequency_Hz > 60) & (found.frequency_Hz < 250)]
+    assert inside.coherence.mean() == pytest.approx(1 / (1 + 0.5**2), abs=0.03)
+
+
+def test_trials_are_grouped_and_their_scatter_is_told(tmp_path: Path) -> None:
+    for seed, gain in enumerate((0.7, 0.8, 0.9)):
+        write_bag(tmp_path / f"run{seed}" / "bag", copy(gain=gain, seed=seed))
+    write_bag(tmp_path / "other", copy("none", "vinyl", gain=0.0))
+    analysis = load(tmp_path, perceptual=False)
+    table = groups(analysis).set_index(["controller", "surface"])
+    group = table.loc[("dynamic", "plywood")]
+    assert group["trials"] == 3
+    assert group["nrmse_percent"] == pytest.approx(20.0, abs=0.1)
+    # Student: 4.303 * 10 / sqrt(3)
+    reach = group["nrmse_percent_high"] - group["nrmse_percent"]
+    assert reach == pytest.approx(24.84, abs=0.1)
+    assert "3 trials" in group["interval"]
+    alone = table.loc[("none", "vinyl")]
+    assert "pieces" in alone["interval"]
+    assert len(set(trials(analysis)["trial"])) == 4
+    assert set(bands(analysis)["band"]) >= {"30-60 Hz", "250-500 Hz"}
+
+
+def test_controllers_are_compared_pair_by_pair(tmp_path: Path) -> None:
+    expected = []
+    for seed, (one, other) in enumerate([(0.6, 0.75), (0.5, 0.7), (0.7, 0.8), (0.65, 0.85)]):
+        write_bag(tmp_path / f"a{seed}", copy("constant", gain=one, seed=seed))
+        write_bag(tmp_path / f"b{seed}", copy("inverse", gain=other, seed=seed))
+        expected.append(100 * ((1 - other) - (1 - one)))
+    write_bag(tmp_path / "alone", copy("inverse", gain=0.5, seed=77))
+    found = compare(load(tmp_path, perceptual=False), "controller:constant,inverse").iloc[0]
+    assert found["pairs"] == 4
+    assert found["difference_percent"] == pytest.approx(np.mean(expected), abs=0.1)
+    assert found["p_t"] < 0.05
+    assert math.isnan(found["p_wilcoxon"])
+
+
+def test_two_single_runs_are_a_pair_and_not_tested(tmp_path: Path) -> None:
+    places = [tmp_path / "a", tmp_path / "b"]
+    for place, gain in zip(places, (0.5, 0.9), strict=True):
+        write_bag(place, replace(copy(gain=gain), facts={}))
+    found = compare(load(*places, perceptual=False), RUNS, places).iloc[0]
+    assert found["pairs"] == 1
+    assert found["difference_percent"] == pytest.approx(-40.0, abs=0.1)
+    assert math.isnan(found["p_t"])
+    assert "too few" in found["verdict"]
+
+
+@pytest.mark.parametrize("wanted", ["", "surface:a,b", "controller:a", "controller:a,a", RUNS])
+def test_a_comparison_that_cannot_be_is_refused(tmp_path: Path, wanted: str) -> None:
+    write_bag(tmp_path / "bag", copy(seconds=2.0))
+    with pytest.raises(ParameterError, match="compare"):
+        compare(load(tmp_path, perceptual=False), wanted)
+
+
+def test_a_truncated_bag_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", copy())
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[: int(0.7 * file.stat().st_size)])
+    analysis = load(bag, perceptual=False)
+    assert any("cut off" in line for line in analysis.problems["bag"])
+    (trial,) = analysis.trials
+    assert 2.0 < trial.measures.stretch.seconds < 6.0
+    assert trial.measures.fidelity is not None
+
+
+def test_what_is_no_bag_harms_no_other(tmp_path: Path) -> None:
+    write_bag(tmp_path / "good", copy())
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "bad_0.mcap").write_bytes(b"nonsense")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "metadata.yaml").write_text("")
+    analysis = load(tmp_path, perceptual=False)
+    assert [trial.name for trial in analysis.trials] == ["good"]
+    assert set(analysis.problems) == {"bad", "empty"}
+
+
+def test_without_a_handle_force_and_latency_are_told_all_the_same(tmp_path: Path) -> None:
+    written = copy()
+    del written.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
+    write_bag(tmp_path / "bag", written)
+    found = trials(load(tmp_path, perceptual=False)).iloc[0]
+    assert math.isnan(found["nrmse_percent"])
+    assert math.isnan(found["travel_mm"])
+    assert found["force_peak_N"] > 0
+    assert found["latency_p99_us"] == pytest.approx(400.0)
+
+
+def test_travel_is_that_of_the_suspension(tmp_path: Path) -> None:
+    # A force held for long moves the actuator by force over stiffness: Table I's 266 N/m.
+    samples = 3000
+    zero = np.zeros(samples)
+    trial = Trial("plywood", "none", RATE, zero, zero, zero, zero, np.full(samples, 0.5))
+    write_bag(tmp_path / "bag", of_trial(trial))
+    found = trials(load(tmp_path, perceptual=False)).iloc[0]
+    assert found["travel_mm"] == pytest.approx(1e3 * 0.5 / 266.0, rel=5e-3)
+    assert math.isnan(found["nrmse_percent"])  # nothing was desired
+
+
+def test_lost_samples_are_counted_by_topic(tmp_path: Path) -> None:
+    force, tool = topics.ACTUATOR_FORCE.name, topics.TOOL_ACCELERATION.name
+    dropped = {force: [500, 501, 900], tool: [700]}
+    bag = write_bag(tmp_path / "bag", replace(copy(seconds=2.0), dropped=dropped))
+    found = load(bag, perceptual=False).trials[0].measures.stretch.delivery
+    assert (found.lost[force], found.lost[tool]) == (3, 1)
+    assert sum(found.lost.values()) == 4
+    assert sum(found.late.values()) == 0
+    assert found.missed["slave"] == 0
+
+
+def test_samples_of_a_trial_come_with_their_time(tmp_path: Path) -> None:
+    written = copy(seconds=2.0)
+    bag = write_bag(tmp_path / "bag", written)
+    found = signals(bag)
+    name = topics.ACTUATOR_FORCE.name
+    np.testing.assert_array_equal(found[name], written.signals[name])
+    assert found.index[-1] == pytest.approx(1.999)
+    with pytest.raises(ParameterError, match="number = 2"):
+        signals(bag, 2)
+
+
+def test_a_bag_named_twice_counts_once(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", copy(seconds=2.0))
+    assert len(load(bag, tmp_path, perceptual=False).trials) == 1
+
+
+def test_a_place_without_a_bag_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="no such"):
+        load(tmp_path / "nothing")
+    with pytest.raises(ParameterError, match="with bags in it"):
+        load(tmp_path)
+
+
+def test_a_single_file_is_a_bag(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", copy(seconds=2.0))
+    (file,) = bag.glob("*.mcap")
+    shutil.copy(file, tmp_path / "alone.mcap")
+    analysis = load(tmp_path / "alone.mcap", perceptual=False)
+    assert [trial.name for trial in analysis.trials] == ["alone.mcap"]
+
+
+def test_a_copy_is_not_another_trial(tmp_path: Path) -> None:
+    write_bag(tmp_path / "a", copy(seconds=2.0))
+    shutil.copytree(tmp_path / "a", tmp_path / "b")
+    analysis = load(tmp_path, perceptual=False)
+    assert [trial.name for trial in analysis.trials] == ["a"]
+    assert any("same samples as a" in line for line in analysis.problems["b"])
+    # What is compared may well be equal.
+    places = [tmp_path / "a", tmp_path / "b"]
+    compared = compare(load(*places, perceptual=False), RUNS, places).iloc[0]
+    assert (compared["pairs"], compared["difference_percent"]) == (1, 0.0)

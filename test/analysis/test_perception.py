@@ -1,0 +1,82 @@
+"""The perceptual scores of signals whose scores are known."""
+
+from __future__ import annotations
+
+import builtins
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haptic_accel.analysis.perception import MISSING, perceive
+from haptic_accel.core.model import FloatArray
+
+RATE = 1000.0
+
+
+@pytest.fixture
+def desired() -> FloatArray:
+    pytest.importorskip("vibromaf")
+    return np.random.default_rng(1).normal(0.0, 3.0, 4000)
+
+
+def test_equal_signals_score_one(desired: FloatArray) -> None:
+    found = perceive(desired, desired.copy(), RATE)
+    assert (found.st_sim, found.spqi, found.note) == (1.0, 1.0, "")
+
+
+def test_a_silent_handle_scores_as_the_formulas_say(desired: FloatArray) -> None:
+    found = perceive(desired, np.zeros_like(desired), RATE)
+    assert found.st_sim == pytest.approx(0.0, abs=1e-9)
+    # All of the power is missing: 0 dB of difference, SPQI's offset alone.
+    assert found.spqi == pytest.approx((1 - math.tanh(2.0)) / 2)
+
+
+def test_the_better_copy_scores_higher(desired: FloatArray) -> None:
+    noise = np.random.default_rng(2).normal(0.0, 3.0, 4000)
+    near, far = (perceive(desired, desired + share * noise, RATE) for share in (0.1, 0.8))
+    assert near.st_sim > far.st_sim
+    assert near.spqi > far.spqi
+
+
+def test_spqi_has_no_unit(desired: FloatArray) -> None:
+    noise = np.random.default_rng(2).normal(0.0, 3.0, 4000)
+    found, in_g = (perceive(s * desired, s * (desired + noise), RATE) for s in (1.0, 1 / 9.81))
+    assert found.spqi == pytest.approx(in_g.spqi)
+
+
+def test_opposed_signals_have_no_st_sim(desired: FloatArray) -> None:
+    found = perceive(desired, -desired, RATE)
+    assert math.isnan(found.st_sim)
+    assert "opposed" in found.note
+
+
+def test_silence_and_moments_are_not_scored(desired: FloatArray) -> None:
+    assert "undefined" in perceive(np.zeros(4000), desired, RATE).note
+    assert "shorter than" in perceive(desired[:20], desired[:20], RATE).note
+
+
+def test_a_long_trial_is_the_mean_of_its_pieces(desired: FloatArray) -> None:
+    rate = 200.0  # 20 s
+    noise = np.random.default_rng(2).normal(0.0, 3.0, 4000)
+    halves = [
+        perceive(desired[half], (desired + noise)[half], rate)
+        for half in (slice(2000), slice(2000, None))
+    ]
+    found = perceive(desired, desired + noise, rate)
+    assert found.st_sim == pytest.approx(np.mean([half.st_sim for half in halves]))
+
+
+def test_without_the_library_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = builtins.__import__
+
+    def refusing(name: str, *rest: Any) -> Any:
+        if name.startswith("vibromaf"):
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", refusing)
+    found = perceive(np.ones(4000), np.ones(4000), RATE)
+    assert found.note == MISSING
+    assert math.isnan(found.spqi)
