@@ -9,7 +9,6 @@ from pathlib import Path
 
 import jinja2
 
-
 _FOLDER = Path(__file__).parent
 
 

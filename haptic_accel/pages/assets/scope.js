@@ -1,0 +1,718 @@
+// The live scope's page: takes frames of samples, draws them, and sends commands.
+// The frames are described in haptic_accel/scope/frames.py. Units are SI until they are shown.
+"use strict";
+
+(() => {
+  const SAMPLES = 1;
+  const FIGURES = 2;
+  const TRACES = ["desired", "actual", "force", "travel"];
+  const CAPACITY = 1 << 17; // samples of a trace; at 20 kHz more than the longest window
+  const LAG = 0.05; // s behind the newest sample, so that the right edge does not flicker
+  const GAP = 0.02; // s without a sample across which no line is drawn
+  const JUMP = 0.25; // s by which the clocks may drift apart before they are set anew
+  const SHRINK = 1.5; // s for which less would do before a scale gets finer
+  const BAND = 1.0; // s that the pale part of a gauge covers
+  const QUIET = 1.0; // s without samples after which there are no signals
+  const CALM = 250; // ms between two pictures where motion is to be reduced
+  const DESCRIBE = 5000; // ms between two descriptions of a plot for screen readers
+  const SAID = 10000; // ms that a message stays
+  const FIRST_RETRY = 250; // ms
+  const LAST_RETRY = 2000; // ms
+  const COMMAND_TIME = 4000; // ms after which a command has failed
+  const LOWEST = 10; // Hz, where spectra begin
+  const CLOUD_SHARE = 0.97; // of the values that surely fit into the cloud's scale
+  const CLOUD_ROOM = 1.5; // of the scale beyond these
+  const LEAST_TOP = 0.1; // m/s²/√Hz, of that axis; the sensors' noise is at its foot
+  const DECADES = 3; // of the spectra's vertical axis
+
+  const byId = (id) => document.getElementById(id);
+  const control = document.body.dataset.control === "true";
+  const calm = matchMedia("(prefers-reduced-motion: reduce)");
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+
+  function setText(element, text) {
+    if (element && element.textContent !== text) element.textContent = text;
+  }
+
+  function setState(element, state, text) {
+    if (element.dataset.state !== state) element.dataset.state = state;
+    setText(element, text);
+  }
+
+  // ---- Traces -----------------------------------------------------------------------------
+
+  class Trace {
+    constructor() {
+      this.times = new Float64Array(CAPACITY);
+      this.values = new Float32Array(CAPACITY);
+      this.count = 0;
+    }
+
+    push(origin, offsets, values) {
+      for (let i = 0; i < offsets.length; i++) {
+        const place = this.count++ % CAPACITY;
+        this.times[place] = origin + offsets[i];
+        this.values[place] = values[i];
+      }
+    }
+
+    get newest() {
+      return this.count ? this.times[(this.count - 1) % CAPACITY] : -Infinity;
+    }
+
+    get last() {
+      return this.count ? this.values[(this.count - 1) % CAPACITY] : NaN;
+    }
+
+    /** The first sample not before a time, looked for from the newest back. */
+    since(time) {
+      const oldest = Math.max(0, this.count - CAPACITY);
+      let low = oldest;
+      let high = this.count;
+      while (low < high) {
+        const middle = (low + high) >> 1;
+        if (this.times[middle % CAPACITY] < time) low = middle + 1;
+        else high = middle;
+      }
+      return low;
+    }
+
+    /** Least and greatest value from a time on. */
+    extremes(time) {
+      let least = Infinity;
+      let greatest = -Infinity;
+      for (let i = this.since(time); i < this.count; i++) {
+        const value = this.values[i % CAPACITY];
+        if (value < least) least = value;
+        if (value > greatest) greatest = value;
+      }
+      return least <= greatest ? [least, greatest] : [0, 0];
+    }
+  }
+
+  const traces = Object.fromEntries(TRACES.map((name) => [name, new Trace()]));
+  const counters = { drawn: 0, frames: 0, bytes: 0, states: 0 };
+  let state = null;
+  let figures = null;
+
+  // The server's stamps and this page's clock run apart: the newest stamps tell by how much.
+  const clock = {
+    offset: null,
+    meet(newest) {
+      const found = newest - performance.now() / 1000;
+      if (this.offset === null || Math.abs(found - this.offset) > JUMP) this.offset = found;
+      else this.offset += 0.05 * (found - this.offset);
+    },
+    get now() {
+      return this.offset === null ? 0 : performance.now() / 1000 + this.offset;
+    },
+  };
+
+  // ---- Scales -----------------------------------------------------------------------------
+
+  /** The next round number that is not smaller. */
+  function roundUp(value) {
+    const power = 10 ** Math.floor(Math.log10(value));
+    return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((step) => step * power).find((step) => step >= value * 0.999);
+  }
+
+  /** A limit that grows at once, and gets smaller only after a while. */
+  class Limit {
+    constructor(least) {
+      this.least = least;
+      this.value = least;
+      this.since = 0;
+    }
+
+    /** Take the largest magnitude shown; tell whether the limit changed. */
+    meet(magnitude) {
+      const wanted = Math.max(this.least, roundUp(1.05 * Math.max(magnitude, 1e-9)));
+      const now = performance.now() / 1000;
+      if (wanted >= this.value) this.since = now;
+      if (wanted > this.value || (wanted < this.value && now - this.since > SHRINK)) {
+        this.value = wanted;
+        this.since = now;
+        return true;
+      }
+      return false;
+    }
+  }
+
+  // ---- Plots ------------------------------------------------------------------------------
+
+  function colours() {
+    const style = getComputedStyle(document.documentElement);
+    const names = ["desired", "actual", "text", "quiet", "grid", "line"];
+    return Object.fromEntries(names.map((n) => [n, style.getPropertyValue(`--${n}`).trim()]));
+  }
+
+  let colour = colours();
+
+  function axis(label, more) {
+    return {
+      label,
+      size: 28,
+      labelSize: 18,
+      labelGap: 0,
+      labelFont: "12px system-ui, sans-serif",
+      font: "12px system-ui, sans-serif",
+      stroke: () => colour.quiet,
+      grid: { stroke: () => colour.grid, width: 1 },
+      ticks: { stroke: () => colour.grid, width: 1, size: 4 },
+      ...more,
+    };
+  }
+
+  function plot(id, options, data) {
+    const holder = byId(id);
+    const size = () => ({ width: holder.clientWidth, height: holder.clientHeight });
+    const made = new uPlot(
+      { legend: { show: false }, cursor: { show: false }, ...size(), ...options },
+      data,
+      holder,
+    );
+    new ResizeObserver(() => made.setSize(size())).observe(holder);
+    return made;
+  }
+
+  function clipped(ctx, bbox, draw) {
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    draw();
+    ctx.restore();
+  }
+
+  let lows = new Float32Array(0);
+  let highs = new Float32Array(0);
+
+  /**
+   * Draw a trace from one time to another: per column of pixels a bar from the least to the
+   * greatest value that the line has in it. Bars are drawn many times quicker than a line of
+   * thousands of corners, and no peak is lost where samples are more than columns.
+   */
+  function drawTrace(ctx, box, trace, from, to, limit, stroke, width) {
+    const columns = Math.ceil(box.width);
+    if (lows.length < columns) [lows, highs] = [0, 0].map(() => new Float32Array(columns));
+    lows.fill(Infinity, 0, columns);
+    highs.fill(-Infinity, 0, columns);
+    const perSecond = columns / (to - from);
+    const first = Math.max(trace.since(from) - 1, 0, trace.count - CAPACITY);
+    let [before, x, y] = [-Infinity, 0, 0];
+    for (let i = first; i < trace.count; i++) {
+      const time = trace.times[i % CAPACITY];
+      const [beforeX, beforeY] = [x, y];
+      x = (time - from) * perSecond;
+      y = box.top + (0.5 - trace.values[i % CAPACITY] / (2 * limit)) * box.height;
+      if (x >= columns) break;
+      if (time - before <= GAP) markLine(beforeX, beforeY, x, y);
+      before = time;
+    }
+    const thick = width * devicePixelRatio;
+    ctx.fillStyle = stroke;
+    for (let column = 0; column < columns; column++) {
+      const high = highs[column] - lows[column];
+      if (high >= 0) ctx.fillRect(box.left + column, lows[column] - thick / 2, 1, high + thick);
+    }
+  }
+
+  /** Widen the bars of the columns that a line from one point to another runs through. */
+  function markLine(x0, y0, x1, y1) {
+    const slope = x1 > x0 ? (y1 - y0) / (x1 - x0) : 0;
+    for (let column = Math.max(0, Math.floor(x0)); column <= x1; column++) {
+      const enter = column > x0 ? y0 + slope * (column - x0) : y0;
+      const leave = column + 1 < x1 ? y0 + slope * (column + 1 - x0) : y1;
+      lows[column] = Math.min(lows[column], enter, leave);
+      highs[column] = Math.max(highs[column], enter, leave);
+    }
+  }
+
+  const timeLimit = new Limit(1);
+  let windowLength = Number(byId("window").value);
+  let held = null; // time at the right edge while the picture is held
+
+  const timePlot = plot(
+    "time",
+    {
+      scales: {
+        x: { time: false, range: () => [-windowLength, 0] },
+        y: { range: () => [-timeLimit.value, timeLimit.value] },
+      },
+      series: [{}, {}],
+      axes: [axis("time before now (s)"), axis("m/s²", { size: 52 })],
+    },
+    [[-1, 0], [null, null]],
+  );
+
+  // The traces move and have a canvas of their own: the axes behind it are drawn seldom.
+  const sheet = document.createElement("canvas").getContext("2d");
+  byId("time").append(sheet.canvas);
+
+  function drawTime() {
+    const to = held ?? clock.now - LAG;
+    const from = to - windowLength;
+    const shown = ["desired", "actual"].flatMap((name) => traces[name].extremes(from));
+    if (timeLimit.meet(Math.max(...shown.map(Math.abs)))) timePlot.setData(timePlot.data);
+    const { width, height } = timePlot.ctx.canvas;
+    if (sheet.canvas.width !== width) sheet.canvas.width = width;
+    if (sheet.canvas.height !== height) sheet.canvas.height = height;
+    sheet.clearRect(0, 0, width, height);
+    const box = timePlot.bbox;
+    clipped(sheet, box, () => {
+      const limit = timeLimit.value;
+      drawTrace(sheet, box, traces.desired, from, to, limit, colour.desired, 2);
+      sheet.globalAlpha = 0.85; // what is behind shows through
+      drawTrace(sheet, box, traces.actual, from, to, limit, colour.actual, 1.2);
+    });
+  }
+
+  let spectraTop = 1;
+  const spectraPlot = plot(
+    "spectra",
+    {
+      scales: {
+        x: { time: false, distr: 3, range: (u, least, most) => [LOWEST, most || 500] },
+        y: { distr: 3, range: () => [spectraTop / 10 ** DECADES, spectraTop] },
+      },
+      series: [
+        {},
+        { stroke: () => colour.desired, width: 2, points: { show: false } },
+        { stroke: () => colour.actual, width: 1.4, points: { show: false } },
+      ],
+      axes: [
+        axis("frequency (Hz)"),
+        axis("m/s²/√Hz", {
+          size: 62,
+          values: (u, splits) => splits.map((v) => (v === null ? "" : String(+v.toPrecision(1)))),
+        }),
+      ],
+    },
+    [[LOWEST, 500], [null, null], [null, null]],
+  );
+
+  const cloudLimit = new Limit(1);
+  const cloudPlot = plot(
+    "cloud",
+    {
+      scales: {
+        x: { time: false, range: () => [-cloudLimit.value, cloudLimit.value] },
+        y: { range: () => [-cloudLimit.value, cloudLimit.value] },
+      },
+      series: [{}, {}],
+      axes: [axis("actual (m/s²)"), axis("desired (m/s²)", { size: 52 })],
+      hooks: { draw: [drawCloud] },
+    },
+    [[-1, 1], [null, null]],
+  );
+
+  function drawCloud(u) {
+    if (!figures) return;
+    const { ctx, bbox: box } = u;
+    clipped(ctx, box, () => {
+      const limit = cloudLimit.value;
+      const x = (value) => box.left + (0.5 + value / (2 * limit)) * box.width;
+      const y = (value) => box.top + (0.5 - value / (2 * limit)) * box.height;
+      const line = (slope, stroke, width, dash) => {
+        ctx.beginPath();
+        ctx.setLineDash(dash.map((length) => length * devicePixelRatio));
+        ctx.moveTo(x(-limit), y(-limit * slope));
+        ctx.lineTo(x(limit), y(limit * slope));
+        ctx.strokeStyle = stroke;
+        ctx.lineWidth = width * devicePixelRatio;
+        ctx.stroke();
+      };
+      const size = 2 * devicePixelRatio;
+      ctx.fillStyle = colour.desired;
+      ctx.globalAlpha = 0.55;
+      for (let i = 0; i < figures.actual.length; i++) {
+        ctx.fillRect(x(figures.actual[i]) - size / 2, y(figures.cloud[i]) - size / 2, size, size);
+      }
+      ctx.globalAlpha = 1;
+      line(1, colour.quiet, 1, [5, 4]);
+      const slope = state?.figures.slope;
+      if (slope !== null && slope !== undefined) line(slope, colour.actual, 2.2, []);
+    });
+  }
+
+  function showFigures() {
+    const { frequency, desiredSpectrum, actualSpectrum } = figures;
+    if (frequency.length) {
+      const first = frequency.findIndex((f) => f >= LOWEST);
+      const positive = (values) => Array.from(values.subarray(first), (v) => (v > 0 ? v : null));
+      const lines = [positive(desiredSpectrum), positive(actualSpectrum)];
+      const top = Math.max(LEAST_TOP, ...lines.flat());
+      const wanted = 10 ** Math.ceil(Math.log10(top));
+      if (wanted > spectraTop || wanted < spectraTop / 10) spectraTop = wanted;
+      spectraPlot.setData([Array.from(frequency.subarray(first)), ...lines]);
+    }
+    const sizes = Float32Array.of(...figures.actual, ...figures.cloud).map(Math.abs).sort();
+    const usual = sizes.length ? sizes[Math.floor(CLOUD_SHARE * sizes.length)] : 0;
+    if (cloudLimit.meet(CLOUD_ROOM * usual)) cloudPlot.setData(cloudPlot.data);
+    else cloudPlot.redraw(false, false);
+  }
+
+  // ---- Gauges -----------------------------------------------------------------------------
+
+  function drawGauge(name, limit) {
+    const track = document.querySelector(`[data-gauge=${name}] .track`);
+    const trace = traces[name];
+    const fresh = clock.now - trace.newest < QUIET;
+    const [least, most] = fresh ? trace.extremes(trace.newest - BAND) : [0, 0];
+    const part = (value) => Math.max(-1, Math.min(1, value / limit));
+    track.querySelector(".now").style.transform = `scaleX(${part(fresh ? trace.last : 0)})`;
+    track.querySelector(".band").style.transform =
+      `translateX(${100 * part(least)}%) scaleX(${part(most) - part(least)})`;
+    track.dataset.full = String(Math.max(-least, most) >= 0.95 * limit);
+  }
+
+  function drawGauges() {
+    const limits = state?.limits;
+    if (!limits) return;
+    drawGauge("force", limits.force);
+    drawGauge("travel", limits.travel);
+  }
+
+  // ---- States -----------------------------------------------------------------------------
+
+  const digits = (value, places, factor = 1) =>
+    value === null || value === undefined ? "–" : (factor * value).toFixed(places);
+
+  function showNumbers(numbers) {
+    setText(byId("nrmse"), digits(numbers.nrmse_percent, 1));
+    setText(byId("slope"), digits(numbers.slope, 2));
+    setText(byId("r2"), digits(numbers.r2, 2));
+    setText(byId("rms_desired"), digits(numbers.rms_desired, 2));
+    setText(byId("rms_actual"), digits(numbers.rms_actual, 2));
+    setText(byId("age_p50"), digits(numbers.age_p50, 0, 1e6));
+    setText(byId("age_p99"), digits(numbers.age_p99, 0, 1e6));
+    setText(byId("rate"), digits(numbers.rate, 0));
+    setText(byId("force-peak"), digits(numbers.peak_force, 2));
+    setText(byId("travel-peak"), digits(numbers.peak_travel, 2, 1e3));
+  }
+
+  const WORDS = { OK: "OK", warning: "warning", error: "error", silent: "silent", absent: "absent" };
+
+  function showNodes(rows) {
+    const list = byId("nodes");
+    for (const row of rows) {
+      let item = list.querySelector(`[data-node="${CSS.escape(row.name)}"]`);
+      if (!item) {
+        item = document.createElement("li");
+        item.dataset.node = row.name;
+        for (const kind of ["who", "state", "say"]) {
+          const part = document.createElement("span");
+          part.className = kind;
+          item.append(part);
+        }
+        list.append(item);
+      }
+      const [who, badge, say] = item.children;
+      const before = badge.dataset.state;
+      setText(who, row.name);
+      setState(badge, row.state, WORDS[row.state]);
+      setText(say, row.message);
+      // The emergency stop has its own place.
+      const news = before && before !== row.state && row.state !== "OK";
+      if (news && row.message !== "emergency stop") {
+        tell(`${row.name}: ${row.message || row.state}`, row.state);
+      }
+    }
+  }
+
+  const HIDDEN_FACTS = new Set(["scheduling", "state"]);
+
+  /** A fact's name and value as a person reads them: bytes as a round size. */
+  function readable([name, value]) {
+    const [, plain] = name.match(/^(.*) [[(]bytes[\])]$/) ?? [];
+    if (!plain) return [name, value];
+    const mega = Number(value) / 1e6;
+    return [plain, mega < 1e3 ? `${mega.toFixed(1)} MB` : `${(mega / 1e3).toFixed(1)} GB`];
+  }
+
+  function showRecorder(rows, facts) {
+    const row = rows.find(({ name }) => name === "recorder");
+    const words = { OK: facts.state || "recording", absent: "not recording" };
+    setState(byId("recorder-state"), row.state, words[row.state] || row.message || row.state);
+    const shown = Object.entries(facts)
+      .filter(([name]) => !HIDDEN_FACTS.has(name))
+      .map(readable);
+    const list = byId("recorder");
+    const names = shown.map(([name]) => name).join("\n");
+    if (list.dataset.names !== names) {
+      list.dataset.names = names;
+      list.replaceChildren(
+        ...shown.map(([name]) => {
+          const [group, term, value] = ["div", "dt", "dd"].map((k) => document.createElement(k));
+          term.textContent = name;
+          group.append(term, value);
+          return group;
+        }),
+      );
+    }
+    shown.forEach(([, value], index) => setText(list.children[index].lastChild, value));
+  }
+
+  function showChoice(action, value) {
+    const output = byId(action);
+    if (output) setText(output, value ?? "not known");
+    let known = false;
+    for (const button of document.querySelectorAll(`[data-action=${action}]`)) {
+      const chosen = button.dataset.value === String(value);
+      known ||= chosen;
+      if (button.getAttribute("aria-pressed") !== String(chosen)) {
+        button.setAttribute("aria-pressed", String(chosen));
+      }
+    }
+    if (output && control) output.classList.toggle("hidden", known);
+  }
+
+  function showStop(stop, engaged, rows) {
+    const stopped = stop.asked || stop.master === true || stop.slave === true;
+    const all = stop.master === true && stop.slave === true;
+    // A device says nothing of the stop until the first.
+    const there = rows.filter(({ name, state }) => name.endsWith("_device") && state === "OK");
+    const free = there.length ? ["OK", "no stop"] : ["absent", "stop: not known"];
+    setState(byId("stop-state"), ...(stopped ? ["error", "emergency stop"] : free));
+    setState(
+      byId("arms"),
+      engaged === null ? "absent" : engaged ? "OK" : "warning",
+      engaged === null ? "arms: not known" : engaged ? "arms engaged" : "arms free",
+    );
+    const alarm = byId("alarm");
+    const text = all
+      ? "Emergency stop: no force until it is released."
+      : "Emergency stop: not confirmed by both devices.";
+    setText(alarm, stopped ? text : "");
+    alarm.hidden = !stopped;
+    if (control) byId("release").hidden = !stopped;
+  }
+
+  function describe() {
+    if (!state) return;
+    const n = state.figures;
+    const rms = `desired ${digits(n.rms_desired, 1)}, actual ${digits(n.rms_actual, 1)} m/s² RMS`;
+    byId("time").setAttribute("aria-label", `Acceleration over the last seconds: ${rms}`);
+    byId("cloud").setAttribute(
+      "aria-label",
+      `Desired over actual acceleration: slope ${digits(n.slope, 2)}, R² ${digits(n.r2, 2)}`,
+    );
+    for (const [name, factor, unit] of [["force", 1, "N"], ["travel", 1e3, "mm"]]) {
+      const track = document.querySelector(`[data-gauge=${name}] .track`);
+      const limit = state.limits[name] * factor;
+      const peak = (n[`peak_${name}`] ?? 0) * factor;
+      track.setAttribute("aria-valuemax", limit.toFixed(2));
+      track.setAttribute("aria-valuenow", Math.min(peak, limit).toFixed(2));
+      track.setAttribute("aria-valuetext", `at most ${peak.toFixed(2)} of ${limit.toFixed(2)} ${unit}`);
+    }
+  }
+
+  let version = null;
+
+  function showState(received) {
+    if (version !== null && version !== received.version) {
+      location.reload(); // another scope, with other controls
+      return;
+    }
+    version = received.version;
+    state = received;
+    counters.states++;
+    if (held === null) showNumbers(state.figures);
+    setText(byId("actuator_p50"), digits(state.age_at_actuator.p50, 0));
+    setText(byId("actuator_p99"), digits(state.age_at_actuator.p99, 0));
+    setText(byId("force-limit"), digits(state.limits.force, 1));
+    setText(byId("travel-limit"), digits(state.limits.travel, 1, 1e3));
+    byId("assumed").hidden = !state.limits.assumed;
+    showNodes(state.nodes);
+    showRecorder(state.nodes, state.recorder);
+    for (const action of ["controller", "surface", "grip"]) showChoice(action, state[action]);
+    showChoice("engage", state.engaged);
+    showStop(state.stop, state.engaged, state.nodes);
+    showLink();
+  }
+
+  function showLink() {
+    const flowing = clock.now - traces.actual.newest < QUIET;
+    setState(byId("link"), flowing ? "OK" : "waiting", flowing ? "live" : "no signals");
+  }
+
+  // ---- The link to the scope --------------------------------------------------------------
+
+  function take(buffer) {
+    const kind = new DataView(buffer).getUint32(0, true);
+    counters.frames++;
+    counters.bytes += buffer.byteLength;
+    if (kind === SAMPLES) takeSamples(buffer);
+    else if (kind === FIGURES) takeFigures(buffer);
+  }
+
+  function takeSamples(buffer) {
+    const view = new DataView(buffer);
+    const counts = TRACES.map((_, index) => view.getUint32(4 + 4 * index, true));
+    const origin = view.getFloat64(24, true);
+    let place = 32;
+    const block = (count) => {
+      const values = new Float32Array(buffer, place, count);
+      place += 4 * count;
+      return values;
+    };
+    TRACES.forEach((name, index) => {
+      const offsets = block(counts[index]);
+      traces[name].push(origin, offsets, block(counts[index]));
+    });
+    clock.meet(Math.max(traces.desired.newest, traces.actual.newest));
+  }
+
+  function takeFigures(buffer) {
+    const view = new DataView(buffer);
+    const [lines, points] = [4, 8].map((at) => view.getUint32(at, true));
+    let place = 12;
+    const block = (count) => {
+      const values = new Float32Array(buffer, place, count);
+      place += 4 * count;
+      return values;
+    };
+    const [frequency, desiredSpectrum, actualSpectrum] = [0, 1, 2].map(() => block(lines));
+    const [cloud, actual] = [0, 1].map(() => block(points));
+    if (held !== null) return;
+    figures = { frequency, desiredSpectrum, actualSpectrum, cloud, actual };
+    showFigures();
+  }
+
+  let retry = FIRST_RETRY;
+
+  function connect() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/live`);
+    socket.binaryType = "arraybuffer";
+    socket.addEventListener("open", () => {
+      retry = FIRST_RETRY;
+    });
+    socket.addEventListener("message", ({ data }) => {
+      if (typeof data === "string") showState(JSON.parse(data));
+      else take(data);
+    });
+    socket.addEventListener("close", () => {
+      setState(byId("link"), "error", "scope not reached, trying again");
+      setTimeout(connect, retry);
+      if (retry === LAST_RETRY) lookWhy();
+      retry = Math.min(2 * retry, LAST_RETRY);
+    });
+  }
+
+  /** A scope that was started anew may have another token, which a socket does not say. */
+  async function lookWhy() {
+    try {
+      const answer = await fetch("/", { method: "HEAD" });
+      if (answer.status === 403) tell("open the address that the scope printed last", "error");
+    } catch {
+      // not there: said already
+    }
+  }
+
+  // ---- Commands ---------------------------------------------------------------------------
+
+  let hiding = 0;
+
+  function tell(text, kind) {
+    const message = byId("message");
+    message.hidden = false;
+    setState(message, kind, text);
+    clearTimeout(hiding);
+    if (kind !== "waiting") hiding = setTimeout(() => (message.hidden = true), SAID);
+  }
+
+  async function command(action, value) {
+    try {
+      const answer = await fetch("/command", {
+        method: "POST",
+        headers: { "Content-Type": "application/json" },
+        body: JSON.stringify({ action, value }),
+        signal: AbortSignal.timeout(COMMAND_TIME),
+      });
+      const { message } = await answer.json();
+      tell(message, answer.ok ? "OK" : "error");
+      return answer.ok;
+    } catch {
+      const urgent = action === "estop" && value;
+      tell(
+        urgent
+          ? "The stop did not reach the scope. Use the hardware, or haptic-accel estop."
+          : `${action}: the scope does not answer`,
+        "error",
+      );
+      return false;
+    }
+  }
+
+  function stop() {
+    tell("stopping", "waiting");
+    return command("estop", true);
+  }
+
+  function listenToControls() {
+    for (const button of document.querySelectorAll("[data-action]")) {
+      button.addEventListener("click", async () => {
+        const { action, value } = button.dataset;
+        button.setAttribute("aria-busy", "true");
+        await command(action, action === "engage" ? value === "true" : value);
+        button.removeAttribute("aria-busy");
+      });
+    }
+    const confirm = byId("confirm");
+    byId("stop").addEventListener("click", stop);
+    byId("release").addEventListener("click", () => confirm.showModal());
+    byId("keep").addEventListener("click", () => confirm.close());
+    byId("really").addEventListener("click", () => {
+      confirm.close();
+      command("estop", false);
+    });
+    document.addEventListener("keydown", (event) => {
+      // In the dialog Escape closes it, which leaves everything stopped.
+      if (event.key === "Escape" && !event.repeat && !confirm.open) stop();
+    });
+  }
+
+  // ---- Drawing ----------------------------------------------------------------------------
+
+  let drawnAt = 0;
+
+  function draw(moment) {
+    requestAnimationFrame(draw);
+    if (calm.matches && moment - drawnAt < CALM) return;
+    if (clock.offset === null) return;
+    drawnAt = moment;
+    if (held === null) {
+      drawTime();
+      drawGauges();
+      counters.drawn++;
+    }
+  }
+
+  byId("window").addEventListener("change", ({ target }) => {
+    windowLength = Number(target.value);
+    timePlot.setData(timePlot.data);
+  });
+  byId("hold").addEventListener("click", ({ target }) => {
+    held = held === null ? clock.now - LAG : null;
+    target.setAttribute("aria-pressed", String(held !== null));
+  });
+  dark.addEventListener("change", () => {
+    colour = colours();
+    for (const one of [timePlot, spectraPlot, cloudPlot]) one.redraw();
+  });
+  setInterval(describe, DESCRIBE);
+  if (control) listenToControls();
+  connect();
+  requestAnimationFrame(draw);
+
+  /** For tests and the curious: what was received and drawn so far. */
+  window.hapticScope = {
+    counters,
+    get state() {
+      return state;
+    },
+    samples: () => Object.fromEntries(TRACES.map((name) => [name, traces[name].count])),
+    newest: () => traces.actual.newest,
+  };
+})();

@@ -1,0 +1,79 @@
+"""What a page is sent: samples and figures as bytes, little-endian.
+
+A frame of samples: kind, then the number of samples of each trace (uint32 each), padding to a
+multiple of 8, the origin in s since 1970 (float64), then for each trace the times after the
+origin in s, and its values (float32 each). A frame of figures: kind, points of the spectra,
+points of the cloud (uint32 each), then frequency, desired and actual of the spectra, desired and
+actual of the cloud (float32 each).
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+from haptic_accel.scope.windows import LONGEST_WINDOW, NANOSECONDS, Figures, Ring, Windows
+
+SAMPLES, FIGURES = 1, 2
+"""Kinds of frames."""
+
+TRACES = ("desired", "actual", "force", "travel")
+"""Signals of a frame of samples, in this order: m/s^2, m/s^2, N, m."""
+
+_SAMPLES_HEADER = struct.Struct("<5I4xd")
+_FIGURES_HEADER = struct.Struct("<3I")
+
+_LARGEST = float(np.finfo(np.float32).max)
+
+
+class Cursor:
+    """How far one page has been sent the traces.
+
+    Parameters
+    ----------
+    windows : Windows
+    """
+
+    def __init__(self, windows: Windows) -> None:
+        self._windows = windows
+        self._sent = dict.fromkeys(TRACES, 0)
+
+    def frame(self) -> bytes | None:
+        """Return the samples that came since the last frame, None where none did.
+
+        Who has not asked for long gets the newest, no more than the longest window has.
+        """
+        self._windows.advance()
+        parts = []
+        for name in TRACES:
+            ring: Ring = getattr(self._windows, name)
+            self._sent[name], stamps, values = ring.since(self._sent[name])
+            recent = stamps >= ring.newest - int(LONGEST_WINDOW * NANOSECONDS)
+            parts.append((stamps[recent], values[recent]))
+        if not any(len(stamps) for stamps, _ in parts):
+            return None
+        origin = min(int(stamps[0]) for stamps, _ in parts if len(stamps))
+        header = _SAMPLES_HEADER.pack(
+            SAMPLES, *(len(stamps) for stamps, _ in parts), origin / NANOSECONDS
+        )
+        blocks = [
+            _float32(block)
+            for stamps, values in parts
+            for block in ((stamps - origin) / NANOSECONDS, values)
+        ]
+        return b"".join([header, *blocks])
+
+
+def figures_frame(figures: Figures) -> bytes:
+    """Return spectra and cloud as bytes."""
+    found = figures.spectra
+    lines = (found.frequency, found.desired, found.actual) if found else ()
+    cloud = (figures.desired, figures.actual)
+    header = _FIGURES_HEADER.pack(FIGURES, len(lines[0]) if lines else 0, len(figures.desired))
+    return b"".join([header, *map(_float32, (*lines, *cloud))])
+
+
+def _float32(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> bytes:
+    """Return values as bytes; what is beyond the range of float32 at its end."""
+    return np.clip(values, -_LARGEST, _LARGEST).astype("<f4").tobytes()

@@ -1,0 +1,274 @@
+"""The live scope as a user meets it: a graph that runs, and its page in a real browser."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter
+
+from haptic_accel.nodes.topics import MASTER_STOPPED, SLAVE_STOPPED
+from running import Command, nodes_of, wait_until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+    from observing import Observer
+
+DOMAIN = 101
+"""Of the graph that the tests of this file share: above those of other tests."""
+
+BROWSER = "HAPTIC_ACCEL_BROWSER"
+"""Environment variable that makes a missing browser a failure: required."""
+
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Shared:
+    """A graph with a scope, and its page."""
+
+    def __init__(self, folder: Path, page: Page) -> None:
+        self.folder = folder
+        self.page = page
+        self.port = free_port()
+        self.complaints: list[str] = []
+        self.requested: list[str] = []
+        page.on("console", self._on_console)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("request", lambda request: self.requested.append(request.url))
+        self.graph = self.start()
+        page.goto(f"http://127.0.0.1:{self.port}/")
+        self.wait("state !== null && hapticScope.samples().actual > 200", "signals arrive")
+
+    def start(self) -> Command:
+        """Start a graph whose scope has always the same port."""
+        words = ["-m", "haptic_accel.tools.cli", "teleop", "seed:=1", "scope:=true"]
+        words += [f"scope_port:={self.port}", "scope_control:=true"]
+        graph = Command(words, self.folder)
+        graph.wait_for("engaged")
+        graph.wait_for("control allowed")
+        return graph
+
+    def wait(self, expression: str, what: str) -> None:
+        """Wait for an expression of the page; `state` is what it was sent last."""
+        script = f"() => {{ const state = hapticScope.state; return Boolean({expression}); }}"
+        wait_until(lambda: bool(self.page.evaluate(script)), what)
+
+    def press(self, action: str, value: str) -> None:
+        self.page.locator(f"[data-action={action}][data-value={value}]").click()
+
+    def is_pressed(self, action: str, value: str) -> str:
+        """Return the expression for a choice being shown as the graph's own."""
+        place = f"[data-action={action}][data-value={value}]"
+        return f"document.querySelector('{place}').ariaPressed === 'true'"
+
+    def _on_console(self, message: Any) -> None:
+        if message.type in ("error", "warning"):
+            self.complaints.append(message.text)
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Page]:
+    chromium = shutil.which("chromium")
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        chromium = None
+    if chromium is None:
+        reason = "no Chromium or no playwright"
+        if os.environ.get(BROWSER) == "required":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    with sync_playwright() as player:
+        browser = player.chromium.launch(executable_path=chromium, args=list(FLAGS))
+        yield browser.new_page(viewport={"width": 1280, "height": 900})
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def shared(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("ROS_DOMAIN_ID", str(DOMAIN))
+        environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        made = Shared(tmp_path_factory.mktemp("scope"), page)
+        yield made
+        made.graph.end(signal.SIGINT)
+        for pid in nodes_of(DOMAIN).values():
+            os.kill(pid, signal.SIGKILL)
+
+
+@pytest.fixture(scope="module")
+def watcher(shared: Shared) -> Iterator[Observer]:
+    from observing import Observer
+
+    observer = Observer(DOMAIN)
+    yield observer
+    observer.close()
+
+
+def parameter(watcher: Observer, node: str, name: str) -> str:
+    request = GetParameters.Request(names=[name])
+    answer = watcher.call(GetParameters, f"{node}/get_parameters", request)
+    return str(answer.values[0].string_value)
+
+
+PICTURE = "document.querySelector('#time > canvas').toDataURL()"
+
+COLOURED = """() => {
+  const canvas = document.querySelector('#time > canvas');
+  const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+  let count = 0;
+  for (let i = 3; i < pixels.length; i += 4) if (pixels[i] > 0) count++;
+  return count / canvas.width;
+}"""
+
+
+def test_curves_move(shared: Shared, tmp_path: Path) -> None:
+    page = shared.page
+    before = page.evaluate(PICTURE)
+    drawn = page.evaluate("hapticScope.counters.drawn")
+    wait_until(lambda: page.evaluate(PICTURE) != before, "another picture")
+    shared.wait(f"hapticScope.counters.drawn > {drawn + 5}", "more pictures")
+    shared.wait("hapticScope.samples().actual > 2500", "a full window")
+    # A bar in nearly every column of pixels.
+    assert page.evaluate(COLOURED) > 0.8
+    shared.wait("state.figures.nrmse_percent > 0 && state.figures.rate === 1000", "figures")
+    assert 0 < float(page.locator("#nrmse").inner_text()) < 1000
+    shared.wait("!state.limits.assumed", "the compensator's parameters are known")
+    picture = tmp_path / "scope.png"
+    page.screenshot(path=picture, full_page=True)
+    assert picture.stat().st_size > 20_000
+
+
+def test_a_controller_chosen_on_the_page_takes_over_in_the_graph(
+    shared: Shared, watcher: Observer
+) -> None:
+    shared.wait(shared.is_pressed("controller", "dynamic"), "the controller is known")
+    shared.press("controller", "adaptive")
+    shared.wait(shared.is_pressed("controller", "adaptive"), "the page shows the new one")
+    assert parameter(watcher, "compensator", "controller") == "adaptive"
+
+
+def test_surface_and_grip_change_with_the_keyboard_alone(
+    shared: Shared, watcher: Observer
+) -> None:
+    for action, value in (("surface", "vinyl"), ("grip", "hook")):
+        shared.page.locator(f"[data-action={action}][data-value={value}]").focus()
+        shared.page.keyboard.press("Enter")
+        shared.wait(shared.is_pressed(action, value), f"{action} {value}")
+    assert parameter(watcher, "slave_device", "simulated.surface.name") == "vinyl"
+    assert parameter(watcher, "master_device", "simulated.grip.posture") == "hook"
+
+
+def test_what_is_set_elsewhere_is_shown(shared: Shared, watcher: Observer) -> None:
+    given = Parameter("controller", value="constant").to_parameter_msg()
+    request = SetParameters.Request(parameters=[given])
+    assert watcher.call(SetParameters, "compensator/set_parameters", request).results[0].successful
+    shared.wait(shared.is_pressed("controller", "constant"), "the page follows")
+
+
+def test_arms_are_let_go_and_taken_again(shared: Shared) -> None:
+    shared.press("engage", "false")
+    shared.wait("state.engaged === false", "let go")
+    shared.wait("document.querySelector('#arms').textContent === 'arms free'", "said")
+    shared.press("engage", "true")
+    shared.wait("state.engaged === true", "engaged")
+
+
+def test_the_recorder_pauses_and_goes_on(shared: Shared) -> None:
+    shared.press("record", "pause")
+    shared.wait("state.recorder.state === 'paused'", "paused")
+    shared.press("record", "start")
+    shared.wait("state.recorder.state === 'recording'", "recording")
+
+
+def test_escape_stops_and_only_a_confirmed_release_lets_go(
+    shared: Shared, watcher: Observer
+) -> None:
+    page = shared.page
+    page.locator("h1").click()  # no control has the focus
+    page.keyboard.press("Escape")
+    watcher.wait_for_state(MASTER_STOPPED, True)
+    watcher.wait_for_state(SLAVE_STOPPED, True)
+    shared.wait("state.stop.master && state.stop.slave && !state.engaged", "the page knows")
+    page.locator("#alarm").wait_for(state="visible")
+    assert "no force" in page.locator("#alarm").inner_text()
+    page.locator("#release").click()
+    page.keyboard.press("Escape")  # closes the dialog
+    assert not page.locator("#confirm").is_visible()
+    page.locator("#release").click()
+    page.locator("#keep").click()
+    shared.wait("state.stop.master && state.stop.slave", "still stopped")
+    page.locator("#release").click()
+    page.locator("#really").click()
+    watcher.wait_for_state(MASTER_STOPPED, False)
+    watcher.wait_for_state(SLAVE_STOPPED, False)
+    shared.wait("state.stop.master === false && state.engaged", "coupled again")
+    page.locator("#alarm").wait_for(state="hidden")
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (390, "light"), (1280, "dark")])
+def test_the_page_fits_and_the_stop_is_always_in_sight(
+    shared: Shared, width: int, scheme: str
+) -> None:
+    page = shared.page
+    page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+    page.set_viewport_size({"width": width, "height": 800})
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    box = page.locator("#stop").bounding_box()
+    assert box
+    assert 0 <= box["y"] < box["y"] + box["height"] <= 800
+    assert box["height"] >= 44  # what a finger hits (WCAG 2.5.5)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.emulate_media(color_scheme="light", reduced_motion="no-preference")
+    page.set_viewport_size({"width": 1280, "height": 900})
+
+
+def test_everything_has_a_name_for_who_does_not_see_it(shared: Shared) -> None:
+    nameless = """() => [...document.querySelectorAll('button, select, [role=img], [role=meter]')]
+      .filter((e) => !(e.textContent.trim() || e.ariaLabel || e.getAttribute('aria-labelledby')
+                       || e.closest('label')))
+      .map((e) => e.outerHTML)"""
+    assert shared.page.evaluate(nameless) == []
+    assert shared.page.locator("[aria-live]").count() == 1  # figures that change are not read out
+    # Every state is a word.
+    states = shared.page.locator("#nodes .state").all_inner_texts()
+    assert set(states) <= {"OK", "warning", "error", "silent", "absent"}
+
+
+def test_the_page_is_quiet_and_asks_nobody_else(shared: Shared) -> None:
+    assert shared.complaints == []
+    assert shared.requested
+    ours = (f"http://127.0.0.1:{shared.port}/", f"ws://127.0.0.1:{shared.port}/", "data:")
+    assert [url for url in shared.requested if not url.startswith(ours)] == []
+
+
+def test_the_page_comes_back_with_the_graph(shared: Shared) -> None:
+    assert shared.graph.end(signal.SIGINT) == 0, shared.graph.text
+    status = shared.page.locator("#link")
+    wait_until(lambda: "not reached" in status.inner_text(), "the page says so")
+    newest = shared.page.evaluate("hapticScope.newest()")
+    shared.graph = shared.start()
+    shared.wait(f"hapticScope.newest() > {newest}", "new samples")
+    wait_until(lambda: status.inner_text() == "live", "live again")

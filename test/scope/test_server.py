@@ -1,0 +1,406 @@
+"""The server as pages and others meet it: real sockets, without a graph."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+import socket
+import threading
+from collections.abc import Awaitable, Callable, Iterator
+from typing import Any
+
+import aiohttp
+import numpy as np
+import pytest
+from yarl import URL
+
+from haptic_accel.scope import server as served
+from haptic_accel.scope.access import Access
+from haptic_accel.scope.server import (
+    MOST_CLIENTS,
+    READ_ONLY,
+    CommandError,
+    ScopeServer,
+)
+from haptic_accel.scope.windows import NANOSECONDS, Windows
+from running import wait_until
+
+START = 1_800_000_000 * NANOSECONDS
+TOKEN = "a token of a test"
+
+
+class Source:
+    """Signals without a graph."""
+
+    def __init__(self) -> None:
+        self.windows = Windows()
+        self.count = 0
+
+    def choices(self) -> dict[str, list[str]]:
+        return {
+            "controllers": ["none", "dynamic"],
+            "surfaces": ["text"],
+            "grips": ["hook"],
+            "recorder_actions": ["start"],
+        }
+
+    def state(self) -> dict[str, Any]:
+        return {"nodes": []}
+
+    def feed(self, samples: int) -> None:
+        for _ in range(samples):
+            stamp = START + self.count * NANOSECONDS // 1000
+            self.windows.desired.put(stamp, np.sin(self.count))
+            self.windows.handle.put(stamp, np.sin(self.count))
+            self.windows.force.put(stamp, 0.0)
+            self.count += 1
+
+
+class Acting:
+    """Notes the commands that came through."""
+
+    def __init__(self) -> None:
+        self.done: list[tuple[str, Any]] = []
+
+    async def __call__(self, action: str, value: Any) -> str:
+        if action == "absent":
+            raise CommandError("absent: no such service")
+        self.done.append((action, value))
+        return f"{action}: done"
+
+
+Started = Callable[..., tuple[ScopeServer, URL]]
+
+
+@pytest.fixture
+def source() -> Source:
+    return Source()
+
+
+@pytest.fixture
+def started(source: Source) -> Iterator[Started]:
+    """Start servers on any port; returned with the address that they print."""
+    servers: list[ScopeServer] = []
+
+    def start(act: Any = None, host: str = "127.0.0.1", token: str = "") -> tuple[Any, URL]:
+        servers.append(ScopeServer(source, Access(host, token), host, 0, act))
+        return servers[-1], URL(servers[-1].start())
+
+    yield start
+    for one in servers:
+        one.stop()
+
+
+def visit(use: Callable[[aiohttp.ClientSession], Awaitable[Any]]) -> Any:
+    async def run() -> Any:
+        timeout = aiohttp.ClientTimeout(total=30)
+        async with aiohttp.ClientSession(timeout=timeout) as session:
+            return await use(session)
+
+    return asyncio.run(run())
+
+
+def origin(url: URL) -> dict[str, str]:
+    return {"Origin": str(url.origin())}
+
+
+def post(url: URL, command: Any, **headers: str) -> tuple[int, str]:
+    async def use(session: aiohttp.ClientSession) -> tuple[int, str]:
+        async with session.post(
+            url.with_path("/command"), json=command, headers={**origin(url), **headers}
+        ) as answer:
+            return answer.status, await answer.text()
+
+    return visit(use)  # type: ignore[no-any-return]
+
+
+def get(url: URL, **headers: str) -> aiohttp.ClientResponse:
+    async def use(session: aiohttp.ClientSession) -> aiohttp.ClientResponse:
+        async with session.get(url, headers=headers, allow_redirects=False) as answer:
+            await answer.read()
+            return answer
+
+    return visit(use)  # type: ignore[no-any-return]
+
+
+async def frames(live: aiohttp.ClientWebSocketResponse, wanted: int) -> list[Any]:
+    """Return the next messages that are samples."""
+    found: list[Any] = []
+    while len(found) < wanted:
+        message = await live.receive(20)
+        assert message.type in (aiohttp.WSMsgType.BINARY, aiohttp.WSMsgType.TEXT), message
+        if message.type is aiohttp.WSMsgType.BINARY and message.data[0] == 1:
+            found.append(message.data)
+    return found
+
+
+def test_everything_the_page_needs_comes_from_here(started: Started) -> None:
+    _, url = started()
+    page = get(url)
+    assert page.status == 200
+    policy = page.headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "http" not in policy
+    assert "unsafe" not in policy
+
+    async def use(session: aiohttp.ClientSession) -> list[tuple[str, int, str]]:
+        found = []
+        for path in ("/scope.js", "/scope.css", "/uPlot.js"):
+            async with session.get(url.with_path(path)) as answer:
+                found.append((answer.content_type, answer.status, await answer.text()))
+        return found
+
+    for kind, status, text in visit(use):
+        assert status == 200
+        assert kind in ("text/javascript", "text/css")
+        assert "@import" not in text
+        assert "url(" not in text
+
+
+def test_read_only_has_no_controls_and_refuses_commands(started: Started) -> None:
+    _, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> str:
+        async with session.get(url) as answer:
+            return await answer.text()
+
+    page = visit(use)
+    assert "Read-only" in page
+    assert "data-action" not in page
+    assert 'id="stop"' not in page
+    status, text = post(url, {"action": "estop", "value": True})
+    assert status == 403
+    assert READ_ONLY in text
+
+
+def test_commands_come_through_where_control_is_allowed(started: Started) -> None:
+    acting = Acting()
+    _, url = started(acting)
+    assert post(url, {"action": "controller", "value": "none"})[0] == 200
+    assert acting.done == [("controller", "none")]
+    status, text = post(url, {"action": "absent"})
+    assert (status, json.loads(text)) == (503, {"message": "absent: no such service"})
+
+
+@pytest.mark.parametrize("command", [[], "estop", {"value": 1}, {"action": 3}, 7])
+def test_what_is_no_command_is_refused(started: Started, command: Any) -> None:
+    acting = Acting()
+    _, url = started(acting)
+    assert post(url, command)[0] == 400
+    assert acting.done == []
+
+
+def test_other_pages_cannot_command(started: Started) -> None:
+    acting = Acting()
+    _, url = started(acting)
+    command = {"action": "estop", "value": False}
+    assert post(url, command, Origin="http://evil.example")[0] == 403
+    assert post(url, command, Host="evil.example", Origin="http://evil.example")[0] == 403
+
+    async def form(session: aiohttp.ClientSession) -> list[int]:
+        found = []
+        for headers in (origin(url), {}):
+            async with session.post(
+                url.with_path("/command"),
+                data=json.dumps(command),
+                headers={"Content-Type": "text/plain", **headers},
+            ) as answer:
+                found.append(answer.status)
+        return found
+
+    assert visit(form) == [415, 403]
+    assert acting.done == []
+
+
+def test_a_command_that_is_too_long_is_refused(started: Started) -> None:
+    acting = Acting()
+    _, url = started(acting)
+    assert post(url, {"action": "x" * 10_000})[0] in (400, 413)
+    assert acting.done == []
+
+
+@pytest.mark.parametrize(
+    "headers", [{}, {"Origin": "http://evil.example"}, {"Host": "evil.example"}]
+)
+def test_other_pages_cannot_look(started: Started, headers: dict[str, str]) -> None:
+    _, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> int:
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await session.ws_connect(url.with_path("/live"), headers=headers)
+        return refused.value.status
+
+    assert visit(use) == 403
+
+
+def test_names_that_were_turned_to_us_are_refused(started: Started) -> None:
+    _, url = started()
+    assert get(url, Host="evil.example").status == 403
+
+
+def test_a_token_is_asked_for_everywhere_and_moves_into_a_cookie(started: Started) -> None:
+    acting = Acting()
+    _, printed = started(acting, host="0.0.0.0", token=TOKEN)
+    assert printed.query["token"] == TOKEN
+    bare = URL.build(scheme="http", host="127.0.0.1", port=printed.port or 0, path="/")
+    for path in ("/", "/scope.js", "/scope.css", "/uPlot.js"):
+        assert get(bare.with_path(path)).status == 403
+    assert get(bare.with_query(token="wrong")).status == 403
+    assert get(bare, Cookie=f"haptic_accel_scope_{bare.port}=wrong").status == 403
+    assert post(bare, {"action": "estop", "value": True})[0] == 403
+    bearer = {"Authorization": f"Bearer {TOKEN}"}
+    assert post(bare, {"action": "estop", "value": True}, **bearer)[0] == 200
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        with pytest.raises(aiohttp.WSServerHandshakeError):
+            await session.ws_connect(bare.with_path("/live"), headers=origin(bare))
+        # A page on an address of numbers: aiohttp keeps such cookies only when told to.
+        async with session.get(bare.with_query(token=TOKEN), allow_redirects=False) as answer:
+            assert answer.status == 303
+            assert answer.headers["Location"] == "/"
+            cookie = answer.cookies[f"haptic_accel_scope_{bare.port}"]
+            assert cookie["httponly"]
+            assert cookie["samesite"] == "Lax"
+        headers = {**origin(bare), "Cookie": cookie.OutputString(attrs=[])}
+        async with session.get(bare, headers=headers) as answer:
+            assert answer.status == 200
+        async with session.ws_connect(bare.with_path("/live"), headers=headers) as live:
+            assert (await live.receive(10)).type is aiohttp.WSMsgType.TEXT
+
+    visit(use)
+    assert acting.done == [("estop", True)]
+
+
+def test_two_pages_see_the_same_and_one_that_leaves_is_forgotten(
+    started: Started, source: Source
+) -> None:
+    server, url = started()
+    source.feed(200)
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        live = url.with_path("/live")
+        async with session.ws_connect(live, headers=origin(url)) as first:
+            async with session.ws_connect(live, headers=origin(url)) as second:
+                assert await frames(first, 1) == await frames(second, 1)
+                assert server.clients == 2
+            source.feed(50)
+            assert len(await frames(first, 1)) == 1
+
+    visit(use)
+    wait_until(lambda: server.clients == 0, "all pages forgotten")
+
+
+def test_nothing_is_sent_where_nobody_looks(started: Started, source: Source) -> None:
+    server, url = started()
+    source.feed(1000)
+    assert get(url).status == 200
+    assert (server.traffic.frames, server.traffic.bytes) == (0, 0)
+
+
+def test_states_are_json_and_samples_only_what_is_new(started: Started, source: Source) -> None:
+    _, url = started()
+    source.feed(100)
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+            (frame,) = await frames(live, 1)
+            assert int.from_bytes(frame[4:8], "little") == 100
+            state = json.loads((await live.receive(10)).data)
+            assert state["figures"]["rate"] == 1000.0
+            source.feed(7)
+            (frame,) = await frames(live, 1)
+            assert int.from_bytes(frame[4:8], "little") == 7
+
+    visit(use)
+
+
+def test_more_pages_than_are_served_are_told(started: Started) -> None:
+    _, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        live = url.with_path("/live")
+        pages = [await session.ws_connect(live, headers=origin(url)) for _ in range(MOST_CLIENTS)]
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await session.ws_connect(live, headers=origin(url))
+        assert refused.value.status == 503
+        for page in pages:
+            await page.close()
+
+    visit(use)
+
+
+def test_a_page_that_does_not_read_gets_no_queue_and_holds_nobody_up(
+    started: Started, source: Source, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(served, "FRAME_RATE", 1000.0)
+    server, url = started()
+    slow = socket.create_connection(("127.0.0.1", url.port or 0))
+    slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    key = base64.b64encode(bytes(16)).decode()
+    slow.sendall(
+        f"GET /live HTTP/1.1\r\nHost: {url.authority}\r\nOrigin: {url.origin()}\r\n"
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        f"Sec-WebSocket-Key: {key}\r\n\r\n".encode()
+    )
+    wait_until(lambda: server.clients == 1, "the slow page is there")
+    over = threading.Event()
+
+    def pour() -> None:
+        while not over.wait(0.002):
+            source.feed(2000)
+
+    pouring = threading.Thread(target=pour)
+    pouring.start()
+    try:
+
+        def full() -> bool:
+            before = server.traffic.frames
+            threading.Event().wait(0.5)
+            return server.traffic.frames == before > 0
+
+        wait_until(full, "the slow page is sent nothing more")
+
+        async def use(session: aiohttp.ClientSession) -> None:
+            async with session.ws_connect(
+                url.with_path("/live"), headers=origin(url), max_msg_size=2**26
+            ) as quick:
+                assert len(await frames(quick, 20)) == 20
+
+        visit(use)
+    finally:
+        over.set()
+        pouring.join()
+        slow.close()
+
+
+def test_an_address_that_is_taken_is_said_in_one_line(started: Started, source: Source) -> None:
+    _, url = started()
+    second = ScopeServer(source, Access("127.0.0.1"), "127.0.0.1", url.port or 0)
+    with pytest.raises(OSError, match=f"port = {url.port}: must be an address") as error:
+        second.start()
+    assert len(str(error.value).splitlines()) == 1
+    second.stop()
+
+
+def test_a_stopped_server_says_goodbye_and_frees_its_port(
+    started: Started, source: Source
+) -> None:
+    server, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+            await live.receive(10)
+            await asyncio.to_thread(server.stop)
+            while (message := await live.receive(10)).type in (
+                aiohttp.WSMsgType.TEXT,
+                aiohttp.WSMsgType.BINARY,
+            ):
+                pass
+            assert message.type is aiohttp.WSMsgType.CLOSE
+            assert message.data == aiohttp.WSCloseCode.GOING_AWAY
+
+    visit(use)
+    again = ScopeServer(source, Access("127.0.0.1"), "127.0.0.1", url.port or 0)
+    again.start()
+    again.stop()

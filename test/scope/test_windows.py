@@ -1,0 +1,299 @@
+"""What the scope keeps and derives, against what is known of it."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from haptic_accel.core.filters import high_pass, without_hand_motion
+from haptic_accel.core.travel import SuspensionParameters, TravelEstimator
+from haptic_accel.scope import windows
+from haptic_accel.scope.frames import FIGURES, SAMPLES, TRACES, Cursor, figures_frame
+from haptic_accel.scope.windows import (
+    LONGEST_WINDOW,
+    NANOSECONDS,
+    SLACK,
+    Figures,
+    Ring,
+    Windows,
+    held,
+    paired,
+    sampling_rate,
+)
+
+START = 1_800_000_000 * NANOSECONDS
+RATE = 1000.0
+MILLISECOND = NANOSECONDS // 1000
+
+
+@given(
+    st.lists(st.lists(st.integers(0, 2**40), max_size=30), max_size=12),
+    st.integers(4, 40),
+    st.booleans(),
+)
+def test_who_keeps_up_gets_every_sample_once_and_in_order(
+    bursts: list[list[int]], capacity: int, by_block: bool
+) -> None:
+    ring = Ring(capacity)
+    readable = int(capacity / SLACK)
+    count, put, got = 0, [], []
+    for burst in bursts:
+        if by_block:
+            ring.extend(np.array(burst, np.int64), np.array(burst, float) / 2)
+        else:
+            for stamp in burst:
+                ring.put(stamp, stamp / 2)
+        put += burst
+        count, stamps, values = ring.since(count)
+        expected = burst[-readable:]
+        assert stamps.tolist() == expected
+        assert values.tolist() == [stamp / 2 for stamp in expected]
+        got += stamps.tolist()
+        assert ring.newest == (put[-1] if put else 0)
+    if all(len(burst) <= readable for burst in bursts):
+        assert got == put
+
+
+@given(st.integers(0, 200), st.floats(0.0, 0.3))
+def test_the_last_seconds_end_with_the_newest_sample(samples: int, seconds: float) -> None:
+    ring = Ring(1000)
+    for index in range(samples):
+        ring.put(START + index * MILLISECOND, index)
+    stamps, values = ring.last(seconds)
+    expected = min(samples, int(seconds * NANOSECONDS) // MILLISECOND + 1)
+    assert values.tolist() == list(range(samples - expected, samples))
+    assert len(stamps) == expected
+
+
+def test_after_a_clock_was_set_back_only_what_came_since_counts() -> None:
+    ring = Ring(1000)
+    for stamp in (START, START + MILLISECOND):
+        ring.put(stamp, 1.0)
+    for index in range(100):
+        ring.put(START - 100 * NANOSECONDS + index * MILLISECOND, 2.0)
+    _, values = ring.last(0.05)
+    assert values.tolist() == [2.0] * 51
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0, 2048.0, 20000.0])
+def test_the_rate_is_told_by_stamps_that_are_a_little_off(rate: float) -> None:
+    ring = Ring()
+    off = np.random.default_rng(0).normal(0.0, 2e3, 600)
+    for index in range(600):
+        ring.put(START + int(index / rate * NANOSECONDS + off[index]), 0.0)
+    assert sampling_rate(ring) == pytest.approx(rate, rel=2e-2)
+
+
+def test_there_is_no_rate_of_few_or_of_equal_stamps() -> None:
+    ring = Ring()
+    assert sampling_rate(ring) is None
+    for _ in range(100):
+        ring.put(START, 0.0)
+    assert sampling_rate(ring) is None
+
+
+stamp_lists = st.lists(st.integers(0, 60), unique=True, max_size=40).map(sorted)
+
+
+@given(stamp_lists, stamp_lists, st.integers(0, 3))
+def test_pairs_are_those_of_equal_ticks_shifted(
+    desired: list[int], actual: list[int], shift: int
+) -> None:
+    jitter = np.random.default_rng(1)
+
+    def stamps(ticks: list[int]) -> np.ndarray:
+        off = jitter.integers(-20_000, 20_000, len(ticks))
+        return START + np.array(ticks, np.int64) * MILLISECOND + off
+
+    first, second = paired(
+        stamps(desired),
+        np.array(desired, float),
+        stamps(actual),
+        np.array(actual, float),
+        shift / RATE,
+        RATE,
+    )
+    expected = [tick for tick in desired if tick + shift in actual]
+    assert first.tolist() == expected
+    assert second.tolist() == [tick + shift for tick in expected]
+
+
+@given(stamp_lists, stamp_lists)
+def test_a_command_holds_until_the_next_and_not_for_ever(
+    commands: list[int], moments: list[int]
+) -> None:
+    spread = 5  # ms between ticks, so that some are older than a command lives
+    values = held(
+        START + spread * MILLISECOND * np.array(commands, np.int64),
+        np.array(commands, float) + 1.0,
+        START + spread * MILLISECOND * np.array(moments, np.int64),
+        RATE,
+    )
+    alive = int(windows.HELD * 1e3) // spread
+    expected = []
+    for moment in moments:
+        before = [tick for tick in commands if moment - alive <= tick <= moment]
+        expected.append(before[-1] + 1.0 if before else 0.0)
+    assert values.tolist() == expected
+
+
+def filled(
+    seconds: float, gravity: float = 9.81, gain: float = 0.8, delay: int = 1
+) -> tuple[Windows, np.ndarray, np.ndarray]:
+    """Return windows with a known texture, and the handle's acceleration and force."""
+    made = Windows()
+    count = int(seconds * RATE)
+    noise = np.random.default_rng(2).normal(0.0, 3.0, count)
+    texture = signal.sosfilt(high_pass(15.0, RATE), noise)
+    stroke = 2.0 * np.sin(2 * np.pi * 0.7 * np.arange(count) / RATE)
+    handle = gravity + stroke + gain * np.roll(texture, delay)
+    force = 0.1 * texture
+    for index in range(count):
+        stamp = START + index * MILLISECOND
+        made.desired.put(stamp, texture[index])
+        made.handle.put(stamp + 3000, handle[index])
+        made.force.put(stamp, force[index])
+        made.age.put(stamp, 200e-6 if index % 50 else 900e-6)
+    return made, handle, force
+
+
+def test_figures_are_those_of_a_known_gain_without_gravity_and_strokes() -> None:
+    figures = filled(4.0)[0].figures()
+    assert figures.rate == RATE
+    assert figures.evaluation is not None
+    # Actual is 0.8 of desired after the paper's delay: 20 % are missing.
+    assert figures.evaluation.nrmse_percent == pytest.approx(20.0, abs=1.0)
+    assert figures.evaluation.slope_desired_on_actual == pytest.approx(1 / 0.8, rel=0.03)
+    assert figures.evaluation.r2 > 0.98
+    assert figures.rms_desired == pytest.approx(3.0, rel=0.05)
+    assert figures.age_p50 == pytest.approx(200e-6)
+    assert figures.age_p99 == pytest.approx(900e-6)
+    assert figures.spectra is not None
+    # White noise of 3 m/s^2 over 500 Hz.
+    density = np.median(figures.spectra.desired)
+    assert density == pytest.approx(3.0 / np.sqrt(500.0), rel=0.15)
+    assert len(figures.desired) == len(figures.actual) <= windows.CLOUD_POINTS
+
+
+def test_what_is_drawn_has_no_gravity_and_is_near_the_filter_without_phase() -> None:
+    made, handle, _ = filled(4.0)
+    made.advance()
+    _, actual = made.actual.last(4.0)
+    assert len(actual) == len(handle)
+    assert abs(np.mean(actual)) < 0.05
+    reference = without_hand_motion(handle, 15.0, RATE)
+    error = (actual - reference)[1000:-1000]
+    assert np.std(error) < 0.25 * np.std(reference[1000:-1000])
+
+
+@settings(max_examples=20)
+@given(st.lists(st.integers(1, 200), min_size=1, max_size=5))
+def test_derived_in_whatever_steps_the_result_is_the_same(steps: list[int]) -> None:
+    source, handle, force = filled(sum(steps) / RATE + 0.2)
+    made, at = Windows(), 0
+    _, stamps, _ = source.handle.since(0)
+    for step in [100, *steps]:
+        for index in range(at, at + step):
+            made.force.put(int(stamps[index]), force[index])
+            made.handle.put(int(stamps[index]), handle[index])
+        at += step
+        made.advance()
+    estimator = TravelEstimator(SuspensionParameters(), RATE)
+    expected = [estimator.sample(*pair) for pair in zip(force[:at], handle[:at], strict=True)]
+    _, _, travel = made.travel.since(0)
+    assert travel == pytest.approx(np.array(expected), abs=1e-12)
+
+
+def test_a_sample_waits_for_the_force_that_acts_with_it() -> None:
+    made, _, _ = filled(0.2)
+    made.handle.put(START + 201 * MILLISECOND, 0.0)
+    made.advance()
+    assert made.travel.count == 200
+    made.force.put(START + 201 * MILLISECOND, 1.0)
+    made.advance()
+    assert made.travel.count == 201
+
+
+def test_without_a_compensator_travel_is_derived_without_force() -> None:
+    made = Windows()
+    for index in range(1000):
+        made.handle.put(START + index * MILLISECOND, 9.81)
+    made.advance()
+    # The static sag of the actuator on its spring, m_a g / k_s.
+    assert made.travel.last(0.0)[1] == pytest.approx(-0.018 * 9.81 / 266.0, rel=1e-2)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
+def test_what_is_not_finite_is_no_figure_and_passes(bad: float) -> None:
+    made, _, _ = filled(1.0)
+    made.handle.put(START + 1000 * MILLISECOND, bad)
+    made.force.put(START + 1000 * MILLISECOND, 0.0)
+    with np.errstate(all="ignore"):
+        made.advance()
+        assert made.figures().evaluation is None
+    for index in range(1001, 9000):
+        made.handle.put(START + index * MILLISECOND, 0.0)
+        made.force.put(START + index * MILLISECOND, 0.0)
+    with np.errstate(all="ignore"):
+        made.advance()
+    made.handle.put(START + 9000 * MILLISECOND, 0.0)
+    made.force.put(START + 9000 * MILLISECOND, 0.0)
+    made.advance()
+    assert np.isfinite(made.actual.last(0.0)[1]).all()
+    assert np.isfinite(made.travel.last(0.0)[1]).all()
+
+
+def test_nothing_heard_gives_nothing_said() -> None:
+    figures = Windows().figures()
+    assert figures.rate is figures.evaluation is figures.age_p50 is figures.spectra is None
+    assert Cursor(Windows()).frame() is None
+    assert struct.unpack("<3I", figures_frame(Figures())) == (FIGURES, 0, 0)
+
+
+def read_frame(frame: bytes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Read a frame of samples as the page does: times in s since 1970, and values."""
+    kind, *counts = struct.unpack_from("<5I", frame)
+    assert kind == SAMPLES
+    (origin,) = struct.unpack_from("<d", frame, 24)
+    blocks = np.frombuffer(frame, "<f4", offset=32)
+    found, at = {}, 0
+    for name, count in zip(TRACES, counts, strict=True):
+        times = origin + blocks[at : at + count].astype(float)
+        found[name] = (times, blocks[at + count : at + 2 * count])
+        at += 2 * count
+    assert at == len(blocks)
+    return found
+
+
+def test_frames_join_to_the_signals() -> None:
+    source, _, _ = filled(1.0)
+    made = Windows()
+    cursor, frames = Cursor(made), []
+    _, stamps, desired = source.desired.since(0)
+    for index in range(1000):
+        made.desired.put(int(stamps[index]), desired[index])
+        if index % 17 == 0 and (frame := cursor.frame()):
+            frames.append(read_frame(frame))
+    frames.append(read_frame(cursor.frame() or b""))
+    values = np.concatenate([frame["desired"][1] for frame in frames])
+    times = np.concatenate([frame["desired"][0] for frame in frames])
+    assert values == pytest.approx(desired, abs=1e-5)
+    assert times == pytest.approx(stamps / NANOSECONDS, abs=1e-6)
+
+
+def test_who_comes_late_gets_the_longest_window_and_no_more() -> None:
+    made = Windows()
+    for index in range(int(3 * LONGEST_WINDOW * RATE)):
+        made.desired.put(START + index * MILLISECOND, 0.0)
+    frame = read_frame(Cursor(made).frame() or b"")
+    assert len(frame["desired"][0]) == LONGEST_WINDOW * RATE + 1
+
+
+def test_two_pages_get_the_same_samples() -> None:
+    made, _, _ = filled(0.5)
+    assert Cursor(made).frame() == Cursor(made).frame()
