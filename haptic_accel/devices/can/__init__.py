@@ -1,0 +1,1 @@
+"""Arms whose joints are driven by ODrives on a CAN bus, through any interface of python-can."""

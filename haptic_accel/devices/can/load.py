@@ -1,0 +1,95 @@
+"""How much of a CAN bus a set of frames takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+FRAME_BITS = 47
+"""Of a frame with a standard id and no data: start, id, control, CRC, acknowledgement, end, and
+the three bits between frames (ISO 11898-1)."""
+
+STUFFED_BITS = 34
+"""Of those, the ones from start to CRC, among which a bit is stuffed after five that are alike."""
+
+FULL_LOAD = 0.8
+"""From which on a bus is called full: errors repeat frames, and arbitration makes the last one
+wait. A rule of thumb (assumed)."""
+
+HEARTBEAT_RATE = 10.0
+"""Hz, of ODrive by default."""
+
+ESTIMATES_BYTES, TORQUE_BYTES, HEARTBEAT_BYTES = 8, 4, 8
+
+
+def frame_bits(data_bytes: int) -> int:
+    """Return the bits of a frame with a standard id, with as many stuffed as there can be.
+
+    In the worst case the first stuffed bit comes after five, and each other after four more,
+    because it counts itself (Davis et al., Real-Time Systems 35, 2007).
+
+    Parameters
+    ----------
+    data_bytes : int
+        0 to 8; none in a frame that asks for data.
+    """
+    stuffed = (STUFFED_BITS + 8 * data_bytes - 1) // 4
+    return FRAME_BITS + 8 * data_bytes + stuffed
+
+
+@dataclass(frozen=True)
+class BusLoad:
+    """What an arm's frames take of a bus, at most.
+
+    Attributes
+    ----------
+    joints : int
+    rate : float
+        Of estimates and of torques, Hz.
+    bitrate : float
+        bit/s.
+    requested : bool
+        Whether every estimate is asked for.
+    """
+
+    joints: int
+    rate: float
+    bitrate: float
+    requested: bool = False
+
+    @property
+    def bits(self) -> float:
+        """Bits per second."""
+        cycle = frame_bits(ESTIMATES_BYTES) + frame_bits(TORQUE_BYTES)
+        if self.requested:
+            cycle += frame_bits(0)
+        heartbeats = HEARTBEAT_RATE * frame_bits(HEARTBEAT_BYTES)
+        return self.joints * (self.rate * cycle + heartbeats)
+
+    @property
+    def share(self) -> float:
+        """Of the bus; above 1 it cannot be."""
+        return self.bits / self.bitrate
+
+    @property
+    def fits(self) -> bool:
+        """Whether there is room to spare."""
+        return self.share <= FULL_LOAD
+
+    @property
+    def highest_rate(self) -> float:
+        """Rate up to which it would fit, Hz."""
+        heartbeats = self.joints * HEARTBEAT_RATE * frame_bits(HEARTBEAT_BYTES)
+        cycle = (self.bits - heartbeats) / self.rate
+        return (FULL_LOAD * self.bitrate - heartbeats) / cycle
+
+    def __str__(self) -> str:
+        """Say it in one line."""
+        how = "requested" if self.requested else "streamed"
+        joints = "1 joint" if self.joints == 1 else f"{self.joints} joints"
+        line = (
+            f"bus load up to {100 * self.share:.0f} % of {self.bitrate / 1e6:g} Mbit/s"
+            f" ({joints} at {self.rate:g} Hz, estimates {how})"
+        )
+        if not self.fits:
+            line += f": too much, up to {self.highest_rate:.0f} Hz would fit"
+        return line

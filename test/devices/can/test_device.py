@@ -1,0 +1,206 @@
+"""The real driver through real interfaces of python-can, with emulated drives at the other end."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError, from_flat
+from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
+from haptic_accel.devices.can.bus import bus_configuration, open_bus
+from haptic_accel.devices.can.device import CanSlave
+from haptic_accel.devices.can.emulation import EmulatedArm
+from haptic_accel.devices.can.emulator import BusPort, Emulator, Port, SlcanPort
+from haptic_accel.devices.can.faults import parse_faults
+from haptic_accel.devices.can.parameters import CanParameters
+from haptic_accel.devices.interface import DeviceError
+from running import wait_until
+
+RATE = 200.0  # Hz
+
+# A test's machine may stall.
+PATIENT = {"heartbeat_timeout": 2.0, "estimates_timeout": 1.0, "start_timeout": 10.0}
+
+CHANNELS = itertools.count()
+
+
+class Plugged:
+    """A device, and the arm at the other end in a thread of its own."""
+
+    def __init__(self, port: Port, values: dict[str, Any], faults: str, seconds: float) -> None:
+        self.parameters = from_flat(CanSlave.Parameters, {**PATIENT, **values})
+        self.port = port
+        self.arm = EmulatedArm(
+            self.parameters, lambda: SlaveRig(SlaveRigParameters(), RATE), rate=RATE, watchdog=2.0
+        )
+        self.emulator = Emulator([(port, [self.arm])], parse_faults(faults, seconds), self.arm)
+        self.device = CanSlave(self.parameters, RATE, 0)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self.emulator.run, args=(RATE, self._stop.is_set))
+        self._thread.start()
+
+    def push(self) -> None:
+        """Do what a device node does at a tick."""
+        self.device.read(time.monotonic())
+        self.device.write(time.monotonic(), arm_force=(0.2, 0.0, 0.1))
+
+    def pushed_until(self, condition: Callable[[], bool], what: str) -> None:
+        """Push over and over until something is so."""
+
+        def pushed() -> bool:
+            self.push()
+            return condition()
+
+        wait_until(pushed, what)
+
+    @property
+    def exerted(self) -> bool:
+        """Whether any motor has a torque."""
+        return any(axis.torque for axis in self.arm.axes)
+
+    def close(self) -> None:
+        self.device.close()
+        self._stop.set()
+        self._thread.join()
+        self.emulator.close()
+
+
+Plug = Callable[..., Plugged]
+
+
+@pytest.fixture
+def plug(tmp_path: Path) -> Iterator[Plug]:
+    """Give a test devices, opened unless told otherwise, and close them."""
+    made: list[Plugged] = []
+
+    def plugged(
+        interface: str = "slcan",
+        *,
+        faults: str = "",
+        seconds: float = 1.0,
+        opened: bool = True,
+        **values: Any,
+    ) -> Plugged:
+        values["interface"] = interface
+        if interface == "slcan":
+            path = tmp_path / f"adapter{len(made)}"
+            values |= {"channel": str(path), "options": '{"sleep_after_open": 0}'}
+            port: Port = SlcanPort(path)
+        else:
+            values["channel"] = f"test{next(CHANNELS)}"
+            configuration = bus_configuration(from_flat(CanParameters, values))
+            port = BusPort(lambda: open_bus(configuration, []))
+        made.append(Plugged(port, values, faults, seconds))
+        if opened:
+            made[-1].device.open()
+        return made[-1]
+
+    yield plugged
+    for each in made:
+        each.close()
+
+
+@pytest.mark.parametrize("interface", ["virtual", "slcan"])
+@pytest.mark.parametrize("estimates", ["streamed", "requested"])
+def test_a_force_moves_the_tip_and_closing_takes_it_off(
+    plug: Plug, interface: str, estimates: str
+) -> None:
+    plugged = plug(interface, estimates=estimates)
+    device = plugged.device
+    assert device.armed
+    assert device.problem == ""
+    assert "bus load up to" in device.remark
+    start = device.read(0.0)
+    # In the middle of the workspace, and the rig's tip 10 mm above its surface.
+    assert start.position == pytest.approx((0.135, 0.0, -0.125), abs=1e-3)
+    assert start.acceleration == 0.0
+    plugged.pushed_until(
+        lambda: device.read(0.0).position[0] > start.position[0] + 0.005, "pushed away"
+    )
+    assert device.read(0.0).velocity[0] > 0
+    device.close()
+    wait_until(lambda: not any(axis.armed for axis in plugged.arm.axes), "idle")
+    assert not plugged.exerted
+    status = device.status()
+    assert status["connected"] == status["armed"] == 0
+    assert status["frames_received"] > 0
+    assert status["bus_losses"] == status["frames_garbled"] == 0
+
+
+def test_an_axis_error_takes_all_torques_off_until_it_is_armed_again(plug: Plug) -> None:
+    plugged = plug("virtual", rearm="auto", faults="error@0.2")
+    device = plugged.device
+    plugged.pushed_until(lambda: not device.armed, "let go")
+    assert device.problem == "joint1 (node 0): DRV_FAULT"
+    plugged.pushed_until(lambda: not any(axis.armed for axis in plugged.arm.axes), "all idle")
+    assert not plugged.exerted
+    assert device.status()["disarmed"] == 1
+    assert device.arm() is None
+    plugged.pushed_until(lambda: plugged.exerted, "torques again")
+    assert device.problem == ""
+
+
+@pytest.mark.parametrize("fault", ["heartbeat@0.1", "estimates@0.1", "bus_off@0.1"])
+def test_what_is_not_heard_takes_all_torques_off(plug: Plug, fault: str) -> None:
+    plugged = plug(
+        "virtual", faults=fault, seconds=1e6, heartbeat_timeout=0.5, estimates_timeout=0.5
+    )
+    plugged.pushed_until(lambda: not plugged.device.armed, "let go")
+    assert "joint1 (node 0): no " in plugged.device.problem
+    wait_until(lambda: not plugged.exerted, "no torque, by command or by the drives' watchdogs")
+
+
+@pytest.mark.parametrize("rearm", ["manual", "auto"])
+def test_an_adapter_may_be_unplugged_and_plugged_in_again(plug: Plug, rearm: str) -> None:
+    plugged = plug("slcan", rearm=rearm, faults="unplug@0.1", seconds=0.5)
+    device = plugged.device
+    plugged.pushed_until(lambda: not device.armed, "gone")
+    assert device.problem == "the bus has gone"
+    wait_until(lambda: device.read(0.0) is None, "no sample")
+    plugged.pushed_until(lambda: bool(device.status()["connected"]), "back")
+    assert device.status()["bus_losses"] == 1
+    if rearm == "manual":
+        received = device.status()["frames_received"]
+        plugged.pushed_until(
+            lambda: device.status()["frames_received"] > received + 100, "well heard"
+        )
+        assert not device.armed
+        assert not plugged.exerted
+        assert device.arm() is None
+    plugged.pushed_until(lambda: plugged.exerted, "torques again")
+
+
+def test_garbage_and_lost_frames_are_counted_and_borne(plug: Plug) -> None:
+    plugged = plug("slcan", faults="garbage,drop")
+    device = plugged.device
+    plugged.pushed_until(lambda: device.status()["frames_garbled"] > 3, "garbage")
+    plugged.pushed_until(lambda: plugged.exerted, "torques")
+    assert device.status()["bus_losses"] == 0
+
+
+def test_a_bus_without_the_drives_is_said(plug: Plug) -> None:
+    plugged = plug("virtual", faults="bus_off", opened=False, start_timeout=0.2)
+    with pytest.raises(DeviceError, match="no heartbeat of joint1 .node 0., joint2 .* powered"):
+        plugged.device.open()
+    assert plugged.device.status()["connected"] == 0
+
+
+def test_a_wrong_interface_is_a_wrong_argument() -> None:
+    device = CanSlave(from_flat(CanSlave.Parameters, {"interface": "tin"}), RATE, 0)
+    with pytest.raises(ParameterError, match="can.interface = 'tin'"):
+        device.open()
+    device.close()
+
+
+def test_a_device_can_be_opened_again(plug: Plug) -> None:
+    plugged = plug("virtual")
+    plugged.device.close()
+    plugged.device.close()
+    plugged.device.open()
+    plugged.pushed_until(lambda: plugged.exerted, "torques again")

@@ -1,0 +1,124 @@
+"""CANSimple as bytes."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.devices.can.protocol import (
+    ERRORS,
+    HIGHEST_ID,
+    HIGHEST_NODE,
+    LARGEST_TORQUE,
+    AxisState,
+    Command,
+    Currents,
+    Estimates,
+    Frame,
+    Heartbeat,
+    SetMode,
+    SetState,
+    SetTorque,
+    Simple,
+    error_names,
+    make_clear_errors,
+    make_currents,
+    make_estimates,
+    make_estimates_request,
+    make_estop,
+    make_heartbeat,
+    make_input_torque,
+    make_set_state,
+    make_torque_mode,
+    parse_answer,
+    parse_order,
+    state_name,
+)
+
+nodes = st.integers(0, HIGHEST_NODE)
+singles = st.floats(width=32, allow_nan=False, allow_infinity=False)
+words = st.integers(0, 2**32 - 1)
+frames = st.builds(Frame, st.integers(0, HIGHEST_ID), st.binary(max_size=8), remote=st.booleans())
+
+
+def test_bytes_are_those_of_the_firmware() -> None:
+    # Written down by hand from can_simple.cpp: node << 5 | command, little-endian.
+    assert make_set_state(1, AxisState.CLOSED_LOOP_CONTROL) == (0x27, b"\x08\0\0\0", False)
+    assert make_torque_mode(3) == (0x6B, b"\x01\0\0\0\x01\0\0\0", False)
+    assert make_input_torque(2, 1.0) == (0x4E, b"\0\0\x80\x3f", False)
+    assert make_estimates(0, 1.0, -2.0) == (0x09, b"\0\0\x80\x3f\0\0\0\xc0", False)
+    assert make_heartbeat(5, 0x800, 8) == (0xA1, b"\0\x08\0\0\x08\0\0\0", False)
+    assert make_estop(0) == (0x02, b"", False)
+    assert make_clear_errors(63).id == 63 << 5 | 0x18
+    assert make_estimates_request(4) == (0x89, b"", True)
+
+
+@given(nodes, words, st.integers(0, 255))
+def test_a_heartbeat_comes_back(node: int, error: int, state: int) -> None:
+    assert parse_answer(make_heartbeat(node, error, state)) == Heartbeat(node, error, state)
+
+
+@given(nodes, singles, singles)
+def test_estimates_and_currents_come_back(node: int, one: float, other: float) -> None:
+    assert parse_answer(make_estimates(node, one, other)) == Estimates(node, one, other)
+    assert parse_answer(make_currents(node, one, other)) == Currents(node, one, other)
+
+
+@given(nodes, st.floats(-LARGEST_TORQUE, LARGEST_TORQUE, width=32))
+def test_a_torque_comes_back(node: int, torque: float) -> None:
+    assert parse_order(make_input_torque(node, torque)) == SetTorque(node, torque)
+
+
+@given(nodes, st.sampled_from(AxisState))
+def test_orders_come_back(node: int, state: AxisState) -> None:
+    assert parse_order(make_set_state(node, state)) == SetState(node, state)
+    assert parse_order(make_torque_mode(node)) == SetMode(node, 1, 1)
+    assert parse_order(make_estop(node)) == Simple(node, Command.ESTOP)
+    assert parse_order(make_clear_errors(node)) == Simple(node, Command.CLEAR_ERRORS)
+    asked = parse_order(make_estimates_request(node))
+    assert asked == Simple(node, Command.ENCODER_ESTIMATES)
+
+
+@given(frames)
+def test_no_frame_is_too_strange(frame: Frame) -> None:
+    for found in (parse_answer(frame), parse_order(frame)):
+        if found is not None:
+            assert found.node == frame.id >> 5
+            assert all(math.isfinite(value) for value in found)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_estimates_and_torques_that_are_no_numbers_are_none(bad: float) -> None:
+    assert parse_answer(make_estimates(0, bad, 0.0)) is None
+    assert parse_answer(make_estimates(0, 0.0, bad)) is None
+    assert parse_order(Frame(Command.SET_INPUT_TORQUE, struct.pack("<f", bad))) is None
+
+
+@pytest.mark.parametrize("torque", [math.nan, math.inf, 1e300, -2e4])
+def test_a_torque_beyond_any_motor_is_refused(torque: float) -> None:
+    with pytest.raises(ValueError, match="torque = "):
+        make_input_torque(0, torque)
+
+
+@pytest.mark.parametrize("node", [-1, 64])
+def test_a_node_that_cannot_be_is_refused(node: int) -> None:
+    with pytest.raises(ValueError, match="node = "):
+        make_estop(node)
+
+
+@pytest.mark.parametrize("firmware", ERRORS)
+def test_errors_are_named(firmware: str) -> None:
+    assert error_names(0, firmware) == ""
+    both = sum(list(ERRORS[firmware])[:2])
+    assert error_names(both, firmware) == ", ".join(list(ERRORS[firmware].values())[:2])
+    assert error_names(0x80000000, firmware) == "unknown error 0x80000000"
+
+
+@given(words, st.sampled_from(list(ERRORS)), st.integers(0, 255))
+def test_every_error_and_state_has_a_name(error: int, firmware: str, state: int) -> None:
+    assert bool(error_names(error, firmware)) == bool(error)
+    assert state_name(state)
