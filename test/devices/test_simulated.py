@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.rig.instruments import ArmParameters
+from haptic_accel.core.rig.master_rig import GripParameters, MasterRigParameters
+from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
 from haptic_accel.devices.simulated import (
     RecordingParameters,
@@ -175,6 +177,44 @@ def test_status_counts_what_was_cut() -> None:
     device.write(0.0, actuator_force=10.0)
     assert device.status()["actuator_saturated"] == 1
     assert set(opened(SimulatedSlave).status()) == {"accelerometer_saturated"}
+
+
+# Changing
+
+
+@both
+def test_what_can_be_changed_is_among_the_parameters(device_class: type[Device]) -> None:
+    assert device_class.CHANGEABLE
+    assert set(device_class.CHANGEABLE) <= set(schema(device_class.Parameters))
+
+
+def test_a_slave_goes_on_on_another_surface() -> None:
+    soft = SurfaceParameters(stiffness=1e4)
+    device, hard = opened(SimulatedSlave), opened(SimulatedSlave)
+    device.change(SimulatedSlaveParameters(surface=soft))
+    for one in (device, hard):
+        one.write(0.0, arm_force=(0.0, 0.0, -1.0))
+    # 1 N into 1e4 N/m^1.5: (1e-4)^(2/3) m, 2.2 mm below the hard one.
+    depth = read(hard, 1, 600)[-1].position[2] - read(device, 1, 600)[-1].position[2]
+    assert depth == pytest.approx(1e-4 ** (2 / 3), rel=0.05)
+
+
+def test_a_master_is_held_otherwise() -> None:
+    device = opened(SimulatedMaster)
+    device.change(MasterRigParameters(grip=GripParameters(posture="pinch")))
+    pinched = opened(SimulatedMaster, grip=GripParameters(posture="pinch"))
+    for one in (device, pinched):
+        one.write(0.0, arm_force=(0.0, 0.0, 1.0))
+    assert read(device, 1, 100) == read(pinched, 1, 100)
+
+
+def test_under_a_recording_the_surface_stays(recording: Path) -> None:
+    playing = SimulatedSlaveParameters(
+        recording=RecordingParameters(str(recording), rate=500.0, column="z")
+    )
+    device = SimulatedSlave(playing, RATE, 0)
+    with pytest.raises(ParameterError, match="surface: cannot be changed while a recording"):
+        device.change(dataclasses.replace(playing, surface=SurfaceParameters(friction=1.0)))
 
 
 # Closing

@@ -1,0 +1,99 @@
+// The device's side of the protocol: obeys the host, sends samples, takes the current off.
+//
+// Nothing here knows the time, a port or a pin: all are given, so that the host compiles it too.
+// The same as haptic_accel/devices/serial/board.py, with which a test compares it. Times are us of
+// the device's clock and may begin anew.
+#pragma once
+
+#include "protocol.h"
+
+namespace haptic {
+
+constexpr uint32_t SET_POINT_TIMEOUT = 5000;  // us without a set-point while a current may flow
+constexpr uint32_t STATUS_PERIOD = 100000;    // us: a status is sent as often unasked
+constexpr uint16_t LOWEST_RATE = 50;          // samples per second
+constexpr int AXIS_COUNT = 3;                 // x, y, z, one bit each, x the lowest
+
+enum State : uint8_t { DISARMED = 0, ARMED = 1, TIMED_OUT = 2, FAULT = 3 };
+
+// Why a frame was refused.
+enum ErrorCode : uint8_t {
+  NO_ERROR = 0,
+  BAD_VERSION = 1,
+  BAD_TYPE = 2,
+  BAD_LENGTH = 3,
+  BAD_VALUE = 4,
+  NO_ACTUATOR = 5,
+  IN_FAULT = 6,
+};
+
+struct Identity {
+  uint8_t firmware[3];           // major, minor, patch
+  uint8_t axes;                  // of the accelerometer
+  uint16_t highest_rate;         // samples per second
+  float full_scale_acceleration; // nominal, of 32767 counts, m/s^2
+  float full_scale_current;      // of FULL_SCALE counts, A; 0 where there is no actuator
+  char serial_number[16];        // padded with zeros
+};
+
+// Takes the bytes of a frame; says whether there was room for them.
+typedef bool (*Send)(void *context, const uint8_t *bytes, size_t length);
+
+class Board {
+ public:
+  Board(const Identity &identity, Send send, void *context);
+
+  // Take bytes of the host.
+  void receive(const uint8_t *bytes, size_t length, uint32_t now);
+  // Take a sample, counts by axis, and the moment it was taken at.
+  void sample(const int16_t values[AXIS_COUNT], uint32_t now);
+  // Look at the time: to be called at least every ms.
+  void tick(uint32_t now);
+  // Take what the amplifier says of itself; a fault stays until the host disarms.
+  void fault(bool present, uint32_t now);
+  // Let go of a host that has closed the port; counts stay.
+  void disconnect();
+
+  State state() const { return state_; }
+  int16_t current() const { return current_; }  // that is to flow, counts of FULL_SCALE
+  uint16_t rate() const { return rate_; }       // of the samples wanted; 0 for none
+
+ private:
+  void obey(const Frame &frame, uint32_t now);
+  ErrorCode refusal(const Frame &frame) const;
+  bool can(const Frame &frame) const;
+  void configure(const Frame &frame, uint32_t now);
+  void set_current(int16_t counts, uint32_t now);
+  void enter(State state, uint32_t now);
+  void report(uint32_t now);
+  void identify(uint32_t now);
+  void send_configuration(uint32_t now);
+  void send_samples();
+  void send(uint8_t type, const uint8_t *payload, size_t length, uint32_t now);
+  void be_silent();
+
+  Identity identity_;
+  Send send_;
+  void *context_;
+  Decoder decoder_;
+  State state_ = DISARMED;
+  int16_t current_ = 0;
+  uint16_t rate_ = 0;
+  uint8_t axes_ = 0;
+  uint8_t samples_per_frame_ = 0;
+  uint16_t sequence_ = 0;
+  uint32_t index_ = 0;
+  uint8_t pending_[LONGEST_PAYLOAD];  // of a frame of samples
+  size_t pending_length_ = 0;
+  uint8_t pending_samples_ = 0;
+  uint32_t pending_clock_ = 0;
+  uint32_t last_set_ = 0;
+  uint32_t last_status_ = 0;
+  bool heard_ = false;
+  bool faulty_ = false;
+  uint32_t refused_ = 0;
+  uint32_t timeouts_ = 0;
+  uint32_t unsent_ = 0;
+};
+
+}  // namespace haptic

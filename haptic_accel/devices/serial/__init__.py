@@ -1,0 +1,1 @@
+"""An accelerometer, and at the master a voice coil, behind a microcontroller on USB serial."""

@@ -1,0 +1,132 @@
+"""Finding and opening a serial port, and what is wrong with it in one line."""
+
+from __future__ import annotations
+
+import errno
+import os
+from contextlib import suppress
+
+import serial
+from serial.tools import list_ports
+
+from haptic_accel.devices.interface import DeviceError
+
+WAIT = 0.1
+"""Longest time that a read waits for bytes, s."""
+
+REASONS = {
+    errno.ENOENT: "there is no such port; is it plugged in?",
+    errno.ENXIO: "nothing is behind it; is it plugged in?",
+    errno.EACCES: "no permission: join the group dialout (sudo usermod -aG dialout $USER), then"
+    " log in again",
+    errno.EAGAIN: "busy: another program has it open",
+    errno.EBUSY: "busy: another program has it open",
+    errno.EIO: "nothing is behind it; is it plugged in?",
+}
+"""What to say of an error, and what to do about it."""
+
+
+def find_port(path: str, usb_serial: str) -> str:
+    """Return the path of a port.
+
+    Parameters
+    ----------
+    path : str
+        Taken as it is, unless it is empty.
+    usb_serial : str
+        Otherwise, the USB serial number of the device to look for.
+
+    Raises
+    ------
+    DeviceError
+        No port has that number, or more than one.
+    """
+    if path:
+        return path
+    ports = list_ports.comports()
+    found = sorted(port.device for port in ports if port.serial_number == usb_serial)
+    if not found:
+        known = [f"{port.device} ({port.serial_number})" for port in ports if port.serial_number]
+        there = f"there are {', '.join(known)}" if known else "no port has one"
+        raise DeviceError(f"USB serial number {usb_serial}: not plugged in; {there}")
+    if len(found) > 1:
+        raise DeviceError(f"USB serial number {usb_serial}: {', '.join(found)} have it; name one")
+    return found[0]
+
+
+class Port:
+    """An open port that no other program can open, and that never makes a writer wait.
+
+    Parameters
+    ----------
+    path : str
+    baud : int
+        Of a real serial line; USB has none.
+
+    Raises
+    ------
+    DeviceError
+        It cannot be opened.
+    """
+
+    def __init__(self, path: str, baud: int) -> None:
+        self.path = path
+        try:
+            self._serial = serial.Serial(path, baud, timeout=WAIT, exclusive=True)
+        except (serial.SerialException, ValueError) as error:
+            raise DeviceError(f"{path}: {_reason(error)}") from None
+        with suppress(ValueError, NotImplementedError, AttributeError):
+            # Converters of FTDI keep bytes for 16 ms otherwise; others know no such mode.
+            self._serial.set_low_latency_mode(True)
+
+    def read(self) -> bytes:
+        """Return the bytes that are there, or that come within `WAIT`.
+
+        Raises
+        ------
+        DeviceError
+            The port is gone.
+        """
+        try:
+            data: bytes = self._serial.read(1)
+            if data:
+                data += self._serial.read(self._serial.in_waiting)
+        except OSError as error:
+            raise DeviceError(f"{self.path}: unplugged ({_line(error)})") from None
+        return data
+
+    def write(self, data: bytes) -> bool:
+        """Write bytes if there is room for all of them; whether there was.
+
+        Raises
+        ------
+        DeviceError
+            The port is gone.
+        """
+        try:
+            # Not by pyserial, which without a time-out spins until there is room.
+            return os.write(self._serial.fileno(), data) == len(data)
+        except BlockingIOError:
+            return False
+        except OSError as error:
+            raise DeviceError(f"{self.path}: unplugged ({_line(error)})") from None
+
+    def wake(self) -> None:
+        """Let a read that waits return."""
+        self._serial.cancel_read()
+
+    def close(self) -> None:
+        """Let go of it."""
+        with suppress(OSError):
+            self._serial.close()
+
+
+def _reason(error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number in REASONS:
+        return REASONS[number]
+    return f"cannot be opened as a serial port ({_line(error)})"
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())

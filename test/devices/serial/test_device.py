@@ -1,0 +1,410 @@
+"""The drivers through real pseudo-terminals: samples, forces, and everything that goes wrong."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from haptic_accel.core.coupling import ZERO
+from haptic_accel.core.parameters import ParameterError, from_flat, schema
+from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError
+from haptic_accel.devices.serial.device import SerialDevice, SerialMaster, SerialSlave
+from haptic_accel.devices.serial.faults import DROP, GARBAGE, STALL, UNPLUG
+from haptic_accel.devices.serial.protocol import (
+    FULL_SCALE,
+    VERSION,
+    Decoder,
+    Frame,
+    Identity,
+    State,
+    encode,
+)
+from running import wait_until
+
+HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")
+TOOL = replace(HANDLE, full_scale_current=0.0, serial_number="tool-1")
+RATE = 1000.0
+
+Make = Callable[..., Any]
+
+
+@pytest.fixture
+def connect() -> Iterator[Callable[..., SerialDevice]]:
+    """Open devices that are closed with the test."""
+    opened: list[Device] = []
+
+    def make(board: Any, kind: type[SerialDevice] = SerialMaster, **values: Any) -> SerialDevice:
+        device = built(kind, port=board.path, **values)
+        opened.append(device)
+        device.open()
+        return device
+
+    yield make
+    for device in opened:
+        device.close()
+
+
+def built(kind: type[SerialDevice], **values: Any) -> SerialDevice:
+    flat = {name.replace("__", "."): value for name, value in values.items()}
+    return kind(from_flat(kind.Parameters, flat), RATE, 0)
+
+
+def feel(device: SerialDevice) -> float:
+    sample = device.read(time.monotonic())
+    return math.nan if sample is None else sample.acceleration
+
+
+def push(device: SerialDevice, board: Any, force: float, current: float) -> None:
+    """Command a force again and again, as a graph does, until its current flows."""
+
+    def flows() -> bool:
+        for _ in range(25):
+            device.write(time.monotonic(), actuator_force=force)
+            if board.emulated.current == pytest.approx(current, abs=2e-4):
+                return True
+            time.sleep(0.002)
+        return False
+
+    wait_until(flows, f"{current} A")
+
+
+def test_both_sides_have_a_serial_device() -> None:
+    assert MASTERS["serial"] is SerialMaster
+    assert SLAVES["serial"] is SerialSlave
+    names = set(schema(SerialMaster.Parameters)) - set(schema(SerialSlave.Parameters))
+    assert names == {"actuator.force_constant", "actuator.rearm"}
+
+
+def test_the_package_does_without_the_libraries_until_a_port_is_opened() -> None:
+    code = (
+        "import sys; sys.modules['serial'] = sys.modules['cobs'] = None\n"
+        "from haptic_accel.tools.commands import bench, calibrate, emulate\n"
+        "from haptic_accel.devices import SLAVES, DeviceError\n"
+        "kind = SLAVES['serial']\n"
+        "try: kind(kind.Parameters(port='/dev/null'), 1000.0, 0).open()\n"
+        "except DeviceError as error: print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "serial: needs pyserial and cobs: pip install 'haptic_accel[serial]'\n"
+
+
+# Samples and forces
+
+
+def test_samples_come_calibrated(bench: Make, connect: Make) -> None:
+    board = bench()
+    board.acceleration = 10.0
+    nominal = connect(board)
+    wait_until(lambda: feel(nominal) == pytest.approx(10.0, abs=2e-3), "nominal samples")
+    sample = nominal.read(time.monotonic())
+    assert sample is None or sample[:2] == (ZERO, ZERO)
+    assert "board handle-1, firmware 1.2.3" in nominal.remark
+    nominal.close()
+    counts = round(10.0 / 49.0 * FULL_SCALE)
+    calibrated = connect(board, calibration__gain=-0.001, calibration__offset=87.0)
+    wait_until(
+        lambda: feel(calibrated) == pytest.approx(-0.001 * (counts - 87)), "calibrated samples"
+    )
+
+
+def test_a_tick_gets_the_sample_of_its_time(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board, kind=SerialSlave, rate=4000, samples_per_frame=4)
+    assert device.read(time.monotonic() - 1.0) is None, "nothing was taken as early"
+    wait_until(lambda: not math.isnan(feel(device)), "samples")
+    held = device.status()["samples_held"]
+    begin = time.monotonic() - 1.0
+    device.read(begin)
+    assert device.status()["samples_held"] == held + 1
+    board.acceleration = 1.0
+    wait_until(lambda: feel(device) > 0.5, "the step")
+    assert device.status()["sample_delay_us"] > 0
+
+
+def test_a_force_becomes_a_current_within_full_scale(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board)
+    push(device, board, 1.2, 0.5)  # 2.4 N/A
+    push(device, board, -2.4, -1.0)
+    push(device, board, 1000.0, 2.75)
+    push(device, board, -1000.0, -2.75)
+    for no_force in (math.nan, math.inf, -math.inf):
+        push(device, board, 1.2, 0.5)
+        push(device, board, no_force, 0.0)
+    assert device.status()["set_points_limited"] >= 5
+
+
+def test_swapped_wires_are_a_negative_constant(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board, actuator__force_constant=-4.8)
+    push(device, board, 2.4, -0.5)
+
+
+def test_silence_takes_the_current_off(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board)
+    push(device, board, 1.2, 0.5)
+    wait_until(lambda: board.emulated.current == 0.0, "no current")
+    wait_until(lambda: device.status()["board_state"] == State.TIMED_OUT, "the board saying so")
+    assert device.status()["board_timeouts"] >= 1
+    push(device, board, 1.2, 0.5)
+
+
+def test_closing_leaves_no_current_and_no_samples(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board)
+    push(device, board, 1.2, 0.5)
+    device.close()
+    assert board.emulated.board.state is State.DISARMED
+    assert board.emulated.current == 0.0
+    assert board.emulated.rate == 0
+    device.close()
+    device.write(time.monotonic(), actuator_force=1.0)
+    assert device.arm() is False
+    built(SerialMaster, port=board.path).close()
+
+
+def test_a_device_can_be_opened_again(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board)
+    push(device, board, 1.2, 0.5)
+    device.close()
+    device.open()
+    wait_until(lambda: not math.isnan(feel(device)), "samples")
+    push(device, board, 1.2, 0.5)
+
+
+def test_a_killed_driver_leaves_no_current(bench: Make) -> None:
+    board = bench()
+    code = (
+        "import sys, time\n"
+        "from haptic_accel.devices.serial.device import SerialMaster\n"
+        "device = SerialMaster(SerialMaster.Parameters(port=sys.argv[1]), 1000.0, 0)\n"
+        "device.open()\n"
+        "while True:\n"
+        "    device.write(time.monotonic(), actuator_force=2.4); time.sleep(0.001)\n"
+    )
+    driver = subprocess.Popen([sys.executable, "-c", code, board.path])
+    wait_until(lambda: board.emulated.current == pytest.approx(1.0, abs=1e-4), "a current")
+    os.kill(driver.pid, signal.SIGKILL)
+    driver.wait()
+    wait_until(lambda: board.emulated.current == 0.0, "no current")
+    wait_until(lambda: board.emulated.board.state is State.DISARMED, "disarmed")
+
+
+# What goes wrong on the way
+
+
+def test_damage_is_counted_and_borne(bench: Make, connect: Make) -> None:
+    board = bench()
+    board.acceleration = 10.0
+    device = connect(board)
+
+    def damaged() -> bool:
+        for fault in (GARBAGE, DROP):
+            board.suffer(fault)
+        device.write(time.monotonic(), actuator_force=1.2)
+        status = device.status()
+        assert status["connected"], device.problem
+        return min(status["frames_damaged"], status["board_damaged"]) >= 3
+
+    wait_until(damaged, "damage on both ways")
+    assert device.status()["frames_lost"] > 0
+    wait_until(lambda: feel(device) == pytest.approx(10.0, abs=2e-3), "right samples")
+    push(device, board, 1.2, 0.5)
+
+
+def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
+    bench: Make, connect: Make
+) -> None:
+    board = bench()
+    device = connect(board)
+    push(device, board, 1.2, 0.5)
+    board.suffer(UNPLUG, 0.5)
+    wait_until(lambda: not device.status()["connected"], "being gone")
+    device.write(time.monotonic(), actuator_force=1.2)
+    assert device.arm() is False
+    assert "unplugged" in device.problem or "no such port" in device.problem
+    wait_until(lambda: device.read(time.monotonic()) is None, "no sample")
+    wait_until(lambda: device.status()["connected"] == 1, "being back")
+    wait_until(lambda: "not armed since the board was gone" in device.problem, "the reason")
+    assert device.status()["reconnects"] == 1
+    for _ in range(50):
+        device.write(time.monotonic(), actuator_force=1.2)
+        time.sleep(0.002)
+        assert board.emulated.current == 0.0
+    board.acceleration = 10.0
+    wait_until(lambda: feel(device) == pytest.approx(10.0, abs=2e-3), "samples again")
+    assert device.arm() is None
+    push(device, board, 1.2, 0.5)
+    assert device.problem == ""
+    assert device.disarm()
+    wait_until(lambda: board.emulated.board.state is State.DISARMED, "disarmed")
+
+
+def test_a_driver_that_may_arms_again_by_itself(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board, actuator__rearm="auto")
+    push(device, board, 1.2, 0.5)
+    board.suffer(UNPLUG, 0.1)
+    wait_until(lambda: device.status()["reconnects"] == 1, "being back")
+    push(device, board, 1.2, 0.5)
+
+
+def test_a_board_that_says_nothing_is_gone(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board)
+    push(device, board, 1.2, 0.5)
+    board.suffer(STALL, 1.6)
+    wait_until(lambda: "silent" in device.problem, "the silence")
+    assert board.emulated.current == 0.0
+    wait_until(lambda: device.status()["connected"] == 1, "being back")
+    assert device.status()["armed"] == 0
+
+
+def test_a_short_stall_costs_samples_and_no_more(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board)
+    push(device, board, 1.2, 0.5)
+    board.suffer(STALL, 0.05)
+    wait_until(lambda: device.status()["board_timeouts"] >= 1, "the time-out")
+    push(device, board, 1.2, 0.5)
+    assert device.status()["reconnects"] == 0
+
+
+def test_another_board_in_its_place_is_refused(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board)
+    board.end()
+    bench(replace(HANDLE, serial_number="other"))
+    wait_until(lambda: "board other must be handle-1" in device.problem, "the refusal")
+    assert not device.status()["connected"]
+
+
+# What is told when it cannot be opened
+
+
+@pytest.mark.parametrize(
+    ("kind", "identity", "values", "told"),
+    [
+        (SerialMaster, TOOL, {}, "board tool-1 has no actuator"),
+        (SerialSlave, TOOL, {"calibration__axis": "x"}, "has not the accelerometer's axis"),
+        (SerialSlave, TOOL, {"rate": 6000}, "takes 5000 samples per second at most, not 6000"),
+        (SerialSlave, TOOL, {"calibration__board": "mine"}, "must be mine, of which the"),
+    ],
+)
+def test_a_board_that_does_not_fit_is_refused(
+    bench: Make,
+    connect: Make,
+    kind: type[SerialDevice],
+    identity: Identity,
+    values: Any,
+    told: str,
+) -> None:
+    board = bench(identity)
+    with pytest.raises(DeviceError, match=told) as raised:
+        connect(board, kind, **values)
+    assert str(raised.value).startswith(board.path)
+    # The port is free again for one that fits.
+    connect(board, SerialSlave)
+
+
+def test_a_port_that_is_open_is_busy(bench: Make, connect: Make) -> None:
+    board = bench()
+    connect(board)
+    with pytest.raises(DeviceError, match=f"{board.path}: busy: another program has it open"):
+        connect(board)
+
+
+def test_a_missing_port_and_a_wrong_one_are_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no terminal")
+    for name, told in (("none", "no such port; is it plugged in"), ("file", "serial port")):
+        path = tmp_path / name
+        with pytest.raises(DeviceError, match=f"^{re.escape(str(path))}: .*{told}"):
+            built(SerialSlave, port=str(path)).open()
+
+
+def test_an_unknown_usb_serial_number_is_told() -> None:
+    with pytest.raises(DeviceError, match="^USB serial number none-such: not plugged in; "):
+        built(SerialSlave, usb_serial="none-such").open()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user")
+def test_a_missing_permission_is_told(bench: Make) -> None:
+    board = bench()
+    terminal = os.path.realpath(board.path)
+    os.chmod(terminal, 0o600)
+    code = (
+        "import os, sys\n"
+        "from haptic_accel.devices.interface import DeviceError\n"
+        "from haptic_accel.devices.serial.port import Port\n"
+        "os.setgroups([]); os.setgid(65534); os.setuid(65534)\n"
+        "try: Port(sys.argv[1], 1000000)\n"
+        "except DeviceError as error: print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, terminal], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith(f"{terminal}: no permission: join the group dialout")
+
+
+def test_whoever_does_not_answer_is_no_board() -> None:
+    master, terminal = os.openpty()
+    try:
+        with pytest.raises(DeviceError, match="no answer; is there a board with this firmware"):
+            built(SerialSlave, port=os.ttyname(terminal)).open()
+    finally:
+        os.close(master)
+        os.close(terminal)
+
+
+def test_another_version_of_the_protocol_is_told() -> None:
+    def newer(frame: Frame) -> bytes:
+        return encode(frame._replace(version=VERSION + 1))
+
+    master, terminal = os.openpty()
+    device = built(SerialSlave, port=os.ttyname(terminal))
+    decoder = Decoder()
+
+    def answer() -> None:
+        while True:
+            try:
+                heard = decoder.feed(os.read(master, 1000))
+            except OSError:
+                return
+            for frame in heard:
+                os.write(master, newer(frame))
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    with pytest.raises(DeviceError, match="speaks version 2 of the protocol, must be 1"):
+        device.open()
+    os.close(terminal)
+    thread.join()
+    os.close(master)
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ({}, "serial.port"),
+        ({"port": "/dev/a", "usb_serial": "1"}, "serial.usb_serial"),
+        ({"calibration__axis": "w"}, "axis"),
+        ({"actuator__force_constant": 0.0}, "force_constant"),
+    ],
+)
+def test_parameters_that_cannot_be_are_named(values: dict[str, Any], named: str) -> None:
+    with pytest.raises(ParameterError, match=named):
+        built(SerialMaster, **values)

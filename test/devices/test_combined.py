@@ -1,0 +1,172 @@
+"""A device made of two: any two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+from haptic_accel.core.coupling import ZERO, Vector
+from haptic_accel.core.parameters import Checked, from_flat, parameter, schema
+from haptic_accel.devices import Device, DeviceError, Sample
+from haptic_accel.devices.combined import CombinedDevice
+
+
+@dataclass(frozen=True)
+class NotedParameters(Checked):
+    level: float = parameter(0.0, "that it tells")
+    broken: bool = parameter(False, "whether it can be opened")
+    silent: bool = parameter(False, "whether it has no samples")
+
+
+class Noted(Device):
+    """Notes what happens to it."""
+
+    Parameters = NotedParameters
+    name = ""
+    log: list[tuple[Any, ...]]
+
+    def __init__(self, parameters: NotedParameters, rate: float, seed: int) -> None:
+        self.parameters = parameters
+
+    def open(self) -> None:
+        self.log.append((self.name, "open"))
+        if self.parameters.broken:
+            raise DeviceError(f"{self.name}: broken")
+
+    def read(self, time: float) -> Sample | None:
+        if self.parameters.silent:
+            return None
+        level = self.parameters.level
+        return Sample((level, time, 0.0), (0.0, level, 0.0), level)
+
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+    ) -> None:
+        self.log.append((self.name, arm_force, actuator_force))
+
+    def close(self) -> None:
+        self.log.append((self.name, "close"))
+        if self.parameters.broken:
+            raise DeviceError(f"{self.name}: broken")
+
+    def arm(self) -> bool | None:
+        return not self.parameters.broken and (None if self.parameters.silent else True)
+
+    @property
+    def remark(self) -> str:
+        return self.name
+
+    @property
+    def problem(self) -> str:
+        return f"{self.name} is silent" if self.parameters.silent else ""
+
+    def status(self) -> dict[str, int]:
+        return {"count": int(self.parameters.level)}
+
+
+class Arm(Noted):
+    name = "the arm"
+
+
+class Handle(Noted):
+    name = "the handle"
+    CHANGEABLE = ("level",)
+
+    def change(self, parameters: NotedParameters) -> None:
+        self.parameters = parameters
+
+
+@dataclass(frozen=True)
+class BothParameters:
+    arm: NotedParameters = field(default_factory=NotedParameters)
+    handle: NotedParameters = field(default_factory=NotedParameters)
+
+
+class Both(CombinedDevice):
+    Parameters = BothParameters
+    Arm = Arm
+    Handle = Handle
+
+
+@pytest.fixture
+def log(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
+    events: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(Noted, "log", events, raising=False)
+    return events
+
+
+def built(**values: Any) -> Both:
+    flat = {name.replace("__", "."): value for name, value in values.items()}
+    return Both(from_flat(BothParameters, flat), 1000.0, 0)
+
+
+def test_parameters_are_those_of_both_by_part() -> None:
+    assert set(schema(Both.Parameters)) == {
+        "arm.level",
+        "arm.broken",
+        "handle.level",
+        "handle.broken",
+        "arm.silent",
+        "handle.silent",
+    }
+
+
+def test_motion_is_the_arm_s_and_acceleration_the_handle_s() -> None:
+    device = built(arm__level=1.0, handle__level=2.0)
+    assert device.read(5.0) == Sample((1.0, 5.0, 0.0), (0.0, 1.0, 0.0), 2.0)
+    assert device.status() == {"arm_count": 1, "handle_count": 2}
+    assert device.remark == "the arm; the handle"
+    assert not device.ended
+
+
+def test_without_a_part_there_is_no_sample() -> None:
+    for part in ("arm", "handle"):
+        device = built(**{f"{part}__silent": True})
+        assert device.read(0.0) is None
+        assert device.problem == f"the {part} is silent"
+        assert device.arm() is None
+        assert built(**{f"{part}__broken": True}).arm() is False
+    assert built().arm() is True
+    assert built().problem == ""
+
+
+def test_each_gets_its_own_force(log: list[tuple[Any, ...]]) -> None:
+    device = built()
+    device.write(0.0, arm_force=ZERO)
+    device.write(0.0, actuator_force=1.0)
+    device.write(0.0, arm_force=ZERO, actuator_force=0.0)
+    assert log == [
+        ("the arm", ZERO, None),
+        ("the handle", None, 1.0),
+        ("the handle", None, 0.0),
+        ("the arm", ZERO, None),
+    ]
+
+
+def test_both_are_opened_or_none(log: list[tuple[Any, ...]]) -> None:
+    built().open()
+    assert log == [("the arm", "open"), ("the handle", "open")]
+    log.clear()
+    with pytest.raises(DeviceError, match="the handle"):
+        built(handle__broken=True).open()
+    assert log[-1] == ("the arm", "close")
+    log.clear()
+    with pytest.raises(DeviceError, match="the arm"):
+        built(arm__broken=True).open()
+    assert ("the handle", "open") not in log
+
+
+@pytest.mark.parametrize("broken", ["arm", "handle"])
+def test_one_is_closed_though_the_other_fails(log: list[tuple[Any, ...]], broken: str) -> None:
+    with pytest.raises(DeviceError):
+        built(**{f"{broken}__broken": True}).close()
+    assert {event for event in log} == {("the arm", "close"), ("the handle", "close")}
+
+
+def test_what_can_be_changed_is_what_either_can_change() -> None:
+    assert Both.CHANGEABLE == ("handle.level",)
+    device = built(arm__level=1.0, handle__level=2.0)
+    device.change(from_flat(BothParameters, {"arm.level": 1.0, "handle.level": 3.0}))
+    assert device.read(0.0).acceleration == 3.0

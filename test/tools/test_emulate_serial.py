@@ -1,0 +1,81 @@
+"""The whole experiment through pyserial, with boards that are not there."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.trials import read_trial
+from running import Command
+
+Start = Callable[..., Command]
+
+
+def test_the_graph_runs_through_serial_ports(haptic_accel: Start, tmp_path: Path) -> None:
+    faults = ("faults:=garbage,drop,stall@1", "fault_seconds:=0.05")
+    boards = haptic_accel("emulate", "serial", "folder:=boards", "surface:=text", *faults)
+    line = boards.wait_for("teleop master:=serial")
+    # A machine that holds the boards up for a second must not end the test.
+    config = tmp_path / "boards" / "serial.yaml"
+    values = yaml.safe_load(config.read_text())
+    values["master_device"]["ros__parameters"]["serial"]["actuator"] = {"rearm": "auto"}
+    config.write_text(yaml.safe_dump(values))
+    # What a user is told to type, and a little more.
+    words = [word for word in line.split() if ":=" in word]
+    graph = haptic_accel("teleop", *words, "duration:=4", "bag:=bag", "controller:=constant")
+    assert graph.end() == 0, graph.text
+    assert "board emulated-master" in graph.text
+    boards.wait_for("the hand begins")
+
+    bag = read_bag(tmp_path / "bag")
+    last = {}
+    for diagnosis in bag.diagnostics:
+        # The last words are of a device that is closed.
+        if diagnosis.values.get("connected") == "1":
+            last[diagnosis.node] = diagnosis.values
+    handle, tool = last["master_device"], last["slave_device"]
+    assert int(handle["frames_damaged"]) > 0, handle
+    assert int(handle["board_damaged"]) > 0, handle
+    assert int(tool["frames_damaged"]) == 0
+    assert int(tool["frames_received"]) > 1000
+    assert np.std(bag.signals["slave/tool/acceleration"].values[:, 2]) > 0.1
+    trial, _ = read_trial(tmp_path / "bag", "text", "constant", 1000.0, 15.0)
+    # What is commanded is felt: the handle moves, and not by itself.
+    assert np.std(trial.actuator_force) > 0.01
+    assert np.std(trial.actual_acceleration) > 0.1
+
+    assert boards.end(signal.SIGINT) == 0, boards.text
+
+
+def test_a_node_without_its_board_says_so(start: Start) -> None:
+    given = ("-p", "device:=serial", "-p", "serial.port:=/dev/none")
+    node = start("-m", "haptic_accel.nodes.slave_device", "--ros-args", *given)
+    assert node.end() == 1
+    assert node.lines == ["slave_device: /dev/none: there is no such port; is it plugged in?"], (
+        node.text
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["faults:=fire"], "faults: 'fire'"),
+        (["surface:=ice"], "surface = 'ice'"),
+        (["folder:=file"], "folder = 'file'"),
+        (["rate:=1000"], "rate: no such argument"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(
+    haptic_accel: Start, tmp_path: Path, words: list[str], named: str
+) -> None:
+    (tmp_path / "file").write_text("no folder")
+    command = haptic_accel("emulate", "serial", *words)
+    assert command.end() == 2, command.text
+    assert len(command.lines) == 1, command.text
+    assert named in command.text
