@@ -25,7 +25,7 @@ from haptic_accel.core.trial import Trial, run_trial
 from haptic_accel.devices.simulated import played
 from haptic_accel.nodes.parameters import node_parameters
 from haptic_accel.startup.arguments import GraphArguments, parse_arguments
-from haptic_accel.startup.graph import graph, graph_parameters, rig_parameters
+from haptic_accel.startup.graph import SIMULATED, graph, graph_parameters, rig_parameters
 from haptic_accel.startup.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.startup.supervisor import Supervisor
 from haptic_accel.tools.report import write_report
@@ -171,6 +171,7 @@ def experiment(
     """
     arguments = _with_duration(words)
     _check_seeds(seeds, lockstep)
+    _check_devices(arguments, lockstep)
     plan = _plan(words, arguments, seeds, controllers)
     for planned in plan:
         graph(planned)  # everything that can be wrong is found before anything runs
@@ -204,6 +205,12 @@ def _check_seeds(seeds: int, lockstep: bool) -> None:
         raise ParameterError(f"seeds = {seeds}: must be from 1 to {MOST_SEEDS}")
     if seeds > 1 and not lockstep:
         raise ParameterError(f"seeds = {seeds}: more than one only with --lockstep")
+
+
+def _check_devices(arguments: GraphArguments, lockstep: bool) -> None:
+    for arm, device in (("master", arguments.master), ("slave", arguments.slave)):
+        if lockstep and device != SIMULATED:
+            raise ParameterError(f"{arm} = {device!r}: must be {SIMULATED} with --lockstep")
 
 
 def _with_duration(words: Sequence[str]) -> GraphArguments:

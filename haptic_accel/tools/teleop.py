@@ -38,7 +38,11 @@ class StopOnSignal:
 
 def help_text(kind: type[Checked] = GraphArguments) -> str:
     """Return the arguments of a graph with their defaults and units."""
-    arguments = described(kind)
+    return help_lines(described(kind))
+
+
+def help_lines(arguments: Sequence[tuple[str, str, str]]) -> str:
+    """Return arguments by name, default and description as lines of a help text."""
     width = max(len(name) for name, _, _ in arguments)
     lines = [
         f"  {name:<{width}}  {text} (default: {default or 'empty'})"
@@ -52,7 +56,7 @@ def teleop(words: Sequence[str]) -> int:
     arguments = parse_arguments(words)
     processes = graph(arguments)
     with StopOnSignal() as stop:
-        outcome = Supervisor(processes, on_line=_show).run(stop)
+        outcome = Supervisor(processes, on_line=show).run(stop)
     return conclude(outcome, endless=arguments.duration == 0)
 
 
@@ -78,5 +82,6 @@ def conclude(outcome: Outcome, *, endless: bool = False) -> int:
     return FAILED if outcome.failed else DONE
 
 
-def _show(executable: str, line: str) -> None:
+def show(executable: str, line: str) -> None:
+    """Print a line of output of one of the graph's processes."""
     print(f"[{executable}] {line}", flush=True)
