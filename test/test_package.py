@@ -15,12 +15,22 @@ import pytest
 from catkin_pkg.package import Package, parse_package
 
 SOURCE = Path(__file__).resolve().parents[1]
-NODES = ("master_device", "slave_device", "coupler", "compensator", "recorder", "identifier")
+NODES = (
+    "master_device",
+    "slave_device",
+    "coupler",
+    "compensator",
+    "recorder",
+    "identifier",
+    "restamper",
+    "scope",
+)
 
 ROSDEP_KEYS = {
     "aiohttp": "python3-aiohttp",
     # These two come with rosbags.
     "backports": "python3-rosbags-pip",
+    "can": "python3-can",
     "lz4": "python3-rosbags-pip",
     "jinja2": "python3-jinja2",
     "matplotlib": "python3-matplotlib",
@@ -30,12 +40,13 @@ ROSDEP_KEYS = {
     "psutil": "python3-psutil",
     "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
+    "serial": "python3-serial",
     "yaml": "python3-yaml",
 }
 """Key of each module that is no ROS package; a ROS package's key is its name."""
 
-OPTIONAL = {"vibromaf"}
-"""Modules of the extra `perceptual`, which have no key; what needs them says so."""
+OPTIONAL = {"cobs", "vibromaf"}
+"""Modules of extras, which have no key; what needs them says so."""
 
 
 class Installation:

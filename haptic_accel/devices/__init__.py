@@ -2,10 +2,26 @@
 
 from __future__ import annotations
 
+from haptic_accel.devices.can.device import CanMaster, CanSlave
+from haptic_accel.devices.can_serial import CanSerialMaster, CanSerialSlave
 from haptic_accel.devices.interface import Device, DeviceError, Sample
+from haptic_accel.devices.replay import ReplayMaster, ReplaySlave
+from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
 from haptic_accel.devices.simulated import SimulatedMaster, SimulatedSlave
 
-MASTERS: dict[str, type[Device]] = {"simulated": SimulatedMaster}
-SLAVES: dict[str, type[Device]] = {"simulated": SimulatedSlave}
+MASTERS: dict[str, type[Device]] = {
+    "simulated": SimulatedMaster,
+    "replay": ReplayMaster,
+    "can": CanMaster,
+    "serial": SerialMaster,
+    "can_serial": CanSerialMaster,
+}
+SLAVES: dict[str, type[Device]] = {
+    "simulated": SimulatedSlave,
+    "replay": ReplaySlave,
+    "can": CanSlave,
+    "serial": SerialSlave,
+    "can_serial": CanSerialSlave,
+}
 
 __all__ = ["MASTERS", "SLAVES", "Device", "DeviceError", "Sample"]

@@ -35,6 +35,9 @@ class Device(ABC):
 
     Parameters: ClassVar[type]
 
+    CHANGEABLE: ClassVar[tuple[str, ...]] = ()
+    """Dotted names of the parameters that `change` takes."""
+
     @abstractmethod
     def __init__(self, parameters: Any, rate: float, seed: int) -> None: ...
 
@@ -49,8 +52,8 @@ class Device(ABC):
         """
 
     @abstractmethod
-    def read(self, time: float) -> Sample:
-        """Return the sample of an instant.
+    def read(self, time: float) -> Sample | None:
+        """Return the sample of an instant, None where there is none: unplugged, not yet heard.
 
         Parameters
         ----------
@@ -88,9 +91,49 @@ class Device(ABC):
             It does not answer.
         """
 
+    def change(self, parameters: Any) -> None:
+        """Go on with other parameters; motion and forces stay as they are.
+
+        Parameters
+        ----------
+        parameters
+            An instance of the class' `Parameters` that differs in `CHANGEABLE` only.
+
+        Raises
+        ------
+        ParameterError
+            They cannot be taken now; nothing has changed.
+        """
+        raise NotImplementedError(f"{type(self).__name__} names no CHANGEABLE parameter")
+
+    def arm(self) -> bool | None:
+        """Allow forces again after the device itself refused them; `problem` says whether it does.
+
+        Returns
+        -------
+        bool or None
+            Whether it could; None where that takes a while to tell.
+        """
+        return True
+
     @abstractmethod
     def close(self) -> None:
         """Leave the device with zero force, also when it was never opened."""
+
+    @property
+    def remark(self) -> str:
+        """What is worth telling once it is open; empty for nothing."""
+        return ""
+
+    @property
+    def problem(self) -> str:
+        """Why there are no samples or no forces, in one line; empty if all is well."""
+        return ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether it has come to its end, and the graph with it: a recording that is over."""
+        return False
 
     def status(self) -> dict[str, int]:
         """Return counts worth showing in diagnostics, by name."""

@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 
 from haptic_accel.core.coupling import Vector
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.recording import crossfaded, read_recording
 from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import GripParameters, MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
+from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.devices.interface import Device, Sample
 
 
@@ -63,9 +64,16 @@ class SimulatedMaster(SimulatedDevice):
     """Hand, handle, voice coil and arm."""
 
     Parameters = MasterRigParameters
+    CHANGEABLE = tuple(schema(GripParameters, "grip."))
+
+    _rig: MasterRig
 
     def __init__(self, parameters: MasterRigParameters, rate: float, seed: int) -> None:
         self._rig = MasterRig(parameters, rate, seed)
+
+    def change(self, parameters: MasterRigParameters) -> None:
+        """Let the user hold the handle otherwise."""
+        self._rig.hold(parameters.grip)
 
 
 @dataclass(frozen=True)
@@ -90,9 +98,24 @@ class SimulatedSlave(SimulatedDevice):
     """Tool and arm on a surface."""
 
     Parameters = SimulatedSlaveParameters
+    CHANGEABLE = tuple(schema(SurfaceParameters, "surface."))
+
+    _rig: SlaveRig
 
     def __init__(self, parameters: SimulatedSlaveParameters, rate: float, seed: int) -> None:
         self._rig = SlaveRig(parameters, rate, seed, played(parameters.recording, rate))
+
+    def change(self, parameters: SimulatedSlaveParameters) -> None:
+        """Put another surface under the tip.
+
+        Raises
+        ------
+        ParameterError
+            A recording is played, which no surface would be heard through.
+        """
+        if parameters.recording.file:
+            raise ParameterError("surface: cannot be changed while a recording is played")
+        self._rig.change_surface(parameters.surface)
 
 
 def played(recording: RecordingParameters, rate: float) -> FloatArray | None:

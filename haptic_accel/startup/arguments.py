@@ -6,17 +6,32 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, TypeVar, overload
 
+from haptic_accel.bags.options import RecordingOptions
 from haptic_accel.core.controllers import CONTROLLERS
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.rig.master_rig import POSTURES
 from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.nodes.parameters import rate_parameter, trials_parameter
+from haptic_accel.devices.replay import loop_parameter, speed_parameter, start_parameter
+from haptic_accel.nodes.parameters import (
+    rate_parameter,
+    scope_control_parameter,
+    scope_host_parameter,
+    scope_port_parameter,
+    trials_parameter,
+)
 
 A = TypeVar("A", bound=Checked)
 
 AVERAGE_GRIP = "average"
 """That of Table I."""
+
+
+REPLAY = "replay"
+"""Name of the devices that play a recording."""
+
+PLAYED_TOPICS = "topics"
+"""In place of a slave device: what `ros2 bag play` publishes."""
 
 
 def rig_argument() -> Any:
@@ -52,7 +67,7 @@ def seed_argument() -> Any:
 
 
 @dataclass(frozen=True)
-class GraphArguments(Checked):
+class GraphArguments(RecordingOptions):
     """What a user may say when starting the graph."""
 
     controller: str = parameter("dynamic", "acceleration controller", choices=tuple(CONTROLLERS))
@@ -72,7 +87,17 @@ class GraphArguments(Checked):
         "", "column of a CSV recording; empty for acceleration, accel, acc or a"
     )
     master: str = master_argument()
-    slave: str = parameter("simulated", "slave device", choices=tuple(SLAVES))
+    slave: str = parameter(
+        "simulated",
+        "slave device, or the topics that `ros2 bag play` publishes",
+        choices=(*SLAVES, PLAYED_TOPICS),
+    )
+    replay: str = parameter(
+        "", "with slave:=replay or master:=replay, the bag, or CSV or WAV file, that is played"
+    )
+    replay_speed: float = speed_parameter()
+    replay_loop: bool = loop_parameter()
+    replay_start: float = start_parameter()
     rate: float = rate_parameter()
     duration: float = parameter(
         0.0, "time from engaging to the end; 0 = until stopped", unit="s", low=0.0, high=1e6
@@ -82,12 +107,16 @@ class GraphArguments(Checked):
     composed: bool = parameter(
         False, "whether all nodes but the recorder share one process: quicker, less robust"
     )
+    scope: bool = parameter(False, "whether to serve a page that shows the graph while it runs")
+    scope_host: str = scope_host_parameter()
+    scope_port: int = scope_port_parameter()
+    scope_control: bool = scope_control_parameter()
     config: str = config_argument()
     seed: int = seed_argument()
 
 
 @dataclass(frozen=True)
-class IdentifyArguments(SweepParameters):
+class IdentifyArguments(SweepParameters, RecordingOptions):
     """What a user may say when identifying a handle: the excitation, and the graph that runs."""
 
     trials: int = trials_parameter()
@@ -152,7 +181,11 @@ def _value(text: str, default: Any) -> Any:
 def described(kind: type[Checked] = GraphArguments) -> list[tuple[str, str, str]]:
     """Return name, default and description of every argument, for help texts."""
     lines = []
-    for name, (default, specification) in schema(kind).items():
+    recording = schema(RecordingOptions)
+    # How a bag is recorded is asked for least often: last.
+    for name, (default, specification) in sorted(
+        schema(kind).items(), key=lambda item: item[0] in recording
+    ):
         shown = str(default).lower() if isinstance(default, bool) else f"{default}"
         unit = f" [{specification.unit}]" if specification.unit else ""
         allowed = f"; one of {', '.join(specification.choices)}" if specification.choices else ""

@@ -7,10 +7,13 @@ from typing import Any
 
 import yaml
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, checked
 from haptic_accel.nodes.parameters import NODES, node_schema
 
 PACKAGE = "haptic_accel"
+SURFACE = "simulated.surface."
+"""What the slave device's parameters of a surface begin with."""
+
 _WILDCARDS = ("/**", "**", "/*", "*")
 
 
@@ -52,6 +55,29 @@ def surface_file(surface: str) -> Path:
         There is none.
     """
     return _preset("surface", surface)
+
+
+def surface_parameters(surface: str) -> dict[str, Any]:
+    """Return all that makes a surface, by the slave device's dotted names.
+
+    What its file leaves out has its default, so that nothing of another surface stays.
+
+    Parameters
+    ----------
+    surface : str
+        Its name, or a path ending in ``.yaml``.
+
+    Raises
+    ------
+    ParameterError
+        There is none, or its file is wrong.
+    """
+    given = read_parameter_file(surface_file(surface))["slave_device"]
+    return {
+        name: checked(name, given.get(name, default), default, specification)
+        for name, (default, specification) in node_schema("slave_device").items()
+        if name.startswith(SURFACE)
+    }
 
 
 def _preset(kind: str, name: str) -> Path:

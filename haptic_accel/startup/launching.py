@@ -18,7 +18,9 @@ from haptic_accel.startup.graph import Process
 def launched(
     arguments: type[Checked], processes: Callable[[Sequence[str]], Sequence[Process]]
 ) -> LaunchDescription:
-    """Declare arguments and start the processes they ask for; each one's end ends all.
+    """Declare arguments and start the processes they ask for.
+
+    The end of any of them ends all, but of one that is optional.
 
     Parameters
     ----------
@@ -27,7 +29,15 @@ def launched(
     processes : callable
         From ``key:=value`` words to the processes of the graph.
     """
-    names = [name for name, _, _ in described(arguments)]
+    return launched_from(described(arguments), processes)
+
+
+def launched_from(
+    arguments: Sequence[tuple[str, str, str]],
+    processes: Callable[[Sequence[str]], Sequence[Process]],
+) -> LaunchDescription:
+    """Do the same for arguments by name, default and description."""
+    names = [name for name, _, _ in arguments]
 
     def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         words = [f"{name}:={LaunchConfiguration(name).perform(context)}" for name in names]
@@ -37,14 +47,14 @@ def launched(
                 executable=process.executable,
                 arguments=process.ros_arguments,
                 output="screen",
-                on_exit=_end,
+                on_exit=None if process.optional else _end,
             )
             for process in processes(words)
         ]
 
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=text)
-        for name, default, text in described(arguments)
+        for name, default, text in arguments
     ]
     return LaunchDescription([*declared, OpaqueFunction(function=start)])
 

@@ -44,7 +44,7 @@ class Outcome:
     status : int
         Its exit status, negative for a signal; 0 when stopped from outside.
     statuses : dict
-        Exit status of each executable.
+        Exit status of each executable that the graph cannot do without.
     last_lines : dict
         Last lines of output of each executable.
     """
@@ -108,14 +108,20 @@ class Supervisor:
             Asked ten times a second whether to stop.
         """
         first = ""
+        optional = {process.executable for process in self.processes if process.optional}
         try:
             for process in self.processes:
                 self._start(process)
             while not first and not stop():
                 first = self._next_end()
+                if first in optional:
+                    self._note_end(first)
+                    first = ""
         finally:
             self._stop_all()
-        statuses = {name: process.returncode for name, process in self._running.items()}
+        statuses = {
+            name: child.returncode for name, child in self._running.items() if name not in optional
+        }
         lines = {name: list(last) for name, last in self._last_lines.items()}
         return Outcome(first, statuses.get(first, 0), statuses, lines)
 
@@ -159,6 +165,11 @@ class Supervisor:
             return self._ended.get(timeout=LOOK_PERIOD)
         except queue.Empty:
             return ""
+
+    def _note_end(self, name: str) -> None:
+        """Say that a process ended without which the graph goes on."""
+        status = self._running[name].returncode
+        self.on_line(name, f"ended with status {status}; the graph goes on without it")
 
     def _stop_all(self) -> None:
         patient = {process.executable for process in self.processes if process.last}

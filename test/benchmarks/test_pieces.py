@@ -13,12 +13,13 @@ import rclpy
 
 pytest.importorskip("pytest_benchmark")
 
+from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.writing import BagWriter
 from haptic_accel.core.compensation import Compensation, CompensationParameters
 from haptic_accel.core.controllers import CONTROLLERS
 from haptic_accel.core.coupling import CouplingParameters, PositionPositionCoupling, Vector
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
 from haptic_accel.nodes.interface import Sender, message_type, quality
-from haptic_accel.nodes.recorder import BagWriter
 from haptic_accel.nodes.topics import TOOL_ACCELERATION, VECTORS
 from haptic_accel.nodes.wire import StampedVector, reader
 
@@ -47,8 +48,8 @@ def exploring(device_class: type[Device]) -> Callable[[], Sample]:
     device = device_class(device_class.Parameters(), RATE, 0)
     device.open()
     device.write(0.0, arm_force=(0.5, 0.0, -1.0))
-    device.read(1 / RATE)  # the first one prepares, which is no tick's cost
-    ticks = itertools.count(2)
+    device.read(0.1)  # until it moves; the first one prepares, which is no tick's cost
+    ticks = itertools.count(round(0.1 * RATE) + 1)
     return lambda: device.read(next(ticks) / RATE)
 
 
@@ -138,9 +139,10 @@ def test_recording_of_a_thousand_messages(benchmark: Benchmark, tmp_path: Path) 
     bags: list[BagWriter] = []
 
     def new_bag() -> tuple[tuple[BagWriter, Callable[[bytes], None]], dict[str, Any]]:
-        bag = BagWriter(tmp_path / str(len(bags)), 2 * MESSAGES)
+        bag = BagWriter(tmp_path / str(len(bags)), 2 * MESSAGES, RecordingOptions(), {})
         bags.append(bag)
-        return (bag, bag.connect(TOOL_ACCELERATION, f"/{TOOL_ACCELERATION.name}")), {}
+        topic = TOOL_ACCELERATION
+        return (bag, bag.connect(f"/{topic.name}", topic.type, [], sampled=True)), {}
 
     def record(bag: BagWriter, put: Callable[[bytes], None]) -> None:
         for _ in range(MESSAGES):
@@ -149,4 +151,4 @@ def test_recording_of_a_thousand_messages(benchmark: Benchmark, tmp_path: Path) 
 
     benchmark.extra_info["messages"] = MESSAGES
     benchmark.pedantic(record, setup=new_bag, rounds=5)
-    assert {(bag.written, bag.dropped) for bag in bags} == {(MESSAGES, 0)}
+    assert {(bag.files.written, bag.dropped) for bag in bags} == {(MESSAGES, 0)}

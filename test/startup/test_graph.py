@@ -12,6 +12,7 @@ from haptic_accel.startup.graph import (
     graph_parameters,
     identification_graph,
     rig_parameters,
+    scope_process,
 )
 
 TELEOPERATION = {"recorder", "master_device", "slave_device", "coupler", "compensator"}
@@ -53,6 +54,24 @@ def test_an_identification_has_three_and_knows_the_simulated_actuator(tmp_path: 
 def test_a_sweep_beyond_half_the_rate_is_refused() -> None:
     with pytest.raises(ParameterError, match="end_frequency = 300"):
         identification_graph(IdentifyArguments(end_frequency=300.0, rate=500.0))
+
+
+@pytest.mark.parametrize("composed", [False, True])
+def test_a_scope_is_added_last_and_the_graph_can_do_without_it(composed: bool) -> None:
+    arguments = GraphArguments(
+        scope=True, scope_port=0, scope_host="0.0.0.0", scope_control=True, composed=composed
+    )
+    *others, scope = graph(arguments)
+    assert scope.executable == "scope"
+    assert scope.optional
+    assert scope.parameters == {"scope": {"host": "0.0.0.0", "port": 0, "control": True}}
+    assert not any(process.optional for process in others)
+    assert {"scope"}.isdisjoint(node for process in others for node in process.parameters)
+
+
+def test_a_namespace_is_a_process_argument() -> None:
+    words = scope_process({"port": 0}, namespace="/left").ros_arguments
+    assert words[1:] == ["-p", "port:=0", "-r", "__ns:=/left"]
 
 
 def test_no_recorder_when_not_recording() -> None:

@@ -4,6 +4,7 @@ import itertools
 import signal
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,24 @@ def test_the_first_end_ends_all_with_its_status_and_last_lines() -> None:
     assert (outcome.first, outcome.status) == ("dying", 3)
     assert outcome.last_lines["dying"] == ["oh", "no"]
     assert outcome.failed == {"dying": 3}
+
+
+@pytest.mark.usefixtures("scripts")
+def test_the_graph_goes_on_without_what_is_optional_and_says_so() -> None:
+    said: list[tuple[str, str]] = []
+    told = threading.Event()
+
+    def hear(name: str, line: str) -> None:
+        said.append((name, line))
+        if "goes on" in line:
+            told.set()
+
+    looking = replace(script("looking", "raise SystemExit(3)"), optional=True)
+    outcome = Supervisor([script("patient", PATIENT), looking], on_line=hear).run(told.is_set)
+    assert ("looking", "ended with status 3; the graph goes on without it") in said
+    assert outcome.first == ""
+    assert outcome.statuses == {"patient": 0}
+    assert outcome.failed == {}
 
 
 @pytest.mark.usefixtures("scripts")

@@ -130,6 +130,7 @@ def test_a_recording_is_the_input_of_all_controllers(haptic_accel: Start, tmp_pa
     [
         (["duration:=0"], "duration"),
         (["bag:=x"], "bag"),
+        (["slave:=replay"], "slave = 'replay': must be simulated"),
         (["controller:=magic"], "controller"),
         (["--out", "."], "out"),
         (["--json", "no/such/folder.json"], "json"),
