@@ -170,6 +170,8 @@ class GripEstimator:
         self._information = self._kept * self._information + felt @ felt.T
         self._evidence = self._kept * self._evidence + felt @ driven
         pull = PULL * float(np.trace(self._information))
+        if pull < np.finfo(float).tiny:
+            return  # the handle was not seen to move, as where its accelerometer is not connected
         factors = np.linalg.solve(
             self._information + pull * np.eye(3), self._evidence + pull * np.ones(3)
         )

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.grip_estimation import (
@@ -155,6 +155,7 @@ def test_some_missing_samples_do_no_harm_many_stop_it() -> None:
     st.floats(0.0, 100.0),
     st.floats(0.0, 1e4),
 )
+@example(0, 1.0, 0.0)
 def test_whatever_it_sees_the_grip_stays_in_the_safe_set(
     seed: int, force: float, acceleration: float
 ) -> None:

@@ -113,6 +113,7 @@ def test_after_kill_9_the_bag_is_repaired_and_says_what_was_run(
     graph.wait_for("rosout: recorded too")
     file = tmp_path / "bag" / "bag_0.mcap"
     wait_until(lambda: file.stat().st_size > 500_000, "a second of recording")
+    wait_until(lambda: b"/rosout" in file.read_bytes(), "the topic on the disk")
     os.kill(nodes_of(domain)["recorder"], signal.SIGKILL)
     assert graph.end() == 1
     done = repair(tmp_path / "bag")

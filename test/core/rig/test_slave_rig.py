@@ -394,8 +394,8 @@ def test_another_surface_presses_as_the_one_before_at_that_moment(
     rig.change_surface(replace(other, contact_damping=ROUGH.contact_damping))
     after = rig.measure()
     assert (after.position, after.velocity) == (before.position, before.velocity)
-    # The damping sees another slope at what is left of the speed.
-    assert rig.contact_force == pytest.approx(force, rel=1e-3)
+    # The damping sees another slope, up to that of a steep bump, at what is left of the speed.
+    assert rig.contact_force == pytest.approx(force, rel=1e-2)
 
 
 @few
