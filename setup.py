@@ -91,6 +91,7 @@ setup(
             *TEST,
             "pytest-benchmark",
             "pytest-xdist",
+            "pytest-rerunfailures",
             "ruff",
             "mypy",
             "types-PyYAML",

@@ -66,7 +66,7 @@ def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     assert messages[f"/{DIAGNOSTICS.name}"]
     for topic in SIGNALS:
         found = messages[f"/{topic.name}"]
-        assert len(found) > 1000, topic
+        assert len(found) > 100, topic
         stamps = [stamp_of(message) for message in found]
         assert found[0].header.frame_id == topic.frame
         assert np.all(np.diff(stamps[:-1]) > 0), topic  # the last is the zero force of closing
