@@ -17,9 +17,8 @@ from haptic_accel.bags.compression import compress_file, is_compressed, message_
 from haptic_accel.bags.metadata import FileEntry, Metadata, topic_entry
 from haptic_accel.bags.options import FILE, MESSAGE, NONE, RecordingOptions
 from haptic_accel.bags.storage import SUFFIXES, Storage, open_storage
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.core.parameters import ParameterError
-
-NANOSECONDS = 1_000_000_000
 
 
 class BagFiles:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from haptic_accel.core.grid import NANOSECONDS
+
 STAMP = slice(4, 12)
 """Where a serialised message with a header has its stamp: behind the encapsulation, s and ns,
 four bytes each (CDR, little endian)."""
@@ -13,8 +15,6 @@ LONGEST_STEP = 1.5
 
 ENOUGH = 20
 """Stamps from which a topic's period is known."""
-
-_SECOND = 1_000_000_000
 
 
 class StampGaps:
@@ -42,7 +42,7 @@ class StampGaps:
         if len(self._stamps) < ENOUGH:
             return
         whole, rest = np.frombuffer(b"".join(self._stamps), "<u4").reshape(-1, 2).T
-        steps = np.diff(whole.astype(np.int64) * _SECOND + rest)
+        steps = np.diff(whole.astype(np.int64) * NANOSECONDS + rest)
         period = float(np.median(steps))
         if period > 0:
             long = steps[steps > LONGEST_STEP * period]

@@ -34,9 +34,8 @@ from haptic_accel.bags.rebuilding import (
     rebuild_sqlite,
     undo_transaction,
 )
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.core.parameters import ParameterError
-
-NANOSECONDS = 1_000_000_000
 
 DAMAGED = ".damaged"
 """Behind the name of what was there before."""

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.bags.recorded import Recorded, Signal, read_bag
-from haptic_accel.bags.vectors import NANOSECONDS
-from haptic_accel.core.grid import on_grid, places
+from haptic_accel.core.grid import NANOSECONDS, on_grid, places
 from haptic_accel.core.histogram import QUANTILES
 from haptic_accel.core.identification import RecordingError
 from haptic_accel.core.model import FloatArray

@@ -11,11 +11,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from haptic_accel.core.grid import NANOSECONDS
+
 IntArray = npt.NDArray[np.int64]
 ByteArray = npt.NDArray[np.uint8]
 FloatArray = npt.NDArray[np.float64]
 
-NANOSECONDS = 1_000_000_000
 
 _BYTE_ORDERS = {1: "<", 0: ">"}  # second byte of plain CDR's encapsulation
 _ORIGIN = 4  # alignment counts from behind the encapsulation

@@ -13,9 +13,10 @@ from std_srvs.srv import Trigger
 from haptic_accel.core.compensation import Compensation
 from haptic_accel.core.controllers import CONTROLLERS
 from haptic_accel.core.coupling import ZERO, Vector
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.nodes import topics
 from haptic_accel.nodes.interface import GraphNode
-from haptic_accel.nodes.scheduling import NANOSECONDS, run
+from haptic_accel.nodes.scheduling import run
 
 FROZEN = "adaptive.frozen"
 """Parameter that stops the adaptation."""

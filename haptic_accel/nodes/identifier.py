@@ -6,12 +6,13 @@ import math
 import time
 
 from haptic_accel.core.coupling import ZERO, Vector
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.core.identification.sweep import excitation
 from haptic_accel.core.travel import TravelEstimator
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes import topics
 from haptic_accel.nodes.interface import GraphNode
-from haptic_accel.nodes.scheduling import NANOSECONDS, run
+from haptic_accel.nodes.scheduling import run
 
 LOOK_PERIOD = 0.1
 """How often silence and missing listeners are looked for, s."""

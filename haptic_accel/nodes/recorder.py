@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.session import Answer, RecordingSession
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.nodes.interface import GraphNode, message_type, quality
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.topics import SIGNALS, TOPICS, Topic
@@ -45,7 +46,6 @@ PARAMETER_EVENTS = Topic(
 """Of all nodes: a controller, surface or grip that was changed while recording is in the bag."""
 
 MICROSECONDS = 1e6
-_SECOND = 1_000_000_000
 _UNSPECIFIED = QosTime(0, 0)
 
 
@@ -203,7 +203,7 @@ def _stored(profile: QoSProfile) -> Qos:
 
 
 def _time(nanoseconds: int) -> QosTime:
-    return QosTime(*divmod(nanoseconds, _SECOND))
+    return QosTime(*divmod(nanoseconds, NANOSECONDS))
 
 
 def _requested(offered: Iterable[QoSProfile]) -> QoSProfile:

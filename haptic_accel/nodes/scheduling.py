@@ -23,6 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.core.histogram import DurationHistogram
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
@@ -44,7 +45,6 @@ except ImportError:
 EXECUTORS = {"events": EventsExecutor, "default": SingleThreadedExecutor}
 """The second is a yardstick: several times slower."""
 
-NANOSECONDS = 1_000_000_000
 
 MIDDLEWARE = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",

@@ -14,12 +14,13 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.subscription import Subscription
 
 from haptic_accel.core.compensation import LIMITS, PLANT
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.travel import SuspensionParameters
 from haptic_accel.nodes import topics
 from haptic_accel.nodes.interface import DEPTH, GraphNode, message_type, quality
 from haptic_accel.nodes.parameters import node_parameters, node_schema
-from haptic_accel.nodes.scheduling import NANOSECONDS, run
+from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import POSTURE, Commands, choices
 from haptic_accel.nodes.topics import VECTORS, Topic
 from haptic_accel.nodes.wire import reader

@@ -15,11 +15,11 @@ from typing import Any
 from rclpy.serialization import deserialize_message, serialize_message
 
 from haptic_accel.core.coupling import Vector
+from haptic_accel.core.grid import NANOSECONDS
 
 LITTLE_ENDIAN_CDR = b"\x00\x01"
 """First bytes of plain little-endian CDR; the two after them are options."""
 
-NANOSECONDS = 1_000_000_000
 
 _ORIGIN = 4  # alignment counts from behind the encapsulation
 _HEADER = struct.Struct("<iII")  # stamp, and length of the frame's name

@@ -13,7 +13,8 @@ import struct
 
 import numpy as np
 
-from haptic_accel.scope.windows import LONGEST_WINDOW, NANOSECONDS, Figures, Ring, Windows
+from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.scope.windows import LONGEST_WINDOW, Figures, Ring, Windows
 
 SAMPLES, FIGURES = 1, 2
 """Kinds of frames."""

@@ -16,13 +16,13 @@ from haptic_accel.core.filters import (
     high_pass,
     without_hand_motion,
 )
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.core.metrics import PAPER_DELAY, Evaluation, Spectra, evaluate, spectra
 from haptic_accel.core.travel import SuspensionParameters, TravelEstimator
 
 FloatArray = npt.NDArray[np.float64]
 StampArray = npt.NDArray[np.int64]
 
-NANOSECONDS = 1_000_000_000
 
 LONGEST_WINDOW = 5.0
 """What a page can show, s."""

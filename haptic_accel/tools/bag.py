@@ -18,10 +18,10 @@ from haptic_accel.bags.facts import ARGUMENTS, HOST, PARAMETERS, VERSION, facts_
 from haptic_accel.bags.inspection import DamagedError, inspect, storage_files
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.bags.repair import Repair, repair
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.startup.process import DONE, FAILED
 
-NANOSECONDS = 1_000_000_000
 MEGABYTE = 1e6
 
 MEND = "haptic-accel bag repair makes it whole"

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
-import yaml
-
-from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter
+from haptic_accel.core.parameters import Checked, from_flat, parameter
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
@@ -20,15 +16,18 @@ from haptic_accel.devices.can.emulator import BusPort, Emulator, Port, SlcanPort
 from haptic_accel.devices.can.faults import FAULTS, parse_faults
 from haptic_accel.devices.can.parameters import AUTO, KINEMATICS, CanParameters
 from haptic_accel.startup.arguments import (
-    GraphArguments,
     grip_argument,
     parse_arguments,
     rig_argument,
     seed_argument,
 )
-from haptic_accel.startup.graph import graph_parameters, rig_parameters
 from haptic_accel.startup.process import DONE
-from haptic_accel.tools.teleop import StopOnSignal
+from haptic_accel.tools.emulation import (
+    emulation_folder,
+    until_stopped,
+    virtual_rig,
+    write_parameters,
+)
 
 MASTER, SLAVE = "master", "slave"
 
@@ -87,7 +86,7 @@ def emulate_can(words: Sequence[str]) -> int:
     """Emulate two arms until stopped; return the exit status."""
     arguments = parse_arguments(words, EmulateCanArguments)
     faults = parse_faults(arguments.faults, arguments.fault_seconds)
-    folder = _folder(arguments.folder)
+    folder = emulation_folder(arguments.folder, "can")
     given = {arm: _given(arguments, arm, folder) for arm in (MASTER, SLAVE)}
     parameters = {arm: from_flat(CanParameters, values) for arm, values in given.items()}
     arms = _arms(arguments, parameters)
@@ -100,24 +99,13 @@ def emulate_can(words: Sequence[str]) -> int:
     emulator = Emulator(lines, faults, arms[arguments.fault_arm], arguments.seed)
     try:
         _tell(arguments, folder, given)
-        _run(emulator, arguments)
+        with until_stopped(
+            arguments.duration, lambda: emulator.driven, "the arms have torques"
+        ) as ended:
+            emulator.run(arguments.rate, ended)
     finally:
         emulator.close()
     return DONE
-
-
-def _folder(given: str) -> Path:
-    """Return the folder for what is made, which may be new."""
-    if not given:
-        return Path(tempfile.mkdtemp(prefix="haptic-accel-can-"))
-    folder = Path(given).absolute()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParameterError(
-            f"folder = '{given}': must be a folder or new: {error.strerror}"
-        ) from None
-    return folder
 
 
 def _given(arguments: EmulateCanArguments, arm: str, folder: Path) -> dict[str, Any]:
@@ -146,13 +134,7 @@ def _arms(
 ) -> dict[str, EmulatedArm]:
     """Return both sides of the virtual rig behind axes."""
     rate, seed = arguments.rate, arguments.seed
-    rig = rig_parameters(
-        graph_parameters(
-            GraphArguments(
-                rig=arguments.rig, grip=arguments.grip, surface=arguments.surface, seed=seed
-            )
-        )
-    )
+    rig = virtual_rig(arguments.rig, arguments.grip, arguments.surface, seed)
     new: dict[str, NewRig] = {
         MASTER: lambda: MasterRig(rig.master, rate, seed),
         SLAVE: lambda: SlaveRig(rig.slave, rate, seed),
@@ -168,28 +150,9 @@ def _arms(
 def _tell(arguments: EmulateCanArguments, folder: Path, given: dict[str, dict[str, Any]]) -> None:
     """Write the parameter file of a graph that uses the arms, and say how to start it."""
     path = folder / "can.yaml"
-    content = {
-        f"{arm}_device": {"ros__parameters": {"can": values}} for arm, values in given.items()
-    }
-    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    write_parameters(path, "can", given)
     print(
         "emulating two arms; in another terminal:\n"
         f"  haptic-accel teleop master:=can slave:=can rate:={arguments.rate:g} config:={path}",
         flush=True,
     )
-
-
-def _run(emulator: Emulator, arguments: EmulateCanArguments) -> None:
-    """Go on until a signal, or the end of the duration, and tell when the arms are coupled."""
-    began, told = monotonic(), False
-    with StopOnSignal() as stopped:
-
-        def ended() -> bool:
-            nonlocal told
-            if emulator.driven and not told:
-                told = True
-                print("the arms have torques", flush=True)
-            over = arguments.duration and monotonic() - began >= arguments.duration
-            return bool(over) or stopped()
-
-        emulator.run(arguments.rate, ended)

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING
 
-import yaml
-
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.rig.instruments import AccelerometerParameters
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.devices.serial.device import (
@@ -22,15 +18,18 @@ from haptic_accel.devices.serial.device import (
 )
 from haptic_accel.devices.serial.faults import FAULTS, parse_faults
 from haptic_accel.startup.arguments import (
-    GraphArguments,
     grip_argument,
     parse_arguments,
     rig_argument,
     seed_argument,
 )
-from haptic_accel.startup.graph import graph_parameters, rig_parameters
 from haptic_accel.startup.process import DONE, FAILED
-from haptic_accel.tools.teleop import StopOnSignal
+from haptic_accel.tools.emulation import (
+    emulation_folder,
+    until_stopped,
+    virtual_rig,
+    write_parameters,
+)
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.emulation import EmulatedBoard
@@ -80,13 +79,13 @@ def emulate_serial(words: Sequence[str]) -> int:
     """Emulate both boards until stopped; return the exit status."""
     arguments = parse_arguments(words, EmulateSerialArguments)
     faults = parse_faults(arguments.faults)
-    rig = _rig(arguments)
+    rig = virtual_rig(arguments.rig, arguments.grip, arguments.surface, arguments.seed)
     try:
         from haptic_accel.devices.serial.emulator import Emulator
     except ImportError:
         print(f"haptic-accel: serial: {MISSING_LIBRARY}", file=sys.stderr)
         return FAILED
-    folder = _folder(arguments.folder)
+    folder = emulation_folder(arguments.folder, "serial")
     boards = _boards(arguments, rig, folder)
     emulator = Emulator(
         rig,
@@ -105,30 +104,6 @@ def emulate_serial(words: Sequence[str]) -> int:
         for board in boards.values():
             board.close()
     return DONE
-
-
-def _rig(arguments: EmulateSerialArguments) -> RigParameters:
-    graph = GraphArguments(
-        rig=arguments.rig,
-        grip=arguments.grip,
-        surface=arguments.surface,
-        seed=arguments.seed,
-    )
-    return rig_parameters(graph_parameters(graph))
-
-
-def _folder(given: str) -> Path:
-    """Return the folder for what is made, which may be new."""
-    if not given:
-        return Path(tempfile.mkdtemp(prefix="haptic-accel-serial-"))
-    folder = Path(given).absolute()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParameterError(
-            f"folder = '{given}': must be a folder or new: {error.strerror}"
-        ) from None
-    return folder
 
 
 def _boards(
@@ -163,11 +138,9 @@ def _boards(
 def _tell(folder: Path) -> None:
     """Write the parameter file of a graph that uses the boards, and say how to start it."""
     path = folder / "serial.yaml"
-    content = {
-        f"{side}_device": {"ros__parameters": {"serial": {"port": str(folder / side)}}}
-        for side in (MASTER, SLAVE)
-    }
-    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    write_parameters(
+        path, "serial", {side: {"port": str(folder / side)} for side in (MASTER, SLAVE)}
+    )
     print(
         "emulating two boards; in another terminal:\n"
         f"  haptic-accel teleop master:=serial slave:=serial config:={path}",
@@ -176,21 +149,13 @@ def _tell(folder: Path) -> None:
 
 
 def _run(emulator: Emulator, arguments: EmulateSerialArguments) -> None:
-    """Go on until a signal, or the end of the duration, and tell when the hand begins."""
+    """Go on until a signal, or the end of the duration."""
     # A board is never kept waiting by the nodes that it serves. Only here is ROS waited for.
     from haptic_accel.nodes.scheduling import ask_for_realtime, sharpen_timers
 
     sharpen_timers()
     ask_for_realtime()
-    began, told = monotonic(), False
-    with StopOnSignal() as stopped:
-
-        def ended() -> bool:
-            nonlocal told
-            if emulator.exploring and not told:
-                told = True
-                print("the hand begins to explore", flush=True)
-            over = arguments.duration and monotonic() - began >= arguments.duration
-            return bool(over) or stopped()
-
+    with until_stopped(
+        arguments.duration, lambda: emulator.exploring, "the hand begins to explore"
+    ) as ended:
         emulator.run(ended)

@@ -25,15 +25,11 @@ from rclpy.serialization import deserialize_message
 
 from haptic_accel.core.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling import Vector
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.core.histogram import DurationHistogram
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.nodes.parameters import CompensatorNodeParameters
-from haptic_accel.nodes.scheduling import (
-    NANOSECONDS,
-    RateKeeper,
-    sharpen_timers,
-    system_time,
-)
+from haptic_accel.nodes.scheduling import RateKeeper, sharpen_timers, system_time
 from haptic_accel.nodes.topics import TOOL_ACCELERATION, VECTORS
 from haptic_accel.nodes.wire import StampedVector, reader
 from haptic_accel.startup.process import DONE, FAILED

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.nodes.scheduling import NANOSECONDS, RateKeeper
+from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.nodes.scheduling import RateKeeper
 
 PERIOD = NANOSECONDS // 1000
 

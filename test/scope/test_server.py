@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from yarl import URL
 
+from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.scope import server as served
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import (
@@ -23,7 +24,7 @@ from haptic_accel.scope.server import (
     CommandError,
     ScopeServer,
 )
-from haptic_accel.scope.windows import NANOSECONDS, Windows
+from haptic_accel.scope.windows import Windows
 from running import wait_until
 
 START = 1_800_000_000 * NANOSECONDS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.devices.faults import read_faults
 
 DROP, GARBAGE, AXIS_ERROR, HEARTBEAT = "drop", "garbage", "error", "heartbeat"
 ESTIMATES, BUS_OFF, UNPLUG = "estimates", "bus_off", "unplug"
@@ -78,15 +78,9 @@ def parse_faults(text: str, seconds: float) -> Faults:
     ParameterError
         An unknown fault, or a time that is none.
     """
-    faults = []
-    for word in text.split(",") if text else []:
-        name, at, when = word.strip().partition("@")
-        try:
-            begin = float(when) if at else 0.0
-        except ValueError:
-            begin = math.nan
-        if name not in FAULTS or not 0 <= begin < math.inf:
-            known = ", ".join(FAULTS)
-            raise ParameterError(f"faults: {word!r}: must be NAME or NAME@SECONDS of {known}")
-        faults.append(Fault(name, begin, begin + seconds if at else math.inf))
-    return Faults(faults)
+    return Faults(
+        [
+            Fault(name, 0.0, math.inf) if begin is None else Fault(name, begin, begin + seconds)
+            for name, begin in read_faults(text, FAULTS)
+        ]
+    )

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.devices.faults import read_faults
 
 GARBAGE, DROP, STALL, UNPLUG = "garbage", "drop", "stall", "unplug"
 
@@ -37,15 +36,4 @@ def parse_faults(text: str) -> list[PlannedFault]:
     ParameterError
         An unknown fault, or a time that is none.
     """
-    planned = []
-    for word in text.split(",") if text else []:
-        name, at, when = word.strip().partition("@")
-        try:
-            begin = float(when) if at else 0.0
-        except ValueError:
-            begin = math.nan
-        if name not in FAULTS or not 0 <= begin < math.inf:
-            known = ", ".join(FAULTS)
-            raise ParameterError(f"faults: {word!r}: must be NAME or NAME@SECONDS of {known}")
-        planned.append(PlannedFault(name, begin if at else None))
-    return planned
+    return [PlannedFault(name, begin) for name, begin in read_faults(text, FAULTS)]
