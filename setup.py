@@ -110,7 +110,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            f"haptic-accel = {NAME}.tools.cli:main",
+            f"haptic-accel = {NAME}.cli.main:main",
             *(f"{node} = {NAME}.nodes.{node}:main" for node in NODES),
         ],
     },

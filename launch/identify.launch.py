@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from launch import LaunchDescription
 
-from haptic_accel.startup.arguments import IdentifyArguments, parse_arguments
-from haptic_accel.startup.graph import identification_graph
-from haptic_accel.startup.launching import launched
+from haptic_accel.graph.arguments import IdentifyArguments, parse_arguments
+from haptic_accel.graph.launching import launched
+from haptic_accel.graph.processes import identification_graph
 
 
 def generate_launch_description() -> LaunchDescription:

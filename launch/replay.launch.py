@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from launch import LaunchDescription
 
-from haptic_accel.startup.graph import graph
-from haptic_accel.startup.launching import launched_from
-from haptic_accel.startup.replay import described_replay, replay_arguments
+from haptic_accel.graph.launching import launched_from
+from haptic_accel.graph.processes import graph
+from haptic_accel.graph.replay import described_replay, replay_arguments
 
 
 def generate_launch_description() -> LaunchDescription:

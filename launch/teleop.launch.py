@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from launch import LaunchDescription
 
-from haptic_accel.startup.arguments import GraphArguments, parse_arguments
-from haptic_accel.startup.graph import graph
-from haptic_accel.startup.launching import launched
+from haptic_accel.graph.arguments import GraphArguments, parse_arguments
+from haptic_accel.graph.launching import launched
+from haptic_accel.graph.processes import graph
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_accel.bags.trial_bag import stamped_message
-from haptic_accel.nodes.topics import Topic
+from haptic_accel.core.topics import Topic
 
 START = 1_255_392_000_000_000_000
 """13 October 2009, when the paper was presented; ns."""

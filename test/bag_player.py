@@ -12,8 +12,8 @@ from pathlib import Path
 import rclpy
 from rosbags.rosbag2 import Reader
 
+from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS
 from haptic_accel.nodes.interface import message_type, quality
-from haptic_accel.nodes.topics import PLAYED, SLAVE_SIGNALS
 
 PATIENCE = 60.0
 """s."""

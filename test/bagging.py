@@ -14,9 +14,9 @@ import numpy.typing as npt
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from haptic_accel.core import topics
+from haptic_accel.core.topics import Topic
 from haptic_accel.core.trial import Trial
-from haptic_accel.nodes import topics
-from haptic_accel.nodes.topics import Topic
 
 START = 1_700_000_000_000_000_000
 """First stamp, ns."""

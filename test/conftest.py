@@ -67,7 +67,7 @@ def start(tmp_path: Path, domain: int) -> Iterator[Callable[..., Command]]:
 @pytest.fixture
 def haptic_accel(start: Callable[..., Command]) -> Callable[..., Command]:
     """Start ``haptic-accel WORDS`` as the console script does."""
-    return lambda *words: start("-m", "haptic_accel.tools.cli", *words)
+    return lambda *words: start("-m", "haptic_accel.cli.main", *words)
 
 
 @pytest.fixture

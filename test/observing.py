@@ -10,8 +10,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 
+from haptic_accel.core.topics import DIAGNOSTICS, Topic
 from haptic_accel.nodes.interface import message_type, quality
-from haptic_accel.nodes.topics import DIAGNOSTICS, Topic
 from running import PATIENCE
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from haptic_accel.analysis.loading import AnalysedTrial
 from haptic_accel.analysis.tables import FIGURES
+from haptic_accel.core.evaluation.statistics import PairedDifference, paired_difference
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.statistics import PairedDifference, paired_difference
 
 RUNS = "runs"
 """Compare what the first and the second place hold."""

@@ -12,12 +12,12 @@ from haptic_accel.analysis.comparison import Comparison, check_comparison
 from haptic_accel.analysis.comparison import compare as compared
 from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.measures import PERCENT, Shift
-from haptic_accel.analysis.stretches import cut
+from haptic_accel.analysis.segments import cut
 from haptic_accel.analysis.tables import group_row, trial_row
 from haptic_accel.analysis.tables import groups as grouped
 from haptic_accel.bags.recorded import read_bag
+from haptic_accel.core.evaluation.statistics import PairedDifference
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.statistics import PairedDifference
 
 if TYPE_CHECKING:
     import pandas as pd

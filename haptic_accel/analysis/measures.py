@@ -8,20 +8,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptic_accel.analysis.figures import Portrait
 from haptic_accel.analysis.perception import Perception, perceive
-from haptic_accel.analysis.stretches import Stretch
+from haptic_accel.analysis.plots import Portrait
+from haptic_accel.analysis.segments import Stretch
 from haptic_accel.analysis.traces import Traces
-from haptic_accel.core.bands import band_nrmse, bands
-from haptic_accel.core.delay import Delay, estimate_delay, shift_back
-from haptic_accel.core.filters import without_hand_motion
-from haptic_accel.core.grid import IntArray
-from haptic_accel.core.metrics import Evaluation, Spectra, evaluate, spectra
+from haptic_accel.core import topics
+from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.control.filters import without_hand_motion
+from haptic_accel.core.evaluation.bands import band_nrmse, bands
+from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
+from haptic_accel.core.evaluation.metrics import Evaluation, Spectra, evaluate, spectra
+from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.statistics import Interval, nrmse_interval
-from haptic_accel.core.travel import TravelEstimator
-from haptic_accel.nodes import topics
+from haptic_accel.core.sampling import IntArray
 
 PERCENT = 100.0
 

@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.analysis.comparison import Comparison, Pair
-from haptic_accel.analysis.figures import DASH, EXCERPT, number
 from haptic_accel.analysis.frames import comparison_rows
 from haptic_accel.analysis.loading import AnalysedTrial, Analysis
 from haptic_accel.analysis.measures import LATENCY_EDGES, PERCENT, Fidelity
+from haptic_accel.analysis.plots import DASH, EXCERPT, number
 from haptic_accel.analysis.summary import AVERAGE, averages, summary
 from haptic_accel.analysis.tables import FIGURES, MILLI, Group, groups
 from haptic_accel.analysis.thinning import around, some, thinned
 from haptic_accel.analysis.traces import WHOLE_POINTS, Trace, Traces
-from haptic_accel.core.metrics import REGRESSION, TABLE_II
+from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
+from haptic_accel.core.evaluation.statistics import CONFIDENCE, Interval
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.statistics import CONFIDENCE, Interval
 from haptic_accel.pages import asset, template
 
 POINTS = 100_000

@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 
 from haptic_accel.analysis.comparison import Comparison
-from haptic_accel.analysis.figures import number, percent
 from haptic_accel.analysis.loading import AnalysedTrial, Analysis
+from haptic_accel.analysis.plots import number, percent
 from haptic_accel.analysis.tables import FIGURES, MILLI, Group, groups, rank
-from haptic_accel.core.metrics import TABLE_II
-from haptic_accel.core.statistics import Interval, mean_interval
+from haptic_accel.core.evaluation.metrics import TABLE_II
+from haptic_accel.core.evaluation.statistics import Interval, mean_interval
 
 AVERAGE = "average"
 """The paper's average over its surfaces, as a surface of its table."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from haptic_accel.analysis.loading import AnalysedTrial
 from haptic_accel.analysis.measures import PERCENT, Fidelity, Measures
-from haptic_accel.core.statistics import Interval, mean_interval
+from haptic_accel.core.evaluation.statistics import Interval, mean_interval
 
 MILLI, MICRO = 1e3, 1e6
 """Milliseconds, millimetres or microseconds in the SI unit."""

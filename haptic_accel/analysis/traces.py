@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptic_accel.analysis.figures import EXCERPT
+from haptic_accel.analysis.plots import EXCERPT
 from haptic_accel.analysis.thinning import around, liveliest, thinned
 from haptic_accel.core.model import FloatArray
 

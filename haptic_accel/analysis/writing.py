@@ -14,7 +14,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from haptic_accel.analysis.comparison import Comparison
-from haptic_accel.analysis.figures import (
+from haptic_accel.analysis.frames import comparison_rows
+from haptic_accel.analysis.loading import Analysis
+from haptic_accel.analysis.measures import LATENCY_EDGES
+from haptic_accel.analysis.page import write_page
+from haptic_accel.analysis.plots import (
     PAPER,
     Bar,
     Grid,
@@ -24,15 +28,11 @@ from haptic_accel.analysis.figures import (
     regressions,
     time_traces,
 )
-from haptic_accel.analysis.frames import comparison_rows
-from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.measures import LATENCY_EDGES
-from haptic_accel.analysis.page import write_page
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.tables import Group, group_row, groups, trial_row
-from haptic_accel.core.metrics import REGRESSION, TABLE_II
+from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
+from haptic_accel.core.evaluation.statistics import CONFIDENCE, mean_interval
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.statistics import CONFIDENCE, mean_interval
 
 PAGE = "index.html"
 

@@ -15,10 +15,10 @@ from rosbags.interfaces import Connection
 
 from haptic_accel.bags.compression import compress_file, is_compressed, message_compressor
 from haptic_accel.bags.metadata import FileEntry, Metadata, topic_entry
-from haptic_accel.bags.options import FILE, MESSAGE, NONE, RecordingOptions
+from haptic_accel.bags.recording_options import FILE, MESSAGE, NONE, RecordingOptions
 from haptic_accel.bags.storage import SUFFIXES, Storage, open_storage
-from haptic_accel.core.grid import NANOSECONDS
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS
 
 
 class BagFiles:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.core.sampling import NANOSECONDS
 
 STAMP = slice(4, 12)
 """Where a serialised message with a header has its stamp: behind the encapsulation, s and ns,

@@ -15,7 +15,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from haptic_accel.bags.compression import SUFFIX as COMPRESSED
 from haptic_accel.bags.metadata import NEVER, FileEntry, TopicEntry, topic_entry
-from haptic_accel.bags.options import MCAP
+from haptic_accel.bags.recording_options import MCAP
 from haptic_accel.bags.storage import SUFFIXES
 
 JOURNAL = "-journal"

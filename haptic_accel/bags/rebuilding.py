@@ -24,7 +24,7 @@ from rosbags.rosbag2.storage_mcap import DECOMPRESSORS, Channel, PendingChunk, S
 from haptic_accel.bags.inspection import JOURNAL, DamagedError, channel_entry
 from haptic_accel.bags.mcap import MAGIC, McapFile
 from haptic_accel.bags.metadata import NEVER, FileEntry, Metadata
-from haptic_accel.bags.options import MCAP, NONE, ZSTD_FAST
+from haptic_accel.bags.recording_options import MCAP, NONE, ZSTD_FAST
 from haptic_accel.bags.storage import CHUNK, ChunkedFile, SqliteStorage
 
 # Kinds of MCAP records (https://mcap.dev/spec).

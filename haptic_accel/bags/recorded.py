@@ -25,7 +25,7 @@ from rosbags.typesys import Stores, get_typestore
 from haptic_accel.bags.mcap import Block, Channel, IntArray, McapFile
 from haptic_accel.bags.vectors import stamped_vectors
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.nodes.topics import DIAGNOSTICS, SIGNALS, Topic
+from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, Topic
 
 if sys.version_info >= (3, 14):
     from compression import zstd

@@ -27,15 +27,15 @@ from haptic_accel.bags.metadata import (
     MetadataError,
     read_metadata,
 )
-from haptic_accel.bags.options import FILE, MCAP, MESSAGE, ZSTD
 from haptic_accel.bags.rebuilding import (
     custom_data_of,
     rebuild_mcap,
     rebuild_sqlite,
     undo_transaction,
 )
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.bags.recording_options import FILE, MCAP, MESSAGE, ZSTD
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS
 
 DAMAGED = ".damaged"
 """Behind the name of what was there before."""

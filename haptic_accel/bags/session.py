@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rosbags.interfaces import Qos
 
-from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
 from haptic_accel.core.parameters import ParameterError
 

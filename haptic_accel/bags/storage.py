@@ -28,7 +28,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from haptic_accel.bags.compression import compress_block, sync
 from haptic_accel.bags.metadata import NEVER, VERSION, qos_text
-from haptic_accel.bags.options import MCAP, SQLITE3, ZSTD_FAST
+from haptic_accel.bags.recording_options import MCAP, SQLITE3, ZSTD_FAST
 
 CHUNK = 1 << 20
 """Size from which a chunk of an MCAP file is complete, bytes; rosbag2 has 768 KiB."""

@@ -11,13 +11,13 @@ from rosbags.typesys import Stores, get_typestore
 
 from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
-from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.trials import SIGNALS
-from haptic_accel.core.coupling import Vector
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import VECTORS, Topic
 from haptic_accel.core.trial import Trial
-from haptic_accel.nodes.topics import VECTORS, Topic
 
 
 def write_trial(path: Path, trial: Trial, facts: Mapping[str, str]) -> None:

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.bags.recorded import Recorded, Signal, read_bag
-from haptic_accel.core.grid import NANOSECONDS, on_grid, places
-from haptic_accel.core.histogram import QUANTILES
+from haptic_accel.core import topics
+from haptic_accel.core.evaluation.histogram import QUANTILES
 from haptic_accel.core.identification import RecordingError
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS, on_grid, places
+from haptic_accel.core.topics import Topic
 from haptic_accel.core.trial import Trial
-from haptic_accel.nodes import topics
-from haptic_accel.nodes.topics import Topic
 
 SIGNALS: dict[str, Topic] = {
     "tool_acceleration": topics.TOOL_ACCELERATION,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.core.sampling import NANOSECONDS
 
 IntArray = npt.NDArray[np.int64]
 ByteArray = npt.NDArray[np.uint8]

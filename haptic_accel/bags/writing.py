@@ -14,7 +14,7 @@ from rosbags.interfaces import Connection, Qos
 from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.gaps import StampGaps
-from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.recording_options import RecordingOptions
 
 FLUSH_PERIOD = 0.5
 """How much a power cut takes at most, s."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +13,14 @@ from haptic_accel.core.parameters import Checked, parameter
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
+
+Vector = tuple[float, float, float]
+"""x, y, z in the arm's base frame."""
+
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+GRAVITY = 9.80665
+"""Standard gravity, m/s^2 (ISO 80000-3)."""
 
 
 @dataclass(frozen=True)
@@ -103,3 +113,109 @@ def _pair(frequency: float, damping: float) -> FloatArray:
     """Return the polynomial of a complex pair with unit value at s = 0."""
     omega = 2 * np.pi * frequency
     return np.array([1 / omega**2, 2 * damping / omega, 1.0])
+
+
+@dataclass(frozen=True)
+class AccelerometerParameters(Checked):
+    """An Analog Devices ADXL320J behind a 16-bit converter, as in the paper."""
+
+    range: float = parameter(
+        5 * GRAVITY, "largest acceleration either way (5 g)", unit="m/s^2", low=0, above=True
+    )
+    bandwidth: float = parameter(
+        500.0, "corner of its first-order low-pass (paper)", unit="Hz", low=1.0, high=100e3
+    )
+    noise_density: float = parameter(
+        250e-6 * GRAVITY,
+        "noise (ADXL320 data sheet: 250 ug/sqrt(Hz))",
+        unit="m/s^2/sqrt(Hz)",
+        low=0,
+        high=1.0,
+    )
+    bits: int = parameter(16, "resolution of the converter over the range", low=4, high=32)
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a sample, m/s^2: white noise through the first-order low-pass."""
+        # A first-order low-pass lets through as much white noise as an ideal one of pi/2
+        # times its corner.
+        return self.noise_density * math.sqrt(math.pi / 2 * self.bandwidth)
+
+
+class Sample(NamedTuple):
+    """One reading of an arm and its accelerometer.
+
+    Attributes
+    ----------
+    position : tuple of float
+        Tip or handle in the arm's base frame, m.
+    velocity : tuple of float
+        m/s.
+    acceleration : float
+        Along the actuator's axis (z of the tool or handle frame), m/s^2.
+    """
+
+    position: Vector
+    velocity: Vector
+    acceleration: float
+
+
+GRIP_STREAM = 3
+"""Random stream of the user's grip, apart from those of sensor noise of the same seed."""
+
+POSTURES: dict[str, tuple[float, float, float]] = {
+    "average": (1.0, 1.0, 1.0),
+    "pinch": (0.92, 0.75, 0.8),
+    "hook": (1 / 0.92, 1 / 0.75, 1 / 0.8),
+}
+"""Factors of m_h, k_u and b_u by how the handle is held. The paper fitted Table I to pinch and
+hook grips together; that fingertips hold softer and with less of the hand, and how much, is
+assumed, such that Table I lies in the middle."""
+
+
+@dataclass(frozen=True)
+class StructureParameters(Checked):
+    """What lies between the actuator's frame and the accelerometer: a light mount that gives."""
+
+    frequency: float = parameter(
+        0.0, "its resonance; 0 for a rigid mount", unit="Hz", low=0, high=2000.0
+    )
+    damping: float = parameter(0.2, "its damping ratio", low=0.01, high=2.0)
+
+
+@dataclass(frozen=True)
+class GripParameters(Checked):
+    """How users differ from Table I, and how the handle is held."""
+
+    variation: float = parameter(
+        0.0,
+        "standard deviation of the logarithm of m_h, k_u and b_u from seed to seed",
+        low=0,
+        high=1.0,
+    )
+    posture: str = parameter(
+        "average", "how the handle is held; average is Table I", choices=tuple(POSTURES)
+    )
+    gravity: float = parameter(
+        0.0, "gravity along the actuator's axis", unit="m/s^2", low=-9.81, high=9.81
+    )
+
+
+def held(handle: HandleParameters, grip: GripParameters, seed: int) -> HandleParameters:
+    """Return the handle as one user holds it: by posture, and as users vary.
+
+    Parameters
+    ----------
+    handle : HandleParameters
+        The average user's.
+    grip : GripParameters
+    seed : int
+        Of the user.
+    """
+    m_h, k_u, b_u = POSTURES[grip.posture]
+    if grip.variation:
+        drawn = np.random.default_rng((seed, GRIP_STREAM)).normal(0.0, grip.variation, 3)
+        # One hand holds more or less of itself against the handle: mass least, stiffness most.
+        factors = np.exp(drawn * (0.3, 1.0, 0.7)).tolist()
+        m_h, k_u, b_u = m_h * factors[0], k_u * factors[1], b_u * factors[2]
+    return replace(handle, m_h=handle.m_h * m_h, k_u=handle.k_u * k_u, b_u=handle.b_u * b_u)

@@ -8,15 +8,18 @@ from dataclasses import InitVar, dataclass, field, replace
 
 import numpy as np
 
-from haptic_accel.core.compensation import Compensation, CompensationParameters
-from haptic_accel.core.coupling import ZERO, CouplingParameters, PositionPositionCoupling
-from haptic_accel.core.filters import HIGH_PASS_FREQUENCY, without_hand_motion
-from haptic_accel.core.model import FloatArray, HandleParameters
+from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_motion
+from haptic_accel.core.coupling.position_position import (
+    CouplingParameters,
+    PositionPositionCoupling,
+)
+from haptic_accel.core.model import ZERO, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError
-from haptic_accel.core.replay import ReplayRig, Track
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters
+from haptic_accel.core.track import ReplayRig, Track
 
 DEFAULT_RATE = 1000.0
 """Samples per second of the paper's servo loop."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import Any, ClassVar
 
-from haptic_accel.core.coupling import Vector
+from haptic_accel.core.model import Vector
 from haptic_accel.devices.interface import Device, Sample
 
 ARM, HANDLE = "arm", "handle"

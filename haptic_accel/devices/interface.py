@@ -5,8 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
-from haptic_accel.core.coupling import Vector
-from haptic_accel.core.rig.interface import Sample
+from haptic_accel.core.model import Sample, Vector
 
 __all__ = ["Device", "DeviceError", "Sample"]
 

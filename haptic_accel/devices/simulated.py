@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from haptic_accel.core.coupling import Vector
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
-from haptic_accel.core.recording import crossfaded, read_recording
+from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.rig.master_rig import GripParameters, MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.devices.interface import Device, Sample
+from haptic_accel.devices.playback.files import read_recording
 
 
 class SimulatedDevice(Device):

@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 import scipy.signal  # noqa: F401
 from std_srvs.srv import Trigger
 
-from haptic_accel.core.compensation import Compensation
-from haptic_accel.core.controllers import CONTROLLERS
-from haptic_accel.core.coupling import ZERO, Vector
-from haptic_accel.core.grid import NANOSECONDS
-from haptic_accel.nodes import topics
+from haptic_accel.core import topics
+from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import run
 

@@ -9,11 +9,12 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from haptic_accel.core.coupling import ZERO, PositionPositionCoupling, Vector
-from haptic_accel.nodes import topics
+from haptic_accel.core import topics
+from haptic_accel.core.coupling.position_position import PositionPositionCoupling
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.topics import Topic
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.topics import Topic
 
 LOOK_PERIOD = 0.02
 """How often silence and the end of the duration are looked for, s."""

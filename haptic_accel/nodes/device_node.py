@@ -10,17 +10,17 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from haptic_accel.core.coupling import ZERO, Vector
-from haptic_accel.core.grid import NANOSECONDS
-from haptic_accel.core.histogram import DurationHistogram
+from haptic_accel.core import topics
+from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
+from haptic_accel.core.evaluation.histogram import DurationHistogram
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, from_flat
-from haptic_accel.core.safety import STOPPED, SafetyLayer
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import Topic
 from haptic_accel.devices import Device, DeviceError, Sample
-from haptic_accel.nodes import topics
+from haptic_accel.graph.node_parameters import SAFETY
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
-from haptic_accel.nodes.parameters import SAFETY
 from haptic_accel.nodes.scheduling import RateKeeper, start_timer, system_time
-from haptic_accel.nodes.topics import Topic
 
 STALL = 0.02
 """Time without a tick from which on diagnostics warn, s: a fiftieth of their own period."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import time
 
-from haptic_accel.core.coupling import ZERO, Vector
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.core import topics
+from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.identification.sweep import excitation
-from haptic_accel.core.travel import TravelEstimator
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
-from haptic_accel.nodes import topics
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import run
 

@@ -19,11 +19,11 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from haptic_accel.core.coupling import Vector
+from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, Schema, Specification, checked
-from haptic_accel.nodes.parameters import NODES, node_parameters, node_schema
+from haptic_accel.core.topics import DIAGNOSTICS, VECTORS, Topic
+from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 from haptic_accel.nodes.scheduling import SupervisedNode, scheduling_class
-from haptic_accel.nodes.topics import DIAGNOSTICS, VECTORS, Topic
 from haptic_accel.nodes.wire import StampedVector, reader
 
 DIAGNOSTICS_PERIOD = 1.0

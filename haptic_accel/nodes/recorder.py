@@ -20,10 +20,10 @@ from std_srvs.srv import Trigger
 from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.session import Answer, RecordingSession
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import SIGNALS, TOPICS, Topic
 from haptic_accel.nodes.interface import GraphNode, message_type, quality
 from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.topics import SIGNALS, TOPICS, Topic
 
 DEPTH = 1000
 """Messages of one topic that the middleware keeps while Python is busy."""

@@ -11,15 +11,15 @@ from dataclasses import replace
 
 from std_msgs.msg import Bool
 
-from haptic_accel.core.coupling import Vector
-from haptic_accel.core.grid import NANOSECONDS
-from haptic_accel.core.histogram import DurationHistogram
-from haptic_accel.core.replay_stamps import StampShift
-from haptic_accel.nodes import topics
+from haptic_accel.core import topics
+from haptic_accel.core.evaluation.histogram import DurationHistogram
+from haptic_accel.core.model import Vector
+from haptic_accel.core.restamping import StampShift
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
 from haptic_accel.nodes.device_node import quantiles
 from haptic_accel.nodes.interface import GraphNode, Sender
 from haptic_accel.nodes.scheduling import run, system_time
-from haptic_accel.nodes.topics import PLAYED, SLAVE_SIGNALS, Topic
 
 LOOK_PERIOD = 0.1
 """How often the others are looked for until they are there, s."""

@@ -23,12 +23,9 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
-from haptic_accel.core.grid import NANOSECONDS
-from haptic_accel.core.histogram import DurationHistogram
+from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.devices import DeviceError
-from haptic_accel.startup.files import config_folder
-from haptic_accel.startup.process import (
+from haptic_accel.core.process import (
     DONE,
     EXECUTOR,
     FAILED,
@@ -36,6 +33,9 @@ from haptic_accel.startup.process import (
     SUPERVISOR,
     WRONG_ARGUMENTS,
 )
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.devices import DeviceError
+from haptic_accel.graph.files import config_folder
 
 try:
     from rclpy.executors import EventsExecutor  # ROS 2 Lyrical and newer

@@ -13,22 +13,22 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 from rclpy.subscription import Subscription
 
-from haptic_accel.core.compensation import LIMITS, PLANT
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.core import topics
+from haptic_accel.core.actuator.travel import SuspensionParameters
+from haptic_accel.core.control.compensation import LIMITS, PLANT
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.travel import SuspensionParameters
-from haptic_accel.nodes import topics
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import VECTORS, Topic
+from haptic_accel.graph.files import SURFACE
+from haptic_accel.graph.node_parameters import node_parameters, node_schema
 from haptic_accel.nodes.interface import DEPTH, GraphNode, message_type, quality
-from haptic_accel.nodes.parameters import node_parameters, node_schema
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import POSTURE, Commands, choices
-from haptic_accel.nodes.topics import VECTORS, Topic
 from haptic_accel.nodes.wire import reader
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
 from haptic_accel.scope.board import Board, Report
 from haptic_accel.scope.server import ScopeServer
 from haptic_accel.scope.windows import Setting, Windows
-from haptic_accel.startup.files import SURFACE
 
 SIGNAL_DEPTH = 1000
 """Messages of one signal that the middleware keeps while Python is busy."""

@@ -14,14 +14,14 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
-from haptic_accel.core.controllers import CONTROLLERS
+from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.master_rig import POSTURES
+from haptic_accel.core.topics import EMERGENCY_STOP
+from haptic_accel.graph.files import config_folder, surface_parameters
+from haptic_accel.graph.processes import RECORDING, SIMULATED
 from haptic_accel.nodes.interface import GraphNode
-from haptic_accel.nodes.topics import EMERGENCY_STOP
 from haptic_accel.scope.server import CommandError
-from haptic_accel.startup.files import config_folder, surface_parameters
-from haptic_accel.startup.graph import RECORDING, SIMULATED
 
 FINDING_TIME = 0.7
 """How long a service may take to be found, s."""

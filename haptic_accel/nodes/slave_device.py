@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from haptic_accel.core import topics
 from haptic_accel.devices import SLAVES
-from haptic_accel.nodes import topics
 from haptic_accel.nodes.device_node import DeviceNode, changeable
 from haptic_accel.nodes.scheduling import run
 

@@ -14,8 +14,8 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
 
-from haptic_accel.core.coupling import Vector
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.core.model import Vector
+from haptic_accel.core.sampling import NANOSECONDS
 
 LITTLE_ENDIAN_CDR = b"\x00\x01"
 """First bytes of plain little-endian CDR; the two after them are options."""

@@ -13,7 +13,7 @@ import struct
 
 import numpy as np
 
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope.windows import LONGEST_WINDOW, Figures, Ring, Windows
 
 SAMPLES, FIGURES = 1, 2

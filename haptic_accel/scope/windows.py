@@ -9,16 +9,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.actuator import PEAK_FORCE
-from haptic_accel.core.filters import (
+from haptic_accel.core.actuator.guard import PEAK_FORCE
+from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
+from haptic_accel.core.control.filters import (
     HIGH_PASS_FREQUENCY,
     MOTION_SHARE,
     high_pass,
     without_hand_motion,
 )
-from haptic_accel.core.grid import NANOSECONDS
-from haptic_accel.core.metrics import PAPER_DELAY, Evaluation, Spectra, evaluate, spectra
-from haptic_accel.core.travel import SuspensionParameters, TravelEstimator
+from haptic_accel.core.evaluation.metrics import (
+    PAPER_DELAY,
+    Evaluation,
+    Spectra,
+    evaluate,
+    spectra,
+)
+from haptic_accel.core.sampling import NANOSECONDS
 
 FloatArray = npt.NDArray[np.float64]
 StampArray = npt.NDArray[np.int64]

@@ -13,10 +13,10 @@ import pytest
 from bagging import BagContent, of_trial, write_bag
 from haptic_accel.analysis import bands, compare, groups, load, signals, spectra, trials
 from haptic_accel.analysis.comparison import RUNS
+from haptic_accel.core import topics
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import Trial
-from haptic_accel.nodes import topics
 
 RATE = 1000.0
 

@@ -14,7 +14,7 @@ from rosbags.interfaces import Connection
 from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.metadata import read_metadata
-from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.parameters import ParameterError
 from reading import with_mcap, with_rosbags
 

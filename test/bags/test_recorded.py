@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from haptic_accel.bags.recorded import Change, read_bag
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.nodes.topics import DIAGNOSTICS, SIGNALS, TOOL_ACCELERATION, VECTORS
+from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, TOOL_ACCELERATION, VECTORS
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 MESSAGES = TYPES.types

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.metadata import read_metadata
-from haptic_accel.bags.options import RecordingOptions
 from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.repair import repair
 from haptic_accel.core.parameters import ParameterError
 from reading import Row, with_mcap, with_rosbags
@@ -166,7 +166,7 @@ def test_a_folder_that_is_no_bag_is_refused(tmp_path: Path) -> None:
 RECORDING = """
 import sys, time
 from pathlib import Path
-from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
 bag = BagWriter(Path(sys.argv[1]), 100_000, RecordingOptions(storage=sys.argv[2]), {})
 put = bag.connect("/x", "std_msgs/msg/String", [])

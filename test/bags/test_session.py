@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.session import RecordingSession
 from haptic_accel.core.parameters import ParameterError
 from reading import with_rosbags

@@ -10,7 +10,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_accel.bags.definitions import UndefinedTypeError
-from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
 from haptic_accel.core.parameters import ParameterError
 from reading import with_rosbags
@@ -115,7 +115,7 @@ def test_samples_that_did_not_come_are_counted_by_their_stamps(tmp_path: Path) -
 FULL = """
 import resource, sys, time
 from pathlib import Path
-from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import FLUSH_PERIOD, BagWriter
 bag = BagWriter(Path("bag"), 100_000, RecordingOptions(storage=sys.argv[1]), {"fact": "kept"})
 put = bag.connect("/x", "std_msgs/msg/String", [])

@@ -13,14 +13,18 @@ import rclpy
 
 pytest.importorskip("pytest_benchmark")
 
-from haptic_accel.bags.options import RecordingOptions
+from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
-from haptic_accel.core.compensation import Compensation, CompensationParameters
-from haptic_accel.core.controllers import CONTROLLERS
-from haptic_accel.core.coupling import CouplingParameters, PositionPositionCoupling, Vector
+from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.coupling.position_position import (
+    CouplingParameters,
+    PositionPositionCoupling,
+)
+from haptic_accel.core.model import Vector
+from haptic_accel.core.topics import TOOL_ACCELERATION, VECTORS
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
 from haptic_accel.nodes.interface import Sender, message_type, quality
-from haptic_accel.nodes.topics import TOOL_ACCELERATION, VECTORS
 from haptic_accel.nodes.wire import StampedVector, reader
 
 # A look at each piece in every run of the tests; for figures to rely on: --benchmark-max-time=5

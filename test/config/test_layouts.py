@@ -9,9 +9,9 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from typing import Any
 
+from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, TOPICS
+from haptic_accel.graph.files import config_folder
 from haptic_accel.nodes.interface import message_type
-from haptic_accel.nodes.topics import EMERGENCY_STOP, SIGNALS, TOPICS
-from haptic_accel.startup.files import config_folder
 
 FOLDER = config_folder() / "layouts"
 BY_NAME = {f"/{topic.name}": topic for topic in TOPICS}

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import pytest
 
+from haptic_accel.core.model import AccelerometerParameters
 from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.instruments import AccelerometerParameters, ArmParameters
+from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
 from haptic_accel.core.trial import RigParameters

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from haptic_accel.core.compensation import CompensationParameters
-from haptic_accel.core.controllers.constant import ConstantParameters
-from haptic_accel.core.metrics import TABLE_II, evaluate
+from haptic_accel.core.control.compensation import CompensationParameters
+from haptic_accel.core.control.controllers.constant import ConstantParameters
+from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig
 from haptic_accel.core.trial import RigParameters, Trial, run_trial
-from haptic_accel.startup.arguments import GraphArguments
-from haptic_accel.startup.graph import graph_parameters, rig_parameters
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 SURFACES = ("plywood", "text", "vinyl")
 CONTROLLERS = ("none", "constant", "dynamic")

@@ -18,17 +18,17 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from bag_maker import write_bag
-from haptic_accel.core.compensation import Compensation
-from haptic_accel.core.coupling import PositionPositionCoupling, Vector
-from haptic_accel.core.model import FloatArray
+from haptic_accel.cli.replay import replay_lockstep
+from haptic_accel.core import topics
+from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.coupling.position_position import PositionPositionCoupling
+from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig
-from haptic_accel.nodes import topics
-from haptic_accel.nodes.parameters import node_parameters
-from haptic_accel.nodes.topics import SLAVE_SIGNALS, Topic
-from haptic_accel.startup.arguments import GraphArguments
-from haptic_accel.startup.graph import graph_parameters, rig_parameters
-from haptic_accel.tools.replay import replay_lockstep
+from haptic_accel.core.topics import SLAVE_SIGNALS, Topic
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 FOLDER = Path(__file__).parent
 FIGURES = FOLDER / "golden.json"

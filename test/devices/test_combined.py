@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from haptic_accel.core.coupling import ZERO, Vector
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, from_flat, parameter, schema
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.devices.combined import CombinedDevice

@@ -12,9 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.model import GripParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.rig.instruments import ArmParameters
-from haptic_accel.core.rig.master_rig import GripParameters, MasterRigParameters
+from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
 from haptic_accel.devices.simulated import (

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.devices.serial.board import Board
 from haptic_accel.devices.serial.protocol import (
     Arm,
     Configure,
@@ -26,6 +25,7 @@ from haptic_accel.devices.serial.protocol import (
     SetCurrent,
     encode,
 )
+from haptic_accel.emulators.serial_board import Board
 
 pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
 

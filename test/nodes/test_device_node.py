@@ -14,12 +14,13 @@ from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from haptic_accel.core.actuator import PEAK_FORCE
-from haptic_accel.core.coupling import ZERO, Vector
-from haptic_accel.core.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE
+from haptic_accel.core import topics
+from haptic_accel.core.actuator.guard import PEAK_FORCE
+from haptic_accel.core.actuator.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.devices import MASTERS, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedMaster
-from haptic_accel.nodes import device_node, topics
+from haptic_accel.nodes import device_node
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.master_device import MasterDevice
 from running import PATIENCE

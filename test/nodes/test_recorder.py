@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from haptic_accel.bags.metadata import Metadata, read_metadata
 from haptic_accel.bags.recorded import read_bag
 from haptic_accel.bags.repair import repair
-from haptic_accel.nodes.topics import TOPICS
+from haptic_accel.core.topics import TOPICS
 from observing import Observer
 from reading import with_mcap, with_rosbags
 from running import Command, nodes_of, wait_until

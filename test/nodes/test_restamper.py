@@ -11,8 +11,8 @@ import pytest
 
 from bag_maker import NANOSECONDS, write_bag
 from haptic_accel.bags.recorded import Recorded, Signal, read_bag
-from haptic_accel.nodes import topics
-from haptic_accel.nodes.topics import Topic
+from haptic_accel.core import topics
+from haptic_accel.core.topics import Topic
 from running import Command
 
 Start = Callable[..., Command]

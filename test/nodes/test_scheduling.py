@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.nodes.scheduling import RateKeeper
 
 PERIOD = NANOSECONDS // 1000

@@ -14,7 +14,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 
-from haptic_accel.nodes.topics import MASTER_STOPPED, SLAVE_STOPPED
+from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from running import Command, nodes_of, wait_until
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class Shared:
 
     def start(self) -> Command:
         """Start a graph whose scope has always the same port."""
-        words = ["-m", "haptic_accel.tools.cli", "teleop", "seed:=1", "scope:=true"]
+        words = ["-m", "haptic_accel.cli.main", "teleop", "seed:=1", "scope:=true"]
         words += [f"scope_port:={self.port}", "scope_control:=true"]
         graph = Command(words, self.folder)
         graph.wait_for("engaged")

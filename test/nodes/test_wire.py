@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
+from haptic_accel.core.topics import SIGNALS, VECTORS, Topic
 from haptic_accel.nodes.interface import message_type
-from haptic_accel.nodes.topics import SIGNALS, VECTORS, Topic
 from haptic_accel.nodes.wire import StampedVector, reader
 
 numbers = st.floats(allow_nan=False)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from yarl import URL
 
-from haptic_accel.core.grid import NANOSECONDS
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope import server as served
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import (

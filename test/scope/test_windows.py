@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from haptic_accel.core.filters import high_pass, without_hand_motion
-from haptic_accel.core.grid import NANOSECONDS
-from haptic_accel.core.travel import SuspensionParameters, TravelEstimator
+from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
+from haptic_accel.core.control.filters import high_pass, without_hand_motion
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope import windows
 from haptic_accel.scope.frames import FIGURES, SAMPLES, TRACES, Cursor, figures_frame
 from haptic_accel.scope.windows import (

@@ -22,9 +22,13 @@ from haptic_accel.core.identification.sweep import (
     SweepParameters,
     kept_repeats,
 )
-from haptic_accel.core.model import ApproximateModel, FloatArray, HandleParameters
+from haptic_accel.core.model import (
+    ApproximateModel,
+    FloatArray,
+    HandleParameters,
+    StructureParameters,
+)
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.master_rig import StructureParameters
 
 DISCRETE_ORDER = 7
 """Of the discrete model: eq. (3) has 4, the accelerometer 1, its mount 2."""

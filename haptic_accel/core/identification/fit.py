@@ -12,9 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.identification.estimate import Band, FrequencyResponse
-from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
+from haptic_accel.core.model import (
+    ComplexArray,
+    FloatArray,
+    HandleParameters,
+    StructureParameters,
+    handle_model,
+)
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.master_rig import StructureParameters
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult

@@ -7,39 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from haptic_accel.core.model import AccelerometerParameters
 from haptic_accel.core.parameters import Checked, parameter
 
-GRAVITY = 9.80665
-"""Standard gravity, m/s^2 (ISO 80000-3)."""
-
 _NOISE_BLOCK = 4096
-
-
-@dataclass(frozen=True)
-class AccelerometerParameters(Checked):
-    """An Analog Devices ADXL320J behind a 16-bit converter, as in the paper."""
-
-    range: float = parameter(
-        5 * GRAVITY, "largest acceleration either way (5 g)", unit="m/s^2", low=0, above=True
-    )
-    bandwidth: float = parameter(
-        500.0, "corner of its first-order low-pass (paper)", unit="Hz", low=1.0, high=100e3
-    )
-    noise_density: float = parameter(
-        250e-6 * GRAVITY,
-        "noise (ADXL320 data sheet: 250 ug/sqrt(Hz))",
-        unit="m/s^2/sqrt(Hz)",
-        low=0,
-        high=1.0,
-    )
-    bits: int = parameter(16, "resolution of the converter over the range", low=4, high=32)
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation of a sample, m/s^2: white noise through the first-order low-pass."""
-        # A first-order low-pass lets through as much white noise as an ideal one of pi/2
-        # times its corner.
-        return self.noise_density * math.sqrt(math.pi / 2 * self.bandwidth)
 
 
 class Quantizer:

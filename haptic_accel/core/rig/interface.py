@@ -2,30 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
-from haptic_accel.core.coupling import Vector
+from haptic_accel.core.model import Sample, Vector
 
 LONGEST_ADVANCE = 0.1
 """Longest time simulated in one go, s; after a longer stall the rig has stood still."""
-
-
-class Sample(NamedTuple):
-    """One reading of an arm and its accelerometer.
-
-    Attributes
-    ----------
-    position : tuple of float
-        Tip or handle in the arm's base frame, m.
-    velocity : tuple of float
-        m/s.
-    acceleration : float
-        Along the actuator's axis (z of the tool or handle frame), m/s^2.
-    """
-
-    position: Vector
-    velocity: Vector
-    acceleration: float
 
 
 class Rig(Protocol):

@@ -8,17 +8,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from haptic_accel.core.coupling import Vector
-from haptic_accel.core.model import FloatArray, HandleParameters
+from haptic_accel.core.model import (
+    AccelerometerParameters,
+    FloatArray,
+    GripParameters,
+    HandleParameters,
+    Sample,
+    StructureParameters,
+    Vector,
+    held,
+)
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.rig.exploration import TABLE_STEP, Exploration, ExplorationParameters
-from haptic_accel.core.rig.instruments import (
-    Accelerometer,
-    AccelerometerParameters,
-    ArmParameters,
-    Quantizer,
-)
-from haptic_accel.core.rig.interface import LONGEST_ADVANCE, Sample
+from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters, Quantizer
+from haptic_accel.core.rig.interface import LONGEST_ADVANCE
 from haptic_accel.core.rig.linear_system import LinearSystem
 
 RESOLUTION = 10e-6
@@ -30,18 +33,9 @@ STOP_STEPS = 5
 FRICTION_STEPS = 25
 """Steps between looks at dry friction, where there is any (250 us)."""
 
-NOISE_STREAM, GRIP_STREAM = 1, 3
-"""Keep this accelerometer's noise, and the user's grip, apart from the slave's noise, which may
-have the same seed."""
+NOISE_STREAM = 1
+"""Random stream of the handle's accelerometer, apart from the slave's of the same seed."""
 
-POSTURES: dict[str, tuple[float, float, float]] = {
-    "average": (1.0, 1.0, 1.0),
-    "pinch": (0.92, 0.75, 0.8),
-    "hook": (1 / 0.92, 1 / 0.75, 1 / 0.8),
-}
-"""Factors of m_h, k_u and b_u by how the handle is held. The paper fitted Table I to pinch and
-hook grips together; that fingertips hold softer and with less of the hand, and how much, is
-assumed, such that Table I lies in the middle."""
 
 # Order of states and inputs of the linear mechanics.
 Y_A, V_A, Y_H, V_H, X_U, Y_U, VX_U, V_U, MEASURED, X_H, VX_H, Y_M, V_M = range(13)
@@ -78,34 +72,6 @@ class ActuatorParameters(Checked):
     )
     slip_velocity: float = parameter(
         2e-3, "speed at which that has 0.76 of its force", unit="m/s", low=2e-3, high=1.0
-    )
-
-
-@dataclass(frozen=True)
-class StructureParameters(Checked):
-    """What lies between the actuator's frame and the accelerometer: a light mount that gives."""
-
-    frequency: float = parameter(
-        0.0, "its resonance; 0 for a rigid mount", unit="Hz", low=0, high=2000.0
-    )
-    damping: float = parameter(0.2, "its damping ratio", low=0.01, high=2.0)
-
-
-@dataclass(frozen=True)
-class GripParameters(Checked):
-    """How users differ from Table I, and how the handle is held."""
-
-    variation: float = parameter(
-        0.0,
-        "standard deviation of the logarithm of m_h, k_u and b_u from seed to seed",
-        low=0,
-        high=1.0,
-    )
-    posture: str = parameter(
-        "average", "how the handle is held; average is Table I", choices=tuple(POSTURES)
-    )
-    gravity: float = parameter(
-        0.0, "gravity along the actuator's axis", unit="m/s^2", low=-9.81, high=9.81
     )
 
 
@@ -343,26 +309,6 @@ class MasterRig:
         reduced_mass = 1 / (1 / self.handle.m_a + 1 / self.handle.m_h)
         stopping = reduced_mass / (FRICTION_STEPS * self._step)
         return -math.copysign(min(force, stopping * abs(slip)), slip)
-
-
-def held(handle: HandleParameters, grip: GripParameters, seed: int) -> HandleParameters:
-    """Return the handle as one user holds it: by posture, and as users vary.
-
-    Parameters
-    ----------
-    handle : HandleParameters
-        The average user's.
-    grip : GripParameters
-    seed : int
-        Of the user.
-    """
-    m_h, k_u, b_u = POSTURES[grip.posture]
-    if grip.variation:
-        drawn = np.random.default_rng((seed, GRIP_STREAM)).normal(0.0, grip.variation, 3)
-        # One hand holds more or less of itself against the handle: mass least, stiffness most.
-        factors = np.exp(drawn * (0.3, 1.0, 0.7)).tolist()
-        m_h, k_u, b_u = m_h * factors[0], k_u * factors[1], b_u * factors[2]
-    return replace(handle, m_h=handle.m_h * m_h, k_u=handle.k_u * k_u, b_u=handle.b_u * b_u)
 
 
 def _mechanics(

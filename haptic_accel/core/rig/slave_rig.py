@@ -5,15 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from haptic_accel.core.coupling import Vector
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.model import AccelerometerParameters, FloatArray, Sample, Vector
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.rig.instruments import (
-    Accelerometer,
-    AccelerometerParameters,
-    ArmParameters,
-)
-from haptic_accel.core.rig.interface import LONGEST_ADVANCE, Sample
+from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters
+from haptic_accel.core.rig.interface import LONGEST_ADVANCE
 from haptic_accel.core.rig.surface import (
     PROFILE_POINTS,
     PROFILE_STEP,

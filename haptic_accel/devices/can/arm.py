@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from haptic_accel.core.coupling import ZERO, Vector
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.devices.can.kinematics import (
     Angles,
     JointParameters,

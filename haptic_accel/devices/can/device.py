@@ -6,7 +6,7 @@ from collections.abc import Callable
 from time import monotonic, sleep
 from typing import Any
 
-from haptic_accel.core.coupling import Vector
+from haptic_accel.core.model import Vector
 from haptic_accel.devices.can.arm import Arm, State
 from haptic_accel.devices.can.bus import bitrate_of, bus_configuration, open_bus
 from haptic_accel.devices.can.link import Link

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from haptic_accel.core.coupling import Vector
+from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
 TURN = 2 * math.pi

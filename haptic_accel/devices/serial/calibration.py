@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.rig.instruments import GRAVITY
+from haptic_accel.core.model import GRAVITY, FloatArray
 
 BLOCKS = 10
 """Parts whose means tell how well the mean is known: neighbouring samples have like noise."""

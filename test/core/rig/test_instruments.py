@@ -9,13 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_accel.core.model import AccelerometerParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.instruments import (
-    Accelerometer,
-    AccelerometerParameters,
-    ArmParameters,
-    Quantizer,
-)
+from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters, Quantizer
 
 # Converters
 

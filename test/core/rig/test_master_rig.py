@@ -11,20 +11,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.model import HandleParameters
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.instruments import AccelerometerParameters
-from haptic_accel.core.rig.interface import LONGEST_ADVANCE
-from haptic_accel.core.rig.master_rig import (
+from haptic_accel.core.model import (
     POSTURES,
-    ActuatorParameters,
+    AccelerometerParameters,
     GripParameters,
-    MasterRig,
-    MasterRigParameters,
+    HandleParameters,
     StructureParameters,
     held,
 )
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.rig.exploration import ExplorationParameters
+from haptic_accel.core.rig.interface import LONGEST_ADVANCE
+from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRig, MasterRigParameters
 
 RATE = 1000.0
 PERIOD = 1 / RATE

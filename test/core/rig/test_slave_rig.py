@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.model import AccelerometerParameters
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.rig.instruments import AccelerometerParameters, ArmParameters
+from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, ToolParameters
 from haptic_accel.core.rig.surface import SurfaceParameters

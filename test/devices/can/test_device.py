@@ -15,11 +15,11 @@ from haptic_accel.core.parameters import ParameterError, from_flat
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
 from haptic_accel.devices.can.device import CanSlave
-from haptic_accel.devices.can.emulation import EmulatedArm
-from haptic_accel.devices.can.emulator import BusPort, Emulator, Port, SlcanPort
-from haptic_accel.devices.can.faults import parse_faults
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.interface import DeviceError
+from haptic_accel.emulators.can_arm import EmulatedArm
+from haptic_accel.emulators.can_bus import BusPort, Emulator, Port, SlcanPort
+from haptic_accel.emulators.can_faults import parse_faults
 from running import wait_until
 
 RATE = 200.0  # Hz

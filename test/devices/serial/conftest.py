@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.devices.serial.emulation import EmulatedBoard
 from haptic_accel.devices.serial.protocol import Identity
+from haptic_accel.emulators.serial_line import EmulatedBoard
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")
 

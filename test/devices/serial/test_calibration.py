@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.rig.instruments import GRAVITY
+from haptic_accel.core.model import GRAVITY
 from haptic_accel.devices.serial.calibration import (
     CalibrationError,
     Rest,

@@ -17,11 +17,10 @@ from typing import Any
 
 import pytest
 
-from haptic_accel.core.coupling import ZERO
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster, SerialSlave
-from haptic_accel.devices.serial.faults import DROP, GARBAGE, STALL, UNPLUG
 from haptic_accel.devices.serial.protocol import (
     FULL_SCALE,
     VERSION,
@@ -31,6 +30,7 @@ from haptic_accel.devices.serial.protocol import (
     State,
     encode,
 )
+from haptic_accel.emulators.serial_faults import DROP, GARBAGE, STALL, UNPLUG
 from running import wait_until
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")
@@ -90,7 +90,7 @@ def test_both_sides_have_a_serial_device() -> None:
 def test_the_package_does_without_the_libraries_until_a_port_is_opened() -> None:
     code = (
         "import sys; sys.modules['serial'] = sys.modules['cobs'] = None\n"
-        "from haptic_accel.tools.commands import bench, calibrate, emulate\n"
+        "from haptic_accel.cli.commands import bench, calibrate, emulate\n"
         "from haptic_accel.devices import SLAVES, DeviceError\n"
         "kind = SLAVES['serial']\n"
         "try: kind(kind.Parameters(port='/dev/null'), 1000.0, 0).open()\n"

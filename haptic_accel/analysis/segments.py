@@ -1,0 +1,515 @@
+"""Cuts a bag into stretches of one condition, each on its sampling grid."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.bags.recorded import Recorded, Signal
+from haptic_accel.bags.trials import AGE_OF, durations
+from haptic_accel.core import topics
+from haptic_accel.core.actuator.travel import SuspensionParameters
+from haptic_accel.core.control.compensation import FADING, LIMITS, LISTENING, PLANT
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS, IntArray, on_grid, places
+from haptic_accel.core.topics import SIGNALS
+from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY
+from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.graph.processes import RECORDING
+
+RINGING = 0.2
+"""How long handle and tool ring after a change, s: eight times Table I's 2 m_h / b_u."""
+
+SETTLING = LISTENING + FADING + RINGING
+"""Dropped after a change of controller, surface or grip, s."""
+
+RELEASED = 0.1
+"""Silence of the arms' forces, or forces of exactly zero, from which on they count as not
+coupled, s: the graph's own default for silence."""
+
+SHORTEST = 1.0
+"""Stretch that is looked at, s."""
+
+SAME_RATE = 0.1
+"""By how much of itself the rate of stamps may differ from the one that was asked for."""
+
+SPARSE = 10.0
+"""Grid places per message from which on stamps are taken for no grid at all."""
+
+UNKNOWN = "unknown"
+"""Condition of a bag that does not say."""
+
+CORE = (
+    topics.TOOL_ACCELERATION,
+    topics.DESIRED_ACCELERATION,
+    topics.HANDLE_ACCELERATION,
+    topics.ACTUATOR_FORCE,
+)
+"""What is analysed along the actuator's axis."""
+
+ALONG_ACTUATOR = 2
+"""Component of the vectors."""
+
+_SURFACE = "simulated.surface."
+_POSTURE = "simulated.grip.posture"
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What does not change within a stretch."""
+
+    controller: str = UNKNOWN
+    surface: str = UNKNOWN
+    grip: str = UNKNOWN
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """How a stretch's samples reached the bag.
+
+    Attributes
+    ----------
+    lost, late : dict
+        By topic: messages missing though their sample was taken; recorded more than half a period
+        after their stamp.
+    missed : dict
+        By arm: samples of the grid that were not taken.
+    transit : ndarray, shape (n,)
+        From stamp to recording of each actuator force, s.
+    age_us : dict
+        Age of the actuator's forces where applied, as the device said last, us: p50, p90, p99,
+        p99_9, max.
+    warnings : list of str
+        What nodes complained of.
+    """
+
+    lost: dict[str, int]
+    late: dict[str, int]
+    missed: dict[str, int]
+    transit: FloatArray
+    age_us: dict[str, float]
+    warnings: list[str]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of a bag under one condition: a trial, of which a bag may hold several.
+
+    Attributes
+    ----------
+    bag : Path
+    number : int
+        Of the stretches of its bag, from 1.
+    condition : Condition
+    rate : float
+        Samples per second.
+    high_pass_frequency : float
+        Corner of the compensator's high-pass, Hz.
+    seconds : float
+        Length.
+    begin : float
+        Since the bag's first message, s.
+    signals : dict of ndarray, shape (n,)
+        Along the actuator's axis, by topic; those of `CORE` that the bag has.
+    delivery : Delivery
+    suspension : SuspensionParameters
+        Of the actuator, for its travel.
+    pair : tuple of str
+        What two trials that belong together have in common: grip, seed and recording; the bag's
+        name where it does not say.
+    notes : list of str
+        What had to be assumed or is missing.
+    """
+
+    bag: Path
+    number: int
+    condition: Condition
+    rate: float
+    high_pass_frequency: float
+    seconds: float
+    begin: float
+    signals: Mapping[str, FloatArray]
+    delivery: Delivery
+    suspension: SuspensionParameters = field(default_factory=SuspensionParameters)
+    pair: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def without_signals(self) -> Stretch:
+        """Return what is known of it besides the samples, which take the memory."""
+        nothing = replace(self.delivery, transit=np.empty(0))
+        return replace(self, signals={}, delivery=nothing)
+
+
+@dataclass(frozen=True)
+class Cut:
+    """What came of a bag.
+
+    Attributes
+    ----------
+    stretches : list of Stretch
+    problems : list of str
+        What cannot be said of it, a line each.
+    """
+
+    stretches: list[Stretch]
+    problems: list[str]
+
+
+def cut(recorded: Recorded) -> Cut:
+    """Cut a bag where the condition changes and where the arms let go.
+
+    Parameters
+    ----------
+    recorded : Recorded
+
+    Returns
+    -------
+    Cut
+        Signals that are missing, and stretches too short to be looked at, are in its problems.
+    """
+    problems = list(recorded.problems)
+    rate = _rate(recorded, problems)
+    present = [topic for topic in CORE if topic.name in recorded.signals]
+    missing = [topic.name for topic in CORE if topic not in present]
+    if not present or rate is None:
+        if not present:
+            problems.append("none of the signals of this graph is in it: it is of another rig")
+        return Cut([], problems)
+    problems += [f"has no {name}{_consequence(name, missing)}" for name in missing]
+    known = _Known(recorded, rate, problems)
+    span = (
+        max(int(recorded.signals[topic.name].stamps.min()) for topic in present),
+        min(int(recorded.signals[topic.name].stamps.max()) for topic in present),
+    )
+    if span[1] <= span[0]:
+        return Cut([], [*problems, "its signals do not overlap in time"])
+    stretches: list[Stretch] = []
+    for condition, low, high in _parts(recorded, known, span, problems):
+        seconds = (high - low) / NANOSECONDS
+        if seconds < SHORTEST:
+            problems.append(
+                f"{condition.controller} on {condition.surface}, {seconds:.2f} s"
+                f" at {(low - span[0]) / NANOSECONDS:.1f} s: too short, is left out"
+            )
+            continue
+        stretches.append(_stretch(recorded, known, condition, len(stretches) + 1, low, high))
+    if not stretches:
+        problems.append(f"has no stretch of {SHORTEST:g} s under one condition")
+    return Cut(stretches, problems)
+
+
+def _consequence(name: str, missing: Sequence[str]) -> str:
+    """Say what cannot be said without a signal."""
+    tool, desired, handle, force = (topic.name for topic in CORE)
+    if name == desired and tool not in missing:
+        return ": it is made from the tool's acceleration with the high-pass"
+    return {
+        tool: "",
+        desired: ": no error, regression, spectra, delay",
+        handle: ": no error, regression, spectra, delay, travel",
+        force: ": no force, travel, latency",
+    }[name]
+
+
+def _rate(recorded: Recorded, problems: list[str]) -> float | None:
+    """Return the samples per second that the stamps have, as named where it is that."""
+    found = next(
+        (
+            recorded.signals[topic.name]
+            for topic in (*CORE, *SIGNALS)
+            if topic.name in recorded.signals and len(recorded.signals[topic.name].stamps) > 1
+        ),
+        None,
+    )
+    if found is None:
+        return None
+    period = float(np.median(np.diff(found.stamps)))
+    if period <= 0:
+        problems.append("its stamps do not advance: no rate, and no sample's time, can be told")
+        return None
+    measured = NANOSECONDS / period
+    asked = _number(recorded.facts.get("arguments"), "rate")
+    if asked and abs(measured - asked) <= SAME_RATE * asked:
+        return asked
+    if asked:
+        problems.append(
+            f"has {measured:.5g} samples per second in place of the {asked:g} asked for"
+        )
+    # Nobody asks for 999.93 Hz.
+    rate = float(f"{measured:.3g}")
+    seconds = float(np.ptp(found.stamps)) / NANOSECONDS
+    if seconds * rate > SPARSE * len(found.stamps):
+        problems.append(f"{len(found.stamps)} samples in {seconds:.5g} s lie on no grid")
+        return None
+    return rate
+
+
+def _number(values: Any, name: str) -> float | None:
+    """Return a number of a mapping, None where it is not there or none."""
+    value = values.get(name) if isinstance(values, dict) else None
+    try:
+        return float(value) if value is not None and math.isfinite(float(value)) else None
+    except (TypeError, ValueError):
+        return None
+
+
+class _Known:
+    """What a bag says of the graph that made it, with defaults said so.
+
+    Attributes
+    ----------
+    condition : Condition
+        At the beginning.
+    """
+
+    def __init__(self, recorded: Recorded, rate: float, problems: list[str]) -> None:
+        self.rate = rate
+        self._parameters = _mapping(recorded.facts.get("parameters"))
+        arguments = _mapping(recorded.facts.get("arguments"))
+        self.notes: list[str] = []
+        if not recorded.facts:
+            problems.append(
+                "does not say how it was made: controller and surface are unknown, and defaults"
+                f" stand for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the actuator"
+            )
+        self.condition = self._first(arguments)
+        self.high_pass_frequency = HIGH_PASS_FREQUENCY
+        self.suspension = SuspensionParameters()
+        try:
+            around, options = node_parameters("compensator", self.of_node("compensator"))
+            self.high_pass_frequency = around.high_pass_frequency
+            self.suspension = SuspensionParameters.of(
+                options[PLANT].handle, options[LIMITS].travel
+            )
+        except ParameterError as error:
+            problems.append(f"its parameters are not ours ({error}): defaults stand for them")
+        self.pair = self._pair(recorded, arguments)
+
+    def of_node(self, node: str) -> dict[str, Any]:
+        """Return a node's parameters by dotted name."""
+        return _mapping(self._parameters.get(node))
+
+    def _first(self, arguments: Mapping[str, Any]) -> Condition:
+        master = self.of_node("master_device")
+        return Condition(
+            str(
+                self.of_node("compensator").get("controller")
+                or arguments.get("controller", UNKNOWN)
+            ),
+            self._surface(arguments),
+            str(master.get(_POSTURE) or arguments.get("grip", UNKNOWN)),
+        )
+
+    def _surface(self, arguments: Mapping[str, Any]) -> str:
+        """Return what the slave touched, or what was played in its place."""
+        asked = str(arguments.get("surface", ""))
+        slave = arguments.get("slave")
+        if slave == REPLAY:
+            return f"replay of {Path(str(arguments.get('replay', ''))).stem}"
+        if slave == PLAYED_TOPICS:
+            return "played topics"
+        if asked == RECORDING:
+            return RECORDING
+        name = self.of_node("slave_device").get(f"{_SURFACE}name")
+        return str(name or Path(asked).stem or UNKNOWN)
+
+    def _pair(self, recorded: Recorded, arguments: Mapping[str, Any]) -> tuple[str, ...]:
+        if not arguments:
+            return (recorded.path.name,)
+        seed = arguments.get("seed", self.of_node("slave_device").get("seed", ""))
+        source = next((str(arguments[key]) for key in _SOURCES if arguments.get(key)), "")
+        return (f"seed {seed}", Path(source).name) if source else (f"seed {seed}",)
+
+
+_SOURCES = ("replay", "recording")
+"""Arguments that name what a slave played, if it did."""
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _parts(
+    recorded: Recorded, known: _Known, span: tuple[int, int], problems: list[str]
+) -> list[tuple[Condition, int, int]]:
+    """Return condition, first and last moment of what can be analysed, ns."""
+    coupled = _coupled(recorded, span, problems)
+    conditions = _conditions(recorded, known)
+    parts = []
+    for (moment, condition), (following, _) in itertools.pairwise(
+        [*conditions, (span[1] + 1, known.condition)]
+    ):
+        settled = moment + round(SETTLING * NANOSECONDS) if moment > span[0] else span[0]
+        for first, last in coupled:
+            low, high = max(first, settled), min(last, following)
+            if low < high:
+                parts.append((condition, low, high))
+    return parts
+
+
+def _coupled(
+    recorded: Recorded, span: tuple[int, int], problems: list[str]
+) -> list[tuple[int, int]]:
+    """Return when the arms were coupled, ns: while forces came that were not zero."""
+    forces = recorded.signals.get(topics.MASTER_ARM_FORCE.name)
+    if forces is None:
+        problems.append(
+            f"has no {topics.MASTER_ARM_FORCE.name}: whether the arms were coupled is not known,"
+            " and all of it is taken"
+        )
+        return [span]
+    acting = np.sort(forces.stamps[np.any(forces.values != 0.0, axis=1)])
+    if not acting.size:
+        problems.append("the arms were never coupled, as their forces are zero: all is taken")
+        return [span]
+    ends = np.flatnonzero(np.diff(acting) > RELEASED * NANOSECONDS)
+    firsts = acting[np.concatenate([[0], ends + 1])]
+    lasts = acting[np.concatenate([ends, [acting.size - 1]])]
+    pairs = zip(firsts.tolist(), lasts.tolist(), strict=True)
+    return [(max(first, span[0]), min(last, span[1])) for first, last in pairs]
+
+
+def _conditions(recorded: Recorded, known: _Known) -> list[tuple[int, Condition]]:
+    """Return the conditions of a bag and when each began, ns; the first has always been."""
+    conditions = [(0, known.condition)]
+    for change in sorted(recorded.changes, key=lambda change: change.received):
+        before = conditions[-1][1]
+        after = _changed(before, change.node, change.parameter, change.value, known)
+        if after != before:
+            conditions.append((change.received, after))
+    return conditions
+
+
+def _changed(before: Condition, node: str, parameter: str, value: Any, known: _Known) -> Condition:
+    """Return the condition after a parameter got a value."""
+    if node == "compensator" and parameter == "controller":
+        return replace(before, controller=str(value))
+    if node == "master_device" and parameter == _POSTURE:
+        return replace(before, grip=str(value))
+    if node == "slave_device" and parameter == f"{_SURFACE}name":
+        return replace(before, surface=str(value))
+    if node == "slave_device" and parameter.startswith(_SURFACE):
+        first = known.of_node("slave_device").get(parameter, value)
+        altered = before.surface.endswith(ALTERED)
+        # Of a surface changed as a whole, all fields but the name say nothing more.
+        if value != first and not altered and before.surface == known.condition.surface:
+            return replace(before, surface=before.surface + ALTERED)
+    return before
+
+
+ALTERED = " (altered)"
+"""Put after the name of a surface some of whose parameters were changed while it was touched."""
+
+
+def _stretch(
+    recorded: Recorded, known: _Known, condition: Condition, number: int, low: int, high: int
+) -> Stretch:
+    """Put one stretch on its grid."""
+    rate = known.rate
+    anchor = next(recorded.signals[t.name] for t in CORE if t.name in recorded.signals)
+    # The grid goes through a stamp: the stretch begins where something else happened.
+    start = int(anchor.stamps[np.argmax(anchor.stamps >= low)])
+    length = int((high - start) * rate / NANOSECONDS) + 1
+    seen: dict[str, Any] = {}
+    late: dict[str, int] = {}
+    signals: dict[str, FloatArray] = {}
+    for topic in SIGNALS:
+        signal = recorded.signals.get(topic.name)
+        if signal is None:
+            continue
+        where = places(signal.stamps, start, rate)
+        within = (where >= 0) & (where < length)
+        if not within.any():
+            continue
+        values, seen[topic.name] = on_grid(where, signal.values[:, ALONG_ACTUATOR], length)
+        half = NANOSECONDS / rate / 2
+        late[topic.name] = int(np.sum((signal.received - signal.stamps)[within] > half))
+        if topic in CORE:
+            signals[topic.name] = values
+    notes = _complete(signals, known)
+    return Stretch(
+        recorded.path,
+        number,
+        condition,
+        rate,
+        known.high_pass_frequency,
+        length / rate,
+        (start - int(anchor.stamps[0])) / NANOSECONDS,
+        signals,
+        _delivery(recorded, seen, late, start, length, rate),
+        known.suspension,
+        known.pair,
+        tuple(notes),
+    )
+
+
+def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:
+    """Make the desired acceleration where only the tool's was recorded; leave out what is NaN."""
+    notes = []
+    for name in [name for name, values in signals.items() if not np.isfinite(values).all()]:
+        notes.append(f"{name} holds values that are no numbers, and is not used")
+        del signals[name]
+    tool, desired = topics.TOOL_ACCELERATION.name, topics.DESIRED_ACCELERATION.name
+    if tool in signals and desired not in signals and known.rate > 2 * known.high_pass_frequency:
+        from scipy import signal
+
+        sections = high_pass(known.high_pass_frequency, known.rate)
+        first = signals[tool][0]
+        signals[desired] = np.asarray(signal.sosfilt(sections, signals[tool] - first))
+    return notes
+
+
+def _delivery(
+    recorded: Recorded,
+    seen: Mapping[str, Any],
+    late: Mapping[str, int],
+    start: int,
+    length: int,
+    rate: float,
+) -> Delivery:
+    """Count what is missing on the grid, and find the ages."""
+    by_arm = {
+        arm: [seen[t.name] for t in SIGNALS if t.source == arm and t.name in seen]
+        for arm in ("master", "slave")
+    }
+    # A sample was taken if any message that it caused is there.
+    taken = {arm: np.any(found, axis=0) for arm, found in by_arm.items() if found}
+    end = start + round(length * NANOSECONDS / rate)
+    warnings = [
+        f"{diagnosis.node}: {diagnosis.message}"
+        for diagnosis in recorded.diagnostics
+        if start <= diagnosis.received < end and diagnosis.message not in ("OK", "")
+    ]
+    return Delivery(
+        lost={
+            t.name: int(np.sum(taken[t.source] & ~seen[t.name])) for t in SIGNALS if t.name in seen
+        },
+        late=dict(late),
+        missed={arm: length - int(np.sum(found)) for arm, found in taken.items()},
+        transit=_transit(recorded.signals.get(topics.ACTUATOR_FORCE.name), start, end),
+        age_us=_ages(recorded, end),
+        warnings=list(dict.fromkeys(warnings)),
+    )
+
+
+def _transit(forces: Signal | None, start: int, end: int) -> FloatArray:
+    if forces is None:
+        return np.empty(0)
+    within = (forces.stamps >= start) & (forces.stamps < end)
+    waited: IntArray = (forces.received - forces.stamps)[within]
+    return waited / NANOSECONDS
+
+
+def _ages(recorded: Recorded, end: int) -> dict[str, float]:
+    """Return the ages that the master's device reported last in a stretch, or soon behind it."""
+    reports = [d for d in recorded.diagnostics if d.node == "master_device"]
+    within = [d for d in reports if d.received <= end] or reports[:1]
+    return durations(within[-1].values, f"{AGE_OF} age") if within else {}

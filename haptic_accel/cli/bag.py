@@ -1,0 +1,221 @@
+"""``haptic-accel bag``: what is in a bag, and mending one whose recording was cut off."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from rich.console import Console
+from rich.table import Table
+
+from haptic_accel.bags.compression import is_compressed
+from haptic_accel.bags.facts import ARGUMENTS, HOST, PARAMETERS, VERSION, facts_of
+from haptic_accel.bags.inspection import DamagedError, inspect, storage_files
+from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
+from haptic_accel.bags.repair import Repair, repair
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.core.sampling import NANOSECONDS
+
+MEGABYTE = 1e6
+
+MEND = "haptic-accel bag repair makes it whole"
+
+
+@dataclass(frozen=True)
+class Described:
+    """A bag as its metadata has it.
+
+    Attributes
+    ----------
+    metadata : Metadata
+    size : int
+        Of its files, bytes.
+    problems : list of str
+        What keeps the bag from being whole.
+    """
+
+    metadata: Metadata
+    size: int
+    problems: list[str]
+
+
+def info(path: Path, json_file: Path | None) -> int:
+    """Show what is in a bag; return the exit status.
+
+    Parameters
+    ----------
+    path : Path
+        A bag's folder.
+    json_file : Path, optional
+        Where to write the same for a program.
+
+    Raises
+    ------
+    ParameterError
+        It is no bag, or the file cannot be written.
+    """
+    found = described(path)
+    console = Console()
+    metadata = found.metadata
+    console.print(f"{path}: {_when(metadata)}", highlight=False, markup=False, soft_wrap=True)
+    for line in _lines(found):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    console.print(_table(metadata))
+    for problem in found.problems:
+        console.print(f"{problem}: {MEND}", highlight=False, markup=False, soft_wrap=True)
+    if json_file:
+        _write(json_file, _figures(path, found))
+    return DONE
+
+
+def mend(paths: Sequence[Path], json_file: Path | None) -> int:
+    """Repair bags and say what was done; return the exit status.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Their folders.
+    json_file : Path, optional
+        Where to write the same for a program.
+
+    Raises
+    ------
+    ParameterError
+        One is no bag, or the file cannot be written.
+    """
+    done = []
+    for path in paths:
+        try:
+            done.append(repair(path))
+        except OSError as error:
+            print(f"haptic-accel: {path}: cannot be repaired: {error}", file=sys.stderr)
+            return FAILED
+        _tell(done[-1])
+    if json_file:
+        _write(json_file, [{**asdict(one), "path": str(one.path)} for one in done])
+    return FAILED if any(one.messages == 0 and one.problems for one in done) else DONE
+
+
+def described(path: Path) -> Described:
+    """Return what a bag's metadata says, and whether its files agree.
+
+    Raises
+    ------
+    ParameterError
+        It is no bag, or has no metadata.
+    """
+    if not path.is_dir():
+        raise ParameterError(f"{path}: must be the folder of a bag")
+    files = storage_files(path)
+    try:
+        metadata = read_metadata(path)
+    except MetadataError as error:
+        if files:
+            raise ParameterError(f"{error}: {MEND}") from None
+        raise ParameterError(f"{path}: must be a bag: it has no .mcap or .db3 file") from None
+    problems = []
+    for entry in metadata.files:
+        problem = _problem(path / entry.name, entry.messages)
+        if problem:
+            problems.append(problem)
+    listed = {entry.name for entry in metadata.files}
+    problems += [f"{file.name}: is not listed" for file in files if file.name not in listed]
+    return Described(metadata, sum(file.stat().st_size for file in files), problems)
+
+
+def _problem(file: Path, messages: int) -> str:
+    """Return what is wrong with a file; a compressed one is not looked into."""
+    if not file.exists():
+        return f"{file.name}: is missing"
+    if is_compressed(file.name):
+        return ""
+    try:
+        found = inspect(file).file.messages
+    except DamagedError as error:
+        return str(error)
+    return "" if found == messages else f"{file.name}: has {found} messages, not {messages}"
+
+
+def _when(metadata: Metadata) -> str:
+    if not metadata.messages:
+        return "no messages"
+    start = datetime.fromtimestamp(metadata.start / NANOSECONDS).astimezone()
+    seconds = metadata.duration / NANOSECONDS
+    return f"{start:%Y-%m-%d %H:%M:%S %z}, {seconds:.2f} s, {metadata.messages} messages"
+
+
+def _lines(found: Described) -> list[str]:
+    """Return what is known of a bag besides its topics, a line each."""
+    metadata = found.metadata
+    form = f"{metadata.storage}, {len(metadata.files)} file(s), {found.size / MEGABYTE:.1f} MB"
+    if metadata.compression_mode:
+        form += f", {metadata.compression_format} by {metadata.compression_mode}"
+    facts = facts_of(metadata.custom)
+    lines = [form]
+    if VERSION in facts:
+        lines.append(f"haptic_accel {facts[VERSION]} on {_joined(facts.get(HOST, {}))}")
+        lines.append(f"arguments: {_joined(facts.get(ARGUMENTS, {}))}")
+    parameters = facts.get(PARAMETERS, {})
+    if isinstance(parameters, dict) and parameters:
+        count = sum(len(values) for values in parameters.values())
+        lines.append(f"{count} parameters of {', '.join(parameters)} (--json FILE has them)")
+    return lines
+
+
+def _joined(values: Any) -> str:
+    """Return names and values in one line; empty ones say nothing and are left out."""
+    if not isinstance(values, Mapping):
+        return str(values)
+    return ", ".join(f"{name} {value}" for name, value in values.items() if value != "")
+
+
+def _table(metadata: Metadata) -> Table:
+    table = Table()
+    for heading in ("topic", "type", "messages", "per s"):
+        justify: Literal["left", "right"] = "left" if heading in ("topic", "type") else "right"
+        table.add_column(heading, justify=justify, overflow="fold")
+    seconds = metadata.duration / NANOSECONDS if metadata.messages else 0.0
+    for topic in metadata.topics:
+        rate = f"{topic.messages / seconds:.1f}" if seconds else ""
+        table.add_row(topic.name, topic.type, str(topic.messages), rate)
+    return table
+
+
+def _figures(path: Path, found: Described) -> dict[str, Any]:
+    metadata = found.metadata
+    return {
+        "path": str(path),
+        "start_ns": metadata.start if metadata.messages else None,
+        "duration_s": metadata.duration / NANOSECONDS if metadata.messages else 0.0,
+        "messages": metadata.messages,
+        "storage": metadata.storage,
+        "compression_mode": metadata.compression_mode,
+        "size_bytes": found.size,
+        "files": [asdict(file) for file in metadata.files],
+        "topics": {topic.name: topic.messages for topic in metadata.topics},
+        "facts": facts_of(metadata.custom),
+        "problems": found.problems,
+    }
+
+
+def _tell(done: Repair) -> None:
+    for line in (*done.mended, *done.problems):
+        print(f"{done.path}: {line}")
+    if done.problems and not done.messages:
+        print(f"{done.path}: nothing in it can be read")
+        return
+    said = "is whole again" if done.mended else "is whole"
+    print(f"{done.path}: {said}: {done.messages} messages in {done.duration:.2f} s")
+
+
+def _write(file: Path, content: Any) -> None:
+    try:
+        file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ParameterError(f"json = '{file}': {error.strerror}") from None

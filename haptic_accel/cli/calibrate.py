@@ -1,0 +1,189 @@
+"""``haptic-accel calibrate``: an accelerometer's gain and offset, from gravity."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.devices import DeviceError
+from haptic_accel.devices.serial.calibration import (
+    Calibration,
+    CalibrationError,
+    Rest,
+    calibrate,
+    rest,
+)
+from haptic_accel.devices.serial.device import (
+    BAUD,
+    FORCE_CONSTANT,
+    HIGHEST_RATE,
+    MISSING_LIBRARY,
+)
+from haptic_accel.graph.arguments import parse_arguments
+
+if TYPE_CHECKING:
+    from haptic_accel.devices.serial.link import Link
+    from haptic_accel.devices.serial.protocol import Identity, Samples
+
+MASTER, SLAVE = "master", "slave"
+
+SERIAL, CAN_SERIAL = "serial", "can_serial"
+"""Devices that have such a board."""
+
+ARRIVAL = 2.0
+"""Time beyond their duration after which samples do not come any more, s."""
+
+
+@dataclass(frozen=True)
+class CalibrateArguments(Checked):
+    """What a user may say of a calibration."""
+
+    port: str = parameter("", "path of the board's port, such as /dev/ttyACM0")
+    usb_serial: str = parameter("", "USB serial number of the board, in place of a path")
+    baud: int = parameter(
+        BAUD, "of a real serial line; USB has none", unit="bit/s", low=9600, high=12_000_000
+    )
+    side: str = parameter(MASTER, "whose board it is", choices=(MASTER, SLAVE))
+    device: str = parameter(
+        SERIAL,
+        "whose parameters to write: with an arm on a CAN bus or without",
+        choices=(SERIAL, CAN_SERIAL),
+    )
+    axis: str = parameter("z", "of the accelerometer", choices=("x", "y", "z"))
+    seconds: float = parameter(2.0, "to measure in each position", unit="s", low=0.1, high=600.0)
+    rate: int = parameter(1000, "samples per second", unit="Hz", low=100, high=HIGHEST_RATE)
+    force_constant: float = parameter(
+        FORCE_CONSTANT,
+        "of the master's actuator, from its data sheet (H2W NCM02-05-005-4JB: 2.4)",
+        unit="N/A",
+        low=-1000.0,
+        high=1000.0,
+    )
+    file: str = parameter("", "to write; empty for calibration_<side>.yaml")
+
+
+class Collector:
+    """Keeps the counts of the samples that come while it is asked to."""
+
+    def __init__(self) -> None:
+        self._counts: list[int] = []
+
+    def take(self, times: Sequence[float], samples: Samples) -> None:
+        """Take the samples of a frame."""
+        self._counts.extend(samples.counts)
+
+    def collect(self, number: int, seconds: float) -> FloatArray:
+        """Return the next samples, as many as come within a time in s."""
+        self._counts = []
+        deadline = time.monotonic() + seconds
+        while len(self._counts) < number and time.monotonic() < deadline:
+            time.sleep(0.01)
+        return np.array(self._counts[:number], dtype=float)
+
+
+def calibrate_board(words: Sequence[str]) -> int:
+    """Guide a person through the flip test, write a parameter file; return the exit status."""
+    arguments = parse_arguments(words, CalibrateArguments)
+    if bool(arguments.port) == bool(arguments.usb_serial):
+        raise ParameterError("port = '': must be given, or usb_serial, and not both")
+    path = Path(arguments.file or f"calibration_{arguments.side}.yaml")
+    if not path.absolute().parent.is_dir() or path.is_dir():
+        raise ParameterError(f"file = '{path}': must be a file in a folder that there is")
+    try:
+        identity, found = _measured(arguments)
+    except (DeviceError, CalibrationError) as error:
+        print(f"haptic-accel: {error}", file=sys.stderr)
+        return FAILED
+    except EOFError:
+        print("haptic-accel: the input ended before both positions", file=sys.stderr)
+        return FAILED
+    try:
+        path.write_text(parameter_file(arguments, identity, found), encoding="utf-8")
+    except OSError as error:
+        raise ParameterError(f"file = '{path}': {error.strerror}") from None
+    print(
+        f"board {identity.serial_number}, axis {arguments.axis}: gain"
+        f" {found.gain:.6g} +- {found.gain_error:.1g} m/s^2 per count, offset"
+        f" {found.offset:.1f} +- {found.offset_error:.1g} counts, noise {found.noise:.3f} m/s^2"
+    )
+    print(f"parameters: {path}, for config:={path}")
+    return DONE
+
+
+def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
+    """Measure in both positions."""
+    collector = Collector()
+    link = _opened(arguments, collector)
+    try:
+        identity = link.identity
+        assert identity
+        up, down = (_rest(position, arguments, link, collector) for position in ("up", "down"))
+        return identity, calibrate(up, down, identity.nominal_gain)
+    finally:
+        link.close()
+
+
+def _rest(position: str, arguments: CalibrateArguments, link: Link, collector: Collector) -> Rest:
+    """Let a person hold the board, and measure."""
+    print(
+        f"hold the {arguments.axis} axis {position}, firm and still, then press Enter", flush=True
+    )
+    input()
+    number = round(arguments.seconds * arguments.rate)
+    counts = collector.collect(number, arguments.seconds + ARRIVAL)
+    if link.problem:
+        raise DeviceError(link.problem)
+    assert link.identity
+    return rest(counts, link.identity.nominal_gain)
+
+
+def _opened(arguments: CalibrateArguments, collector: Collector) -> Link:
+    """Return a link that lets the board sample; its actuator is not armed."""
+    try:
+        from haptic_accel.devices.serial.link import Link, Wanted
+        from haptic_accel.devices.serial.protocol import Configuration, axes_bits
+    except ImportError:
+        raise DeviceError(f"serial: {MISSING_LIBRARY}") from None
+    wanted = Wanted(Configuration(arguments.rate, axes_bits(arguments.axis), 1))
+    link = Link(arguments.port, arguments.usb_serial, arguments.baud, wanted, collector.take)
+    link.open()
+    return link
+
+
+def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Calibration) -> str:
+    """Return a ROS parameter file for ``config:=FILE``: the port and its calibration."""
+    where = {"port": arguments.port} if arguments.port else {"usb_serial": arguments.usb_serial}
+    values: dict[str, Any] = {
+        **where,
+        "calibration": {
+            "axis": arguments.axis,
+            "offset": round(found.offset, 3),
+            "gain": float(f"{found.gain:.7g}"),
+            "board": identity.serial_number,
+        },
+    }
+    if arguments.side == MASTER:
+        values["actuator"] = {"force_constant": arguments.force_constant}
+    part = {"serial": values} if arguments.device == SERIAL else {CAN_SERIAL: {"handle": values}}
+    content = {f"{arguments.side}_device": {"ros__parameters": part}}
+    head = [
+        f"Board {identity.serial_number}, {datetime.now():%Y-%m-%d %H:%M}, by gravity"
+        f" (haptic-accel calibrate), {arguments.seconds:g} s in each position.",
+        f"Standard errors: gain {found.gain_error:.2g} m/s^2 per count,"
+        f" offset {found.offset_error:.2g} counts. Noise at rest {found.noise:.3f} m/s^2.",
+    ]
+    if arguments.side == MASTER:
+        head.append("The force constant is the data sheet's.")
+    comment = "".join(f"# {line}\n" for line in head)
+    return comment + yaml.safe_dump(content, sort_keys=False)

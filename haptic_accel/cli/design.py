@@ -1,0 +1,127 @@
+"""``haptic-accel design``: what a controller's design will do, before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from haptic_accel.cli.bench import save
+from haptic_accel.cli.experiment import check_writable
+from haptic_accel.core.control.compensation import PLANT
+from haptic_accel.core.control.controllers.feedback import FeedbackParameters
+from haptic_accel.core.control.controllers.interface import Loop
+from haptic_accel.core.control.controllers.inverse import InverseParameters
+from haptic_accel.core.control.inversion import (
+    Prediction,
+    causal_bound,
+    measured_spectrum,
+    predict,
+)
+from haptic_accel.core.control.inversion.spectrum import ToolSpectrum
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import DONE
+from haptic_accel.devices.playback.files import read_recording
+from haptic_accel.graph.arguments import parse_arguments
+from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.graph.processes import RECORDING, graph_parameters
+
+SHOWN = (10.0, 15.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 400.0)
+"""Frequencies whose gain and phase are printed, Hz."""
+
+DESIGNED = ("inverse", "feedback", "adaptive")
+"""Controllers that are designed for a plant."""
+
+DEGREES = 180 / np.pi
+
+
+def design(words: Sequence[str], *, json_file: Path | None) -> int:
+    """Design a controller for the plant of a graph's parameters; print and save the prediction.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Arguments of the graph as ``key:=value``: controller, rig, rate, config, recording count.
+        With a recording its spectrum is that of what is felt, the expected one otherwise.
+    json_file : Path, optional
+    """
+    given = [*words]
+    if not any(word.startswith("controller:=") for word in words):
+        given.append(f"controller:={DESIGNED[0]}")
+    arguments = parse_arguments(given)
+    if json_file:
+        check_writable(json_file)
+    name = arguments.controller
+    if name not in DESIGNED:
+        raise ParameterError(f"controller = {name!r}: must be one of {', '.join(DESIGNED)}")
+    values = graph_parameters(arguments)
+    around, options = node_parameters("compensator", values["compensator"])
+    loop = Loop(arguments.rate, around.high_pass_frequency, options[PLANT].coupled())
+    parameters: InverseParameters = options[name]
+    spectrum: ToolSpectrum = parameters.texture
+    if arguments.surface == RECORDING:
+        samples = read_recording(
+            arguments.recording,
+            arguments.recording_rate,
+            loop.rate,
+            arguments.recording_column,
+        )
+        spectrum = measured_spectrum(samples, loop.rate)
+    found = predict(parameters.filter(loop), loop.plant, spectrum)
+    bound = causal_bound(
+        loop.plant,
+        loop.rate,
+        spectrum,
+        granted_delay=parameters.granted_delay,
+        high_pass_frequency=loop.high_pass_frequency,
+    )
+    console = Console()
+    console.print(_table(found))
+    print(
+        f"error {found.nrmse_percent:.1f} % (no causal linear filter below {bound:.1f} %),"
+        f" force {found.force_rms:.2f} N RMS, travel {1e3 * found.travel_rms:.2f} mm RMS and"
+        f" {1e3 * found.landing_travel:.2f} mm after a landing"
+    )
+    figures: dict[str, Any] = {
+        "controller": name,
+        "rate_hz": loop.rate,
+        "nrmse_percent": found.nrmse_percent,
+        "bound_percent": bound,
+        "force_rms_n": found.force_rms,
+        "travel_rms_mm": 1e3 * found.travel_rms,
+        "landing_travel_mm": 1e3 * found.landing_travel,
+        "frequency_hz": list(_shown(found)),
+        "gain": [float(found.gain[at]) for at in _shown(found).values()],
+        "phase_deg": [float(found.phase[at]) * DEGREES for at in _shown(found).values()],
+    }
+    if isinstance(parameters, FeedbackParameters):
+        summary = parameters.design(loop).summary()
+        print(summary)
+        figures["feedback"] = summary.splitlines()
+    save(figures, json_file)
+    return DONE
+
+
+def _shown(found: Prediction) -> dict[float, int]:
+    """Return where the frequencies that are shown lie, as far as they are below half the rate."""
+    return {
+        frequency: int(np.argmin(np.abs(found.frequency - frequency)))
+        for frequency in SHOWN
+        if frequency < found.frequency[-1]
+    }
+
+
+def _table(found: Prediction) -> Table:
+    table = Table(title="handle over desired acceleration, after the granted delay")
+    table.add_column("frequency (Hz)", justify="right")
+    table.add_column("gain", justify="right")
+    table.add_column("phase (degrees)", justify="right")
+    for frequency, at in _shown(found).items():
+        table.add_row(
+            f"{frequency:g}", f"{found.gain[at]:.3f}", f"{found.phase[at] * DEGREES:+.1f}"
+        )
+    return table

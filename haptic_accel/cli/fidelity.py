@@ -1,0 +1,367 @@
+"""``haptic-accel bench fidelity``: how well each controller does, beside what can be done."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from haptic_accel.cli.bench import save
+from haptic_accel.cli.experiment import SURFACES, check_writable
+from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
+from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.control.inversion import Plant, causal_bound, measured_spectrum
+from haptic_accel.core.evaluation.metrics import evaluate
+from haptic_accel.core.model import HandleParameters, held
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import DONE
+from haptic_accel.core.trial import GripChange, RigParameters, Trial, run_trial
+from haptic_accel.devices.simulated import played
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.graph.processes import RECORDING, graph_parameters, rig_parameters
+
+DURATION = 8.0
+"""Length of a trial with one grip, s."""
+
+CHANGED_AT = 1.0
+"""When a hand takes the handle, s: before, Table I's holds it."""
+
+SETTLING = 2.0
+"""Time after a change of grip that is not evaluated, s."""
+
+USERS = 3
+"""Users of the paper's rig."""
+
+CHANGES = 10
+"""Trials in which the grip changes once a second."""
+
+SPREAD = {"m_h": (0.7, 1.3), "k_u": (0.5, 2.0), "b_u": (0.5, 2.0)}
+"""Factors of Table I between which hands are drawn: mass evenly, the others by their logarithm."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """What the tool feels.
+
+    Attributes
+    ----------
+    name : str
+    surface : str
+        Simulated surface, or `RECORDING`.
+    file : str
+    rate : float
+        Of the file, Hz.
+    """
+
+    name: str
+    surface: str
+    file: str = ""
+    rate: float = 0.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One trial.
+
+    Attributes
+    ----------
+    condition, rig : str
+    rate : float
+        Hz.
+    input : Input
+    grip : str
+        What to call how the handle is held.
+    controller : str
+    seed : int
+    grips : tuple of GripChange
+    start : float
+        From where on the trial is evaluated, s.
+    """
+
+    condition: str
+    rig: str
+    rate: float
+    input: Input
+    grip: str
+    controller: str
+    seed: int = 0
+    grips: tuple[GripChange, ...] = ()
+    start: float = 0.0
+
+    @property
+    def arguments(self) -> GraphArguments:
+        """What the rig is made from."""
+        recorded = {}
+        if self.input.file:
+            recorded = {"recording": self.input.file, "recording_rate": self.input.rate}
+        return GraphArguments(
+            rig=self.rig,
+            rate=self.rate,
+            surface=self.input.surface,
+            controller=self.controller,
+            seed=self.seed,
+            **recorded,  # type: ignore[arg-type]
+        )
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of a trial; the figures of a row in the JSON file."""
+
+    condition: str
+    rig: str
+    rate_hz: float
+    delay_ms: float
+    input: str
+    grip: str
+    controller: str
+    nrmse_percent: float
+    slope_desired_on_actual: float
+    r2: float
+    bound_percent: float
+    force_rms_n: float
+    travel_peak_mm: float
+
+
+def bench_fidelity(
+    *,
+    controllers: Sequence[str],
+    recordings: Sequence[str],
+    recording_rates: Sequence[float],
+    hands: int,
+    seed: int,
+    json_file: Path | None,
+) -> int:
+    """Run all conditions, print and save errors beside their bounds.
+
+    Parameters
+    ----------
+    controllers : sequence of str
+    recordings : sequence of str
+        Files in place of the simulated surfaces.
+    recording_rates : sequence of float
+        Of each file, or of all, Hz.
+    hands : int
+        How many hands are drawn.
+    seed : int
+        That they are drawn from.
+    json_file : Path, optional
+    """
+    for name in controllers:
+        if name not in CONTROLLERS:
+            raise ParameterError(f"controllers = {name!r}: must be among {', '.join(CONTROLLERS)}")
+    if not 0 <= hands <= 1000:
+        raise ParameterError(f"hands = {hands}: must be from 0 to 1000")
+    if json_file:
+        check_writable(json_file)
+    inputs = _inputs(recordings, recording_rates)
+    cases = list(_cases(controllers, inputs, hands, seed))
+    for case in cases[:: len(controllers)]:
+        values = graph_parameters(case.arguments)
+        played(rig_parameters(values).slave.recording, case.rate)  # type: ignore[attr-defined]
+    rows = _run_all(cases)
+    summary = _summary(rows)
+    console = Console()
+    console.print(_table(summary))
+    save({"rows": [asdict(row) for row in rows], "summary": summary}, json_file)
+    return DONE
+
+
+def _inputs(recordings: Sequence[str], rates: Sequence[float]) -> list[Input]:
+    if not recordings:
+        return [Input(surface, surface) for surface in SURFACES]
+    every = list(rates) or [0.0]
+    if len(every) == 1:
+        every *= len(recordings)
+    if len(every) != len(recordings):
+        raise ParameterError(
+            f"recording_rate: given {len(rates)} times, must be once or for each of"
+            f" {len(recordings)} recordings"
+        )
+    return [
+        Input(Path(file).stem, RECORDING, file, rate)
+        for file, rate in zip(recordings, every, strict=True)
+    ]
+
+
+def hand(seed: int, number: int, average: HandleParameters) -> HandleParameters:
+    """Return a hand drawn at random between the bounds of `SPREAD`."""
+    draw = np.random.default_rng((seed, number)).uniform
+    m_h = draw(*SPREAD["m_h"])
+    k_u, b_u = (math.exp(draw(*np.log(SPREAD[name]))) for name in ("k_u", "b_u"))
+    return replace(average, m_h=average.m_h * m_h, k_u=average.k_u * k_u, b_u=average.b_u * b_u)
+
+
+def _cases(
+    controllers: Sequence[str], inputs: Sequence[Input], hands: int, seed: int
+) -> Iterator[Case]:
+    table_i = HandleParameters()
+    for each in inputs:
+        for name in controllers:
+            yield Case("ideal, 1 kHz", "ideal", 1000.0, each, "Table I", name)
+    for each in inputs:
+        for name in controllers:
+            yield Case("ideal, 4 kHz", "ideal", 4000.0, each, "Table I", name)
+    for each in inputs:
+        for user in range(USERS):
+            for name in controllers:
+                yield Case("paper, 1 kHz", "paper", 1000.0, each, f"user {user}", name, user)
+    for number in range(hands):
+        each = inputs[number % len(inputs)]
+        grips = ((CHANGED_AT, hand(seed, number, table_i)),)
+        for name in controllers:
+            yield Case(
+                "hands",
+                "ideal",
+                1000.0,
+                each,
+                f"hand {number}",
+                name,
+                number,
+                grips,
+                CHANGED_AT + SETTLING,
+            )
+    for number in range(CHANGES if hands else 0):
+        each = inputs[number % len(inputs)]
+        changing = tuple(
+            (float(second), hand(seed + 1, 100 * number + second, table_i))
+            for second in range(1, round(DURATION))
+        )
+        for name in controllers:
+            yield Case(
+                "grip changes every second",
+                "ideal",
+                1000.0,
+                each,
+                f"changing {number}",
+                name,
+                number,
+                changing,
+                CHANGED_AT,
+            )
+
+
+def _run_all(cases: Sequence[Case]) -> list[Row]:
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    rows = []
+    with ProcessPoolExecutor() as pool, Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("trials", total=len(cases))
+        try:
+            for row in pool.map(run_case, cases):
+                rows.append(row)
+                bar.update(task, advance=1, description=row.condition)
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return rows
+
+
+def run_case(case: Case) -> Row:
+    """Run one trial and evaluate it from where it is to be."""
+    values = graph_parameters(case.arguments)
+    rig = rig_parameters(values)
+    around, options = node_parameters("compensator", values["compensator"])
+    trial = run_trial(
+        case.controller,
+        rig,
+        duration=DURATION,
+        rate=case.rate,
+        seed=case.seed,
+        recording=played(rig.slave.recording, case.rate),  # type: ignore[attr-defined]
+        compensation=around,
+        controllers=options,
+        grips=case.grips,
+    )
+    first = round(case.start * case.rate)
+    evaluation = evaluate(
+        trial.desired_acceleration[first:],
+        trial.actual_acceleration[first:],
+        trial.rate,
+        1 / trial.rate,
+    )
+    return Row(
+        case.condition,
+        case.rig,
+        case.rate,
+        1e3 / case.rate,
+        case.input.name,
+        case.grip,
+        case.controller,
+        evaluation.nrmse_percent,
+        evaluation.slope_desired_on_actual,
+        evaluation.r2,
+        _bound(case, rig, trial, first),
+        float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
+        _largest_travel(rig, trial, first),
+    )
+
+
+def _bound(case: Case, rig: RigParameters, trial: Trial, first: int) -> float:
+    """Return the best that a causal linear filter could do on the grip as it is, percent."""
+    master = rig.master
+    handle = case.grips[-1][1] if case.grips else held(master.handle, master.grip, case.seed)
+    plant = Plant(handle, master.structure, master.actuator.delay, master.accelerometer.bandwidth)
+    spectrum = measured_spectrum(trial.tool_acceleration[first:], trial.rate)
+    return causal_bound(
+        plant,
+        trial.rate,
+        spectrum,
+        noise=master.accelerometer.noise,
+        high_pass_frequency=trial.high_pass_frequency,
+    )
+
+
+def _largest_travel(rig: RigParameters, trial: Trial, first: int) -> float:
+    """Return the largest travel of the actuator, mm."""
+    handle = rig.master.handle
+    estimator = TravelEstimator(SuspensionParameters.of(handle), trial.rate)
+    pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
+    travel = [abs(estimator.sample(force, acceleration)) for force, acceleration in pairs]
+    return 1e3 * max(travel[first:])
+
+
+def _summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return mean and worst error by condition and controller, and what the bounds are."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.condition, row.controller), []).append(row)
+    return [
+        {
+            "condition": condition,
+            "controller": controller,
+            "mean_percent": fmean(row.nrmse_percent for row in found),
+            "worst_percent": max(row.nrmse_percent for row in found),
+            "mean_bound_percent": fmean(row.bound_percent for row in found),
+            "mean_force_rms_n": fmean(row.force_rms_n for row in found),
+            "largest_travel_mm": max(row.travel_peak_mm for row in found),
+            "trials": len(found),
+        }
+        for (condition, controller), found in groups.items()
+    ]
+
+
+def _table(summary: Sequence[dict[str, Any]]) -> Table:
+    controllers = list(dict.fromkeys(line["controller"] for line in summary))
+    table = Table(title="error of the handle, %: mean (worst) over inputs and grips")
+    table.add_column("condition")
+    for name in (*controllers, "bound"):
+        table.add_column(name, justify="right")
+    for condition in dict.fromkeys(line["condition"] for line in summary):
+        lines = {line["controller"]: line for line in summary if line["condition"] == condition}
+        cells = [
+            f"{lines[name]['mean_percent']:.1f} ({lines[name]['worst_percent']:.1f})"
+            for name in controllers
+        ]
+        bound = fmean(line["mean_bound_percent"] for line in lines.values())
+        table.add_row(condition, *cells, f"{bound:.1f}")
+    return table

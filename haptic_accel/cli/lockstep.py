@@ -1,0 +1,48 @@
+"""``haptic-accel bench lockstep``: how much faster than real time a trial without ROS is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from haptic_accel.cli.bench import save
+from haptic_accel.cli.experiment import run_lockstep
+from haptic_accel.core.process import DONE
+from haptic_accel.graph.arguments import parse_arguments
+
+
+def bench_lockstep(
+    words: Sequence[str], *, rate: float, seconds: float, json_file: Path | None
+) -> int:
+    """Run one trial on one core; print and save how long it took.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Arguments of the graph as ``key:=value``.
+    rate : float
+        Samples per second.
+    seconds : float
+        Length of the trial, simulated.
+    json_file : Path, optional
+        Where to write the figures.
+    """
+    arguments = replace(parse_arguments(words), rate=rate, duration=seconds)
+    run_lockstep(replace(arguments, duration=10 / rate))  # what is loaded once does not count
+    start = time.perf_counter()
+    trial = run_lockstep(arguments).trial
+    wall = time.perf_counter() - start
+    figures = {
+        "rate_hz": rate,
+        "simulated_seconds": trial.seconds,
+        "wall_seconds": wall,
+        "times_real_time": trial.seconds / wall,
+    }
+    print(
+        f"{arguments.rig} rig, {trial.surface}, {trial.controller}: {trial.seconds:g} s at"
+        f" {rate:g} Hz in {wall:.2f} s, {figures['times_real_time']:.1f} times real time"
+    )
+    save(figures, json_file)
+    return DONE

@@ -1,0 +1,188 @@
+"""``haptic-accel bench protocol``: many generated frames through the serial protocol."""
+
+from __future__ import annotations
+
+import random
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from haptic_accel.cli.bench import save
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.devices.serial.device import MISSING_LIBRARY
+
+if TYPE_CHECKING:
+    from haptic_accel.devices.serial.protocol import Frame
+
+SPOILED = 0.1
+"""Share of the frames that something happens to on the way."""
+
+MOST_GARBAGE = 300
+"""Bytes at a time: more than a frame is long."""
+
+
+def bench_protocol(*, frames: int, seed: int, json_file: Path | None) -> int:
+    """Send generated frames to a board and a decoder over a bad wire; print and save counts.
+
+    Every frame that nothing happened to must be found and be the same; none may be found that
+    was not sent; no current may flow that is beyond full scale, or without being armed.
+
+    Parameters
+    ----------
+    frames : int
+        How many.
+    seed : int
+        Of the frames and of what happens to them.
+    json_file : Path, optional
+        Where to write the figures.
+    """
+    if frames < 1:
+        raise ParameterError(f"frames = {frames}: must be at least 1")
+    try:
+        run = _Run(seed)
+    except ImportError:
+        print(f"haptic-accel: serial: {MISSING_LIBRARY}", file=sys.stderr)
+        return FAILED
+    start = time.perf_counter()
+    for _ in range(frames):
+        run.step()
+    run.finish()
+    seconds = round(time.perf_counter() - start, 1)
+    figures = {"frames": frames, "seed": seed, **run.counts, "seconds": seconds}
+    for name, value in figures.items():
+        print(f"{name.replace('_', ' ')}: {value}")
+    save(figures, json_file)
+    return DONE if not (run.counts["missed"] or run.counts["unlawful"]) else FAILED
+
+
+class _Run:
+    """A sender, a bad wire, a decoder and a board."""
+
+    def __init__(self, seed: int) -> None:
+        from haptic_accel.devices.serial.protocol import Decoder, Identity
+        from haptic_accel.emulators.serial_board import Board
+
+        self._random = random.Random(seed)
+        self._decoder = Decoder()
+        self._board = Board(
+            Identity((1, 0, 0), 0b111, 10_000, 84.6, 2.75, "bench"), self._count_answer
+        )
+        self._now = 0
+        self._wire = b""
+        self._whole: list[Frame] = []
+        self.counts: Counter[str] = Counter(
+            dict.fromkeys(("spoiled", "found", "missed", "damaged", "answers", "unlawful"), 0)
+        )
+
+    def step(self) -> None:
+        """Send one frame; now and then, let what is on the wire arrive."""
+        from haptic_accel.devices.serial.protocol import DELIMITER, encode
+
+        frame = self._frame()
+        wire = encode(frame)
+        if self._random.random() < SPOILED:
+            self.counts["spoiled"] += 1
+            # A delimiter, so that what happens to a frame happens to it alone.
+            self._wire += self._spoiled(wire) + DELIMITER
+        else:
+            self._wire += wire
+            self._whole.append(frame)
+        if self._random.random() < 0.1:
+            self._arrive()
+
+    def finish(self) -> None:
+        """Let the rest arrive."""
+        self._arrive()
+        self.counts["damaged"] = self._decoder.damaged
+
+    def _frame(self) -> Frame:
+        """Return a frame of any kind: half of them as a host sends them, half nonsense."""
+        from haptic_accel.devices.serial.protocol import VERSION, Frame, FrameType
+
+        rng = self._random
+        kind: int
+        if rng.random() < 0.5:
+            kind, length = rng.choice(
+                [
+                    (FrameType.SET_CURRENT, 2),
+                    (FrameType.SET_CURRENT, 2),
+                    (FrameType.ARM, 0),
+                    (FrameType.CONFIGURE, 4),
+                    (FrameType.IDENTIFY, 0),
+                    (FrameType.DISARM, 0),
+                ]
+            )
+            version = VERSION
+        else:
+            version, kind = rng.choice((VERSION, rng.randrange(256))), rng.randrange(256)
+            length = rng.randrange(241)
+        payload = rng.randbytes(length)
+        return Frame(version, kind, rng.randrange(1 << 16), rng.randrange(1 << 32), payload)
+
+    def _spoiled(self, wire: bytes) -> bytes:
+        """Return bytes with some changed, lost, or put before."""
+        rng = self._random
+        at = rng.randrange(len(wire) - 1)
+        kind = rng.randrange(3)
+        if kind == 0:
+            # Another byte, so that the frame is not by chance the one sent.
+            return wire[:at] + bytes([wire[at] ^ rng.randrange(1, 256)]) + wire[at + 1 :]
+        if kind == 1:
+            return wire[:at] + wire[at + rng.randint(1, 8) :]
+        return rng.randbytes(rng.randint(1, MOST_GARBAGE)) + wire[at + 1 :]
+
+    def _arrive(self) -> None:
+        """Let the wire's bytes arrive in pieces, and look at the board after each."""
+        rng = self._random
+        found = []
+        wire, self._wire = self._wire, b""
+        while wire:
+            cut = rng.randint(1, 400)
+            piece, wire = wire[:cut], wire[cut:]
+            frames = self._decoder.feed(piece)
+            for frame in frames:
+                self._understand(frame)
+            found += frames
+            self._now = (self._now + rng.choice((100, 1000, 6000))) % (1 << 32)
+            self._board.receive(piece, self._now)
+            self._board.sample((rng.randrange(-32768, 32768),) * 3, self._now)
+            self._board.tick(self._now)
+            self._look()
+        self._compare(found)
+
+    def _understand(self, frame: Frame) -> None:
+        from haptic_accel.devices.serial.protocol import PayloadError, read_message
+
+        try:
+            read_message(frame)
+        except PayloadError:
+            self.counts["nonsense"] += 1
+
+    def _compare(self, found: list[Frame]) -> None:
+        """See that whole frames were found, in their order, and count others as by chance."""
+        rest = iter(found)
+        for frame in self._whole:
+            for candidate in rest:
+                if candidate == frame:
+                    self.counts["found"] += 1
+                    break
+                self.counts["by_chance"] += 1
+            else:
+                self.counts["missed"] += 1
+        self.counts["by_chance"] += len(list(rest))
+        self._whole.clear()
+
+    def _look(self) -> None:
+        from haptic_accel.devices.serial.protocol import FULL_SCALE, State
+
+        board = self._board
+        armed = board.state is State.ARMED
+        if abs(board.current) > FULL_SCALE or (board.current and not armed):
+            self.counts["unlawful"] += 1
+
+    def _count_answer(self, data: bytes) -> bool:
+        self.counts["answers"] += 1
+        return True

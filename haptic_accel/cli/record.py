@@ -1,0 +1,51 @@
+"""``haptic-accel record``: start, pause, split and stop the recording of a graph that runs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.graph.arguments import parse_arguments
+
+PATIENCE = 120.0
+"""How long an answer may take, s: a file that is finished may have to be compressed first."""
+
+ACTIONS = {
+    "start": "go on after a pause, or begin another bag after a stop",
+    "pause": "leave out what comes, until start",
+    "split": "put what comes into another file of the bag",
+    "stop": "finish the bag; the graph goes on",
+    "status": "say what is recorded",
+}
+"""What can be done, each a service of the recorder."""
+
+
+@dataclass(frozen=True)
+class RecordArguments(Checked):
+    """Which recording."""
+
+    namespace: str = parameter("", "of the graph")
+
+
+def record(action: str, words: Sequence[str]) -> int:
+    """Ask the recorder of a graph for one of `ACTIONS`; return the exit status."""
+    arguments = parse_arguments(words, RecordArguments)
+    # ROS takes a while to import: only who talks to it waits for that.
+    from std_srvs.srv import Trigger
+
+    from haptic_accel.cli.calling import CallError, connected
+
+    try:
+        with connected(arguments.namespace) as graph:
+            response = graph.call(Trigger, f"recorder/{action}", Trigger.Request(), PATIENCE)
+    except CallError as error:
+        print(f"haptic-accel: {error}", file=sys.stderr)
+        return FAILED
+    if not response.success:
+        print(f"haptic-accel: recorder: {response.message}", file=sys.stderr)
+        return FAILED
+    print(response.message)
+    return DONE

@@ -1,0 +1,360 @@
+"""``haptic-accel replay``: a bag once more through the graph, or through a controller alone."""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from haptic_accel.bags.facts import custom_data
+from haptic_accel.bags.trial_bag import write_trial
+from haptic_accel.cli.bench import save
+from haptic_accel.cli.experiment import check_writable, make_folder
+from haptic_accel.cli.teleop import StopOnSignal, conclude, help_lines, show
+from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import DONE
+from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS
+from haptic_accel.core.track import Track, played_at
+from haptic_accel.core.trial import Trial, run_trial
+from haptic_accel.devices.playback.device import SLAVE, ReplayParameters, read_track, start_offset
+from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, GraphArguments
+from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.graph.processes import (
+    SIMULATED,
+    Process,
+    graph,
+    graph_parameters,
+    rig_parameters,
+)
+from haptic_accel.graph.replay import Replay, described_replay, replay_arguments
+from haptic_accel.graph.supervisor import Supervisor
+
+Figures = dict[str, Any]
+
+RECORDER = "recorder"
+"""The node whose bags say of themselves what ours are to say too."""
+
+COLUMNS = ("NRMSE\n%", "slope\na on d", "slope\nd on a", "R²")
+"""Headings of the table's figures; the slopes are of actual on desired, and the reverse."""
+
+NAME_WIDTH = 19
+"""Characters of a bag's name on one line: as many as the default one has."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One bag under one controller.
+
+    Attributes
+    ----------
+    bag : str
+        What was played.
+    trial : Trial
+    evaluation : Evaluation
+    lost : int
+        Samples of the bag that were missing.
+    """
+
+    bag: str
+    trial: Trial
+    evaluation: Evaluation
+    lost: int
+
+    @property
+    def figures(self) -> Figures:
+        """What is saved of it."""
+        return {
+            "bag": self.bag,
+            "surface": self.trial.surface,
+            "controller": self.trial.controller,
+            **asdict(self.evaluation),
+            "seconds": self.trial.seconds,
+            "rate_hz": self.trial.rate,
+            "lost": self.lost,
+        }
+
+
+def help_text() -> str:
+    """Return the arguments of a replay with their defaults and units."""
+    return help_lines(described_replay())
+
+
+def replay(
+    words: Sequence[str],
+    *,
+    lockstep: bool,
+    controllers: Sequence[str] = (),
+    json_file: Path | None = None,
+    out: Path | None = None,
+) -> int:
+    """Play bags through the graph or in lockstep; return the exit status.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Bags, and arguments as ``key:=value``.
+    lockstep : bool
+        Without ROS.
+    controllers : sequence of str
+        See `replay_lockstep`.
+    json_file, out : Path, optional
+        See `replay_lockstep`.
+
+    Raises
+    ------
+    ParameterError
+        An argument is wrong, or a bag cannot be replayed.
+    """
+    if lockstep:
+        return replay_lockstep(words, controllers=controllers, json_file=json_file, out=out)
+    for option, given in (("controllers", controllers), ("json", json_file), ("out", out)):
+        if given:
+            raise ParameterError(f"--{option}: only with --lockstep")
+    return replay_live(words)
+
+
+def replay_live(words: Sequence[str]) -> int:
+    """Play a bag through the graph until it is over or stopped; return the exit status.
+
+    Parameters
+    ----------
+    words : sequence of str
+        A bag, and arguments as ``key:=value``.
+
+    Raises
+    ------
+    ParameterError
+        An argument is wrong, or the bag cannot be replayed.
+    """
+    processes = _prepared(words)
+    with StopOnSignal() as stop:
+        outcome = Supervisor(processes, on_line=show).run(stop)
+    return conclude(outcome)
+
+
+def replay_lockstep(
+    words: Sequence[str],
+    *,
+    controllers: Sequence[str] = (),
+    json_file: Path | None = None,
+    out: Path | None = None,
+) -> int:
+    """Play bags through controllers without ROS, the same result every time.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Bags, and arguments as ``key:=value`` that hold for all of them.
+    controllers : sequence of str
+        Each plays every bag; the one of the arguments, or of the bag, where there are none.
+    json_file : Path, optional
+        Where to write the figures.
+    out : Path, optional
+        Folder to make, for a bag of each condition.
+
+    Raises
+    ------
+    ParameterError
+        An argument is wrong, or a bag cannot be replayed.
+    """
+    for name in controllers:
+        if name not in CONTROLLERS:
+            raise ParameterError(f"controllers = {name!r}: must be among {', '.join(CONTROLLERS)}")
+    bags, arguments = _sorted(words)
+    each = [_with_bag([bag], arguments) for bag in bags] or [arguments]
+    # All that can be wrong is found before anything runs.
+    plan = [_in_lockstep(replay_arguments(given)) for given in each]
+    if json_file:
+        check_writable(json_file)
+    if out:
+        _check_names([asked.own.bag for asked in plan], controllers)
+        make_folder(out)
+    done: list[Condition] = []
+    for asked in plan:
+        track = _track(asked)
+        for controller in controllers or [asked.graph.controller]:
+            done.append(_condition(asked, track, controller))
+            if out:
+                _write(done[-1], asked, out)
+    console = Console()
+    console.print(_table(done))
+    for bag, lost in {condition.bag: condition.lost for condition in done}.items():
+        if lost:
+            console.print(f"{bag}: {lost} samples are missing and hold the one before")
+    save({"lockstep": True, "conditions": [condition.figures for condition in done]}, json_file)
+    return DONE
+
+
+def lockstep_trial(arguments: GraphArguments, track: Track) -> Trial:
+    """Run a recorded slave, the arguments' controller and the simulated master in lockstep.
+
+    Parameters
+    ----------
+    arguments : GraphArguments
+        Of whose slave nothing is used but the surface's name.
+    track : Track
+        At the arguments' rate.
+    """
+    values = graph_parameters(arguments)
+    around, controllers = node_parameters("compensator", values["compensator"])
+    return run_trial(
+        arguments.controller,
+        rig_parameters(values),
+        duration=track.seconds,
+        rate=track.rate,
+        seed=arguments.seed,
+        replayed=track,
+        compensation=around,
+        controllers=controllers,
+    )
+
+
+def play_command(asked: Replay) -> str:
+    """Return the line that has `ros2 bag play` publish what the graph waits for."""
+    assert asked.bag is not None
+    own = asked.own
+    found = [
+        (name, f"/{PLAYED}/{topic.name}")
+        for topic in SLAVE_SIGNALS
+        for name in sorted(asked.bag.counts)
+        if name.endswith(f"/{topic.name}")
+    ]
+    words = ["ros2", "bag", "play", own.bag, "--topics", *(name for name, _ in found)]
+    words += ["--remap", *(f"{name}:={played}" for name, played in found)]
+    offset = start_offset(asked.bag, own.start)
+    words += ["--start-offset", f"{offset:.3f}"] if offset else []
+    words += ["--loop"] if own.loop else []
+    return shlex.join(words)
+
+
+def _prepared(words: Sequence[str]) -> list[Process]:
+    """Return the graph that replays a bag, after telling what a user should know before."""
+    bags, arguments = _sorted(words)
+    if len(bags) > 1:
+        raise ParameterError(f"bag = {' '.join(bags)}: must be one, without --lockstep")
+    asked = replay_arguments(_with_bag(bags, arguments))
+    processes = graph(asked.graph)
+    for line in _announced(asked):
+        print(line, flush=True)
+    return processes
+
+
+def _sorted(words: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Return bags, and arguments."""
+    bags: list[str] = []
+    arguments: list[str] = []
+    for word in words:
+        (arguments if ":=" in word else bags).append(word)
+    return bags, arguments
+
+
+def _with_bag(bags: Sequence[str], arguments: Sequence[str]) -> list[str]:
+    return [*(f"bag:={bag}" for bag in bags), *arguments]
+
+
+def _announced(asked: Replay) -> list[str]:
+    """Return what a user should know before it starts."""
+    lines = []
+    if asked.inherited:
+        shown = " ".join(f"{name}:={value}" for name, value in asked.inherited.items())
+        lines.append(f"as in the bag: {shown}")
+    if asked.graph.slave == PLAYED_TOPICS:
+        lines.append(f"in another terminal, once it is ready: {play_command(asked)}")
+    return lines
+
+
+def _in_lockstep(asked: Replay) -> Replay:
+    """Return a replay without the bag that was read, and with the simulated handle.
+
+    Raises
+    ------
+    ParameterError
+        It asks for what only a graph can do, or for what the graph would refuse.
+    """
+    own = asked.own
+    if own.loop:
+        raise ParameterError("loop = true: not with --lockstep, which plays a bag once")
+    if asked.graph.slave != REPLAY:
+        raise ParameterError("source, slave: not with --lockstep, which replays the slave")
+    if asked.graph.master == REPLAY:
+        raise ParameterError("master = 'replay': not with --lockstep, which simulates the handle")
+    arguments = replace(asked.graph, master=SIMULATED)
+    graph(arguments)
+    return replace(asked, graph=arguments, bag=None)
+
+
+def _track(asked: Replay) -> Track:
+    """Return what is played, at the rate of the graph."""
+    own, rate = asked.own, asked.graph.rate
+    parameters = ReplayParameters(
+        own.bag,
+        rate=asked.graph.recording_rate,
+        column=asked.graph.recording_column,
+        start=own.start,
+    )
+    return played_at(read_track(parameters, SLAVE, rate), rate, own.rate)
+
+
+def _condition(asked: Replay, track: Track, controller: str) -> Condition:
+    """Play a track through a controller."""
+    trial = lockstep_trial(replace(asked.graph, controller=controller), track)
+    try:
+        # Shifted by a sample, as the paper does at 1 kHz.
+        evaluation = evaluate(
+            trial.desired_acceleration, trial.actual_acceleration, trial.rate, 1 / trial.rate
+        )
+    except ValueError as error:
+        raise ParameterError(f"{asked.own.bag}: {error}") from None
+    return Condition(asked.own.bag, trial, evaluation, int(track.lost.sum()))
+
+
+def _write(condition: Condition, asked: Replay, out: Path) -> None:
+    """Write what came of a bag under a controller as a bag, which says how it was made."""
+    arguments = replace(asked.graph, controller=condition.trial.controller, record=True)
+    recorder = next(p for p in graph(arguments) if p.executable == RECORDER)
+    facts = custom_data(recorder.parameters[RECORDER]["facts"])
+    name = _name(condition.bag, condition.trial.controller)
+    write_trial(out / name, condition.trial, facts)
+
+
+def _name(bag: str, controller: str) -> str:
+    """Return what the bag of a condition is called."""
+    return f"{Path(bag).stem}_{controller}"
+
+
+def _check_names(bags: Sequence[str], controllers: Sequence[str]) -> None:
+    """Refuse conditions whose bags would be called the same."""
+    names = Counter(_name(bag, name) for bag in bags for name in controllers or [""])
+    twice = [name for name, count in names.items() if count > 1]
+    if twice:
+        raise ParameterError(f"out: two bags would be called {twice[0]}")
+
+
+def _table(done: Sequence[Condition]) -> Table:
+    """Return the figures as a table."""
+    table = Table(title="Replayed in lockstep", show_edge=False)
+    table.add_column("bag", overflow="fold", min_width=NAME_WIDTH)
+    for heading in ("surface", "controller"):
+        table.add_column(heading, no_wrap=True)
+    for heading in COLUMNS:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for condition in done:
+        trial, evaluation = condition.trial, condition.evaluation
+        table.add_row(
+            Path(condition.bag).name,
+            trial.surface,
+            trial.controller,
+            f"{evaluation.nrmse_percent:.2f}",
+            f"{evaluation.slope_actual_on_desired:.3f}",
+            f"{evaluation.slope_desired_on_actual:.3f}",
+            f"{evaluation.r2:.3f}",
+        )
+    return table

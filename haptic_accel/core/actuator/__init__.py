@@ -1,0 +1,1 @@
+"""The voice coil: its limits, travel, friction and safety."""

@@ -1,0 +1,1 @@
+"""Acceleration control: filters, compensation, controllers and their design."""

@@ -1,0 +1,336 @@
+"""From tool acceleration to actuator force: high-pass, controller, the actuator's limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from haptic_accel.core.actuator.guard import PEAK_FORCE, ActuatorGuard, LimitParameters
+from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION as LARGEST_ACCELERATION
+from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, SampleFilter, high_pass
+from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.model import GRAVITY
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
+
+AT_RANGE = 0.999
+"""Share of the handle's sensor's range from which on it may be saturated: converters differ."""
+
+LISTENING = 0.5
+"""How long a controller hears both accelerations before it takes over, s."""
+
+FADING = 5e-3
+"""How long it takes to take over, s."""
+
+RESTING = 0.05
+"""Over which the tool's acceleration at rest is averaged for who begins to listen, s."""
+
+LIMITS, PLANT = "limits", "plant"
+"""Names of the actuator's limits, and of the handle's parameters, among the controllers'."""
+
+
+@dataclass(frozen=True)
+class CompensationParameters(Checked):
+    """What surrounds every controller."""
+
+    controller: str = parameter("dynamic", "which controller", choices=tuple(CONTROLLERS))
+    high_pass_frequency: float = parameter(
+        HIGH_PASS_FREQUENCY,
+        "corner of the 4th-order Butterworth high-pass (paper)",
+        unit="Hz",
+        low=0.1,
+        high=1000.0,
+    )
+    peak_force: float = parameter(
+        PEAK_FORCE, "limit of the actuator's force", unit="N", low=0, high=100.0
+    )
+    handle_range: float = parameter(
+        5 * GRAVITY,
+        "range of the handle's accelerometer, at which it is not believed (paper: 5 g)",
+        unit="m/s^2",
+        low=0,
+        high=LARGEST_ACCELERATION,
+        above=True,
+    )
+
+
+def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -> Controller:
+    """Build a controller by its name.
+
+    Parameters
+    ----------
+    name : str
+        A key of `CONTROLLERS`.
+    loop : Loop
+        What surrounds it.
+    parameters : optional
+        An instance of the controller's own parameters; the defaults otherwise.
+
+    Raises
+    ------
+    ParameterError
+        No controller has this name.
+    """
+    if name not in CONTROLLERS:
+        raise ParameterError(f"controller = {name!r}: must be one of {', '.join(CONTROLLERS)}")
+    controller = CONTROLLERS[name]
+    own = parameters if parameters is not None else controller.Parameters()
+    return controller(own, loop)
+
+
+def check_rate(parameters: CompensationParameters, rate: float) -> None:
+    """Refuse a rate in Hz that is too low for the high-pass.
+
+    Raises
+    ------
+    ParameterError
+        The corner lies above half the rate.
+    """
+    if not rate > 2 * parameters.high_pass_frequency:
+        raise ParameterError(
+            f"rate = {rate:g}: must be above twice high_pass_frequency"
+            f" = {parameters.high_pass_frequency:g} Hz"
+        )
+
+
+class Compensation:
+    """High-pass, controller and the actuator's limits as one object that takes samples.
+
+    Parameters
+    ----------
+    parameters : CompensationParameters
+        Which controller, corner, limit.
+    rate : float
+        Samples per second; more than twice the high-pass' corner.
+    options : mapping, optional
+        Parameters of controllers by controller name, of the actuator (`LIMITS`) and of the
+        handle as identified (`PLANT`), where not the defaults.
+    prepared : sequence of str
+        Controllers to build beforehand, so that `select` takes no time.
+
+    Attributes
+    ----------
+    rejected : int
+        Samples that were no acceleration and were taken for zero, or for not measured.
+    untrusted : int
+        Samples of the handle that were missing, or at the range of its sensor.
+
+    Raises
+    ------
+    ParameterError
+        The rate is too low for the high-pass.
+    """
+
+    def __init__(
+        self,
+        parameters: CompensationParameters,
+        rate: float,
+        options: Mapping[str, Checked] | None = None,
+        prepared: Sequence[str] = (),
+    ) -> None:
+        check_rate(parameters, rate)
+        self._options = dict(options or {})
+        self._sections = high_pass(parameters.high_pass_frequency, rate)
+        self._handle_range = AT_RANGE * parameters.handle_range
+        limits = self._options.get(LIMITS, LimitParameters())
+        plant = self._options.get(PLANT, Plant())
+        assert isinstance(limits, LimitParameters) and isinstance(plant, Plant)
+        self._loop = Loop(rate, parameters.high_pass_frequency, plant.coupled())
+        self.guard = ActuatorGuard(parameters.peak_force, limits, plant.handle, rate)
+        self._built: dict[str, _Channel] = {}
+        for name in (parameters.controller, *prepared):
+            self._build(name)
+        self._active = self._built[parameters.controller]
+        self._follower: _Channel | None = None
+        self._waiting: _Channel | None = None
+        self._listened = 0
+        self._resting = -math.expm1(-1.0 / (RESTING * rate))
+        self._rest = self._handle = 0.0
+        self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
+        self.rejected = self.untrusted = 0
+
+    @property
+    def controller(self) -> str:
+        """Name of the controller in use, or of the one that is about to be."""
+        return (self._waiting or self._follower or self._active).name
+
+    @property
+    def saturated(self) -> int:
+        """Samples whose force was cut at the peak."""
+        return self.guard.saturated
+
+    def select(self, name: str) -> None:
+        """Let another controller take over, without a jump in force.
+
+        It listens for `LISTENING`, so that its filters know the past, then is faded in over
+        `FADING`. Whoever is being faded in when another is selected has taken over first.
+
+        Raises
+        ------
+        ParameterError
+            No controller has this name, or its parameters do not fit.
+        """
+        self._build(name)
+        if name == self.controller:
+            return
+        if self._follower and self._listened > self._listening:
+            self._waiting = self._built[name]
+        else:
+            self._listen(self._built[name])
+
+    def sample(
+        self, tool_acceleration: float, handle_acceleration: float | None
+    ) -> tuple[float, float]:
+        """Take one sample of tool and handle acceleration along the actuator's axis.
+
+        Parameters
+        ----------
+        tool_acceleration : float
+            m/s^2, as measured. A value that is not finite or beyond `LARGEST_ACCELERATION`
+            counts as zero, so that one bad sample cannot poison the filters or hold the
+            actuator at its limit for seconds.
+        handle_acceleration : float or None
+            m/s^2, as measured one sample earlier: of the same tick's a compensator may not have
+            heard yet. None where it is missing.
+
+        Returns
+        -------
+        desired_acceleration : float
+            m/s^2.
+        actuator_force : float
+            N, within the actuator's limits and always finite.
+        """
+        measured = self._trusted(handle_acceleration)
+        desired, force = self._wanted(self._plausible(tool_acceleration), measured)
+        if not (math.isfinite(desired) and math.isfinite(force)):
+            # A controller's own instability: a filter that holds infinity never recovers.
+            self.reset()
+            desired = force = 0.0
+        # Where it is not known, the handle's acceleration is taken for what it was: gravity.
+        self._handle = measured if math.isfinite(measured) else self._handle
+        force = self.guard.limited(force, self._handle)
+        self._active.controller.applied(force)
+        if self._follower:
+            self._follower.controller.applied(force)
+        return desired, force
+
+    def adapt(self) -> None:
+        """Let the controller do a piece of slow work; to be called when no force waits."""
+        self._active.controller.adapt()
+        if self._follower:
+            self._follower.controller.adapt()
+
+    def freeze(self, frozen: bool) -> None:
+        """Let all controllers stop adapting, or go on."""
+        for channel in self._built.values():
+            channel.controller.freeze(frozen)
+
+    def reset(self) -> None:
+        """Return to the state of a compensation that has always seen zero.
+
+        What is known of the actuator's heat and travel stays: no reset cools a coil.
+        """
+        for channel in self._built.values():
+            channel.reset()
+        self._rest = 0.0
+
+    def status(self) -> tuple[str, dict[str, str]]:
+        """Return a warning, empty if all is well, and values with units for diagnostics."""
+        guard = self.guard
+        controller = self._active.controller
+        return controller.warning, {
+            "controller": self.controller,
+            "saturated": str(guard.saturated),
+            "limited by heat": str(guard.heated),
+            "limited by travel": str(guard.cushioned),
+            "heat (%)": f"{100 * guard.heat:.1f}",
+            "travel (mm)": f"{1e3 * guard.travel:.2f}",
+            "rejected": str(self.rejected),
+            "handle not trusted": str(self.untrusted),
+            **controller.status(),
+        }
+
+    def _build(self, name: str) -> None:
+        if name not in self._built:
+            controller = build_controller(name, self._loop, self._options.get(name))
+            self._built[name] = _Channel(name, SampleFilter(self._sections), controller)
+
+    def _wanted(self, tool: float, measured: float) -> tuple[float, float]:
+        """Return what is desired, and the force for it, or one on the way to another's."""
+        desired, force = self._active.sample(tool, measured)
+        self._rest += self._resting * (tool - self._rest)
+        if self._follower is None:
+            return desired, force
+        if not self._listened:
+            self._follower.begin(self._rest)
+        following = self._follower.sample(tool, measured)
+        self._listened += 1
+        share = (self._listened - self._listening) / self._fading
+        if share >= 1.0:
+            self._take_over(self._follower)
+            return following
+        return desired, force + max(0.0, share) * (following[1] - force)
+
+    def _listen(self, channel: _Channel) -> None:
+        """Let a channel listen in place of whichever did; none if it is the one in use."""
+        if self._follower:
+            self._follower.reset()
+        self._follower = None if channel is self._active else channel
+        self._listened = 0
+
+    def _take_over(self, channel: _Channel) -> None:
+        self._active.reset()
+        self._active, self._follower = channel, None
+        waiting, self._waiting = self._waiting, None
+        if waiting:
+            self._listen(waiting)
+
+    def _plausible(self, acceleration: float) -> float:
+        if abs(acceleration) <= LARGEST_ACCELERATION:  # false for NaN too
+            return acceleration
+        self.rejected += 1
+        return 0.0
+
+    def _trusted(self, acceleration: float | None) -> float:
+        """Return the handle's acceleration, NaN where it says nothing."""
+        if acceleration is None:
+            self.untrusted += 1
+            return math.nan
+        if abs(acceleration) < self._handle_range:
+            return acceleration
+        if not abs(acceleration) <= LARGEST_ACCELERATION:
+            self.rejected += 1
+        else:
+            self.untrusted += 1
+        return math.nan
+
+
+class _Channel:
+    """A controller behind a high-pass of its own, which began with it.
+
+    One that hears an acceleration which began before it would take that for a step from zero,
+    and an inverse, which undoes the high-pass down to far lower frequencies, would answer with
+    newtons for seconds.
+    """
+
+    def __init__(self, name: str, high_pass: SampleFilter, controller: Controller) -> None:
+        self.name = name
+        self.controller = controller
+        self._high_pass = high_pass
+        self._rest = 0.0
+
+    def begin(self, tool_acceleration: float) -> None:
+        """Take an acceleration for what the tool has at rest: gravity, most of it."""
+        self._rest = tool_acceleration
+
+    def sample(self, tool_acceleration: float, measured: float) -> tuple[float, float]:
+        """Return the desired acceleration and the controller's force."""
+        desired = self._high_pass.sample(tool_acceleration - self._rest)
+        return desired, self.controller.force(desired, measured)
+
+    def reset(self) -> None:
+        """Return to the state of a channel that has always seen zero."""
+        self._rest = 0.0
+        self._high_pass.reset()
+        self.controller.reset()

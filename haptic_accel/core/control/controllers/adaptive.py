@@ -1,0 +1,95 @@
+"""The inverse that follows the user's grip while the handle is used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from haptic_accel.core.actuator.friction import FrictionCompensation
+from haptic_accel.core.control.controllers.interface import Controller, Loop
+from haptic_accel.core.control.controllers.inverse import InverseParameters
+from haptic_accel.core.control.filters import SampleFilter
+from haptic_accel.core.control.grip_estimation import AdaptationParameters, GripEstimator
+from haptic_accel.core.control.inversion.convolution import SampleConvolution
+from haptic_accel.core.control.inversion.family import InverseFamily, design_family
+from haptic_accel.core.parameters import parameter
+
+FADING = 0.02
+"""Over which one grip's filter becomes that of another, s."""
+
+
+@dataclass(frozen=True)
+class AdaptiveParameters(InverseParameters):
+    """Those of the inverse, and how the grip is followed."""
+
+    frozen: bool = parameter(False, "whether the grip stays as it is")
+    adaptation: AdaptationParameters = field(default_factory=AdaptationParameters)
+
+    def family(self, loop: Loop) -> InverseFamily:
+        """Return the inverse for all grips; a fraction of a second."""
+        return design_family(loop.plant, loop.rate, **self.terms(loop))
+
+
+class AdaptiveController(Controller):
+    """f_a = a_hdes through the inverse for the grip as estimated."""
+
+    Parameters = AdaptiveParameters
+
+    def __init__(self, parameters: AdaptiveParameters, loop: Loop) -> None:
+        self._family = parameters.family(loop)
+        self._estimator = GripEstimator(loop.plant, loop.rate, parameters.adaptation)
+        self._extension = SampleFilter(self._family.sections)
+        self._convolution = SampleConvolution(self._family.taps(self._estimator.grip))
+        self._friction = FrictionCompensation(loop.plant.handle, loop.plant.friction, loop.rate)
+        self._step = 1.0 / max(1, round(FADING * loop.rate))
+        self._fading, self._slope = 0.0, 0.0 * self._convolution.taps
+        self._applied = self._given = 0.0
+        self.frozen = parameters.frozen
+
+    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
+        """Return the force after which the handle moves as desired."""
+        # What was applied one sample ago, and what was measured then.
+        self._estimator.sample(self._applied, measured_acceleration)
+        if self._fading > 0.0:
+            self._fading -= self._step
+            self._convolution.taps = self._convolution.taps + self._slope
+        force = self._convolution.sample(self._extension.sample(desired_acceleration))
+        self._given = self._friction.force(force, desired_acceleration)
+        return force + self._given
+
+    def applied(self, actuator_force: float) -> None:
+        """Keep what the handle answers to: the rest is what friction takes."""
+        self._applied = actuator_force - self._given
+
+    def adapt(self) -> None:
+        """Do a piece of the estimate; when it is there, begin to change the filter."""
+        # A filter on its way arrives before the next one is set out for.
+        if self._fading > 0.0 or self.frozen:
+            return
+        if self._estimator.step():
+            taps = self._family.taps(self._estimator.grip)
+            self._slope = (taps - self._convolution.taps) * self._step
+            self._fading = 1.0 - self._step / 2
+
+    def freeze(self, frozen: bool) -> None:
+        """Keep the filter as it is, or go on following the grip."""
+        self.frozen = frozen
+
+    def reset(self) -> None:
+        """Clear the filters and forget the grip."""
+        self._estimator.reset()
+        self._extension.reset()
+        self._convolution.reset()
+        self._convolution.taps = self._family.taps(self._estimator.grip)
+        self._friction.reset()
+        self._fading = self._applied = self._given = 0.0
+
+    def status(self) -> dict[str, str]:
+        """Return the grip as estimated."""
+        m_h, b_u, k_u = self._estimator.grip.tolist()
+        return {
+            "m_h (kg)": f"{m_h:.4g}",
+            "b_u (N s/m)": f"{b_u:.4g}",
+            "k_u (N/m)": f"{k_u:.4g}",
+            "grip estimates": str(self._estimator.looks),
+            "frozen": str(self.frozen).lower(),
+        }

@@ -1,0 +1,514 @@
+"""Feedback on the handle's acceleration with a stated margin over a range of grips.
+
+With the sampled plant P of a grip, B the high-pass of what is measured, and one sample until that
+is heard, G = B z^-1 P is all that lies between a force and what can be answered to it. The
+controller has a model G_0 of it, for the grip in the middle, and answers by a convolution Q to
+what the model did not foresee (internal model control: Morari and Zafiriou, Robust Process
+Control, 1989). In the usual form the loop is
+
+    L = K G,  K = Q / (1 - Q G_0),  1 + L = (1 + Q (G - G_0)) / (1 - Q G_0),  S = 1 / (1 + L).
+
+That form, as everything in 1 + Q (G - G_0) is stable by itself: the loop of a grip is stable if
+and only if the curve of that over the unit circle does not encircle zero, however odd K is; the
+middle grip always is; and a force that was limited is no surprise to the model.
+
+Why Q is searched numerically: a gain times 1/P and a low-pass needs the margin at frequencies
+where it reduces no error. Least squares over the texture that is expected puts the feedback where
+grips matter, and the margin is held grip by grip and frequency by frequency.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass
+from haptic_accel.core.control.inversion.design import (
+    FORCE_COST,
+    MEMORY,
+    TRAVEL_LIMIT,
+    UNEXPECTED_DENSITY,
+    check_design,
+)
+from haptic_accel.core.control.inversion.plant import Grid, Plant, grid_for, section_response
+from haptic_accel.core.control.inversion.spectrum import PRIOR, SENSOR_DENSITY, ToolSpectrum
+from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
+
+# scipy.linalg takes a while to import: only who designs a filter waits for it.
+
+Response = Callable[[FloatArray], ComplexArray]
+"""Force over desired acceleration, N per m/s^2, at frequencies in Hz."""
+
+MARGIN = 0.5
+"""Smallest distance of the loop from -1: no disturbance is more than doubled, a gain margin of at
+least 2, a phase margin of at least 0.5 rad."""
+
+MODEL_MEMORY = 0.3
+"""Length of the model's impulse response, s: Table I's slowest motion falls by e in 0.03 s."""
+
+FEEDBACK_MEMORY = 0.05
+"""Length of Q, s: four times it lowers the error by less than a hundredth of itself."""
+
+FELT_FREQUENCY = 500.0
+"""Up to which what is not expected may come, Hz: fingertips feel little beyond (Bolanowski et
+al., J. Acoust. Soc. Am. 84, 1988, measured 0.4 to 500 Hz)."""
+
+GRID_STEP = 0.5
+"""Distance of frequencies, Hz: an eighth of the width of the narrowest resonance of Table I."""
+
+_RESERVE = 0.97  # of the limit of |S| in the search, so that little is left to scale down
+_PENALTIES = (1.0, 10.0, 100.0, 1000.0)  # of |S| beyond it, against a relative error of 1
+_STEPS = 12  # for each of these
+_SETTLED = 1e-3  # relative decrease below which a penalty's search ends
+_SHORTEST = 1 / 64  # part of a step that is tried
+_RIDGE = 1e-9  # of the mean of the normal equations' spectrum: rounding
+_HALVINGS = 12  # of the share that is kept in the end
+
+
+@dataclass(frozen=True)
+class GripRange(Checked):
+    """Grips for which a feedback is to be stable: a box around the handle as identified."""
+
+    mass: float = parameter(
+        0.3, "by which part m_h may be more or less (assumed, as is the rest)", low=0, high=0.9
+    )
+    stiffness: float = parameter(2.0, "by which factor k_u may be more or less", low=1, high=10)
+    damping: float = parameter(2.0, "by which factor b_u may be more or less", low=1, high=10)
+
+    def grips(self, handle: HandleParameters) -> tuple[HandleParameters, ...]:
+        """Return the handle itself, then the eight corners of the box about it."""
+        corners = itertools.product(
+            (1.0 - self.mass, 1.0 + self.mass),
+            (1.0 / self.stiffness, self.stiffness),
+            (1.0 / self.damping, self.damping),
+        )
+        return (
+            handle,
+            *(
+                replace(handle, m_h=handle.m_h * m, k_u=handle.k_u * k, b_u=handle.b_u * b)
+                for m, k, b in corners
+            ),
+        )
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How far a loop is from instability.
+
+    Attributes
+    ----------
+    modulus : float
+        Smallest distance of the loop from -1, min |1 + L|.
+    gain : float
+        Factor by which the loop's gain may grow; infinite where none does harm.
+    phase : float
+        By which it may turn at unit gain, either way, rad; infinite where it has no unit gain.
+    delay : float
+        Further delay that it bears, s; infinite where it has no unit gain.
+    """
+
+    modulus: float
+    gain: float
+    phase: float
+    delay: float
+
+
+def loop_margins(loop: ComplexArray, frequency: FloatArray) -> Margins:
+    """Return the margins of a loop transfer L, feedback negative.
+
+    Parameters
+    ----------
+    loop : ndarray, shape (n,)
+        L at the frequencies.
+    frequency : ndarray, shape (n,)
+        Hz, rising, fine enough to draw the curve by straight lines.
+    """
+    gain = [-1.0 / real for real in _real_crossings(loop) if -1.0 < real < 0.0]
+    turned, at = _unit_crossings(loop, frequency)
+    lag = np.mod(turned, 2 * np.pi)  # from L to -1, clockwise
+    return Margins(
+        modulus=float(np.abs(1.0 + loop).min()),
+        gain=min(gain, default=math.inf),
+        phase=float(np.minimum(lag, 2 * np.pi - lag).min(initial=math.inf)),
+        delay=float((lag / (2 * np.pi * at)).min(initial=math.inf)),
+    )
+
+
+def _real_crossings(loop: ComplexArray) -> list[float]:
+    before, after = loop[:-1], loop[1:]
+    (at,) = np.nonzero(before.imag * after.imag < 0)
+    part = before.imag[at] / (before.imag[at] - after.imag[at])
+    crossings: list[float] = (before.real[at] + part * (after - before).real[at]).tolist()
+    # At half the rate every loop is real, and a grid ends just before.
+    return [*crossings, float(loop[-1].real)]
+
+
+def _unit_crossings(loop: ComplexArray, frequency: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the angles of -L where |L| passes 1, rad, and their frequencies, Hz."""
+    with np.errstate(divide="ignore"):
+        level = np.log(np.abs(loop))
+    (at,) = np.nonzero(level[:-1] * level[1:] <= 0)
+    at = at[level[at] != level[at + 1]]
+    part = level[at] / (level[at] - level[at + 1])
+    point = -(loop[at] + part * (loop[at + 1] - loop[at]))
+    return np.angle(point), frequency[at] + part * (frequency[at + 1] - frequency[at])
+
+
+def encirclements(curve: ComplexArray) -> int | None:
+    """Count how often a curve over the upper half of the unit circle, mirrored, goes round zero.
+
+    Parameters
+    ----------
+    curve : ndarray, shape (n,) or (m, n)
+        Values of a real transfer function at rising frequencies from near 0 to near half the
+        rate; of several, the counts' magnitudes are added.
+
+    Returns
+    -------
+    int or None
+        Anticlockwise positive for one curve: minus the zeros outside the unit circle, of what
+        has no poles there. None where the curve turns by a right angle or more from point to
+        point: nobody can tell.
+    """
+    whole = np.concatenate([curve[..., ::-1].conj(), curve, curve[..., -1:].conj()], axis=-1)
+    if not np.isfinite(whole).all() or not whole.all():
+        return None
+    turns = np.angle(whole[..., 1:] / whole[..., :-1])
+    if np.abs(turns).max() >= np.pi / 2:
+        return None
+    counts = np.rint(turns.sum(axis=-1) / (2 * np.pi))
+    return int(counts if counts.ndim == 0 else np.abs(counts).sum())
+
+
+@dataclass(frozen=True)
+class GripOutlook:
+    """What is to be expected of one grip.
+
+    Attributes
+    ----------
+    handle : HandleParameters
+        Held so.
+    margins : Margins
+    without, with_feedback : float
+        Error under the spectrum that was designed for, as `Prediction.nrmse_percent`.
+    """
+
+    handle: HandleParameters
+    margins: Margins
+    without: float
+    with_feedback: float
+
+
+@dataclass(frozen=True)
+class FeedbackDesign:
+    """A feedback, and what it will do.
+
+    Attributes
+    ----------
+    high_pass : ndarray, shape (2, 6)
+        Second-order sections of B, a0 = 1.
+    model : ndarray, shape (m,)
+        Impulse response of the handle in the middle, m/s^2 per N; its first value is one sample
+        after the force.
+    taps : ndarray, shape (n,)
+        Q, N per m/s^2.
+    rate : float
+        Samples per second.
+    margin : float
+        Stated distance of the loop from -1.
+    share : float
+        Part that is kept of the Q that was found best, so that the margin is exact; 0 where there
+        is no feedback at all.
+    outlooks : tuple of GripOutlook
+        Middle first, then the corners of the range.
+    """
+
+    high_pass: FloatArray
+    model: FloatArray
+    taps: FloatArray
+    rate: float
+    margin: float
+    share: float
+    outlooks: tuple[GripOutlook, ...]
+
+    @property
+    def tightest(self) -> GripOutlook:
+        """The grip with the smallest distance from -1."""
+        return min(self.outlooks, key=lambda outlook: outlook.margins.modulus)
+
+    @property
+    def gain(self) -> float:
+        """Largest magnitude of Q, N per m/s^2."""
+        grid = grid_for(self.rate, len(self.taps), GRID_STEP)
+        return float(np.abs(grid.spectrum(self.taps)).max())
+
+    def loop(self, plant: Plant, frequency: FloatArray) -> ComplexArray:
+        """Return the loop transfer L with a plant, at frequencies in Hz, shape (n,)."""
+        turned = np.exp(-2j * np.pi * frequency / self.rate)
+        heard = section_response(self.high_pass, frequency, self.rate) * turned
+        polynomial = np.polynomial.polynomial.polyval
+        modelled = heard * turned * polynomial(turned, self.model)
+        answer = polynomial(turned, self.taps)
+        through = heard * plant.response(frequency, self.rate)
+        return np.asarray(answer * through / (1.0 - answer * modelled))
+
+    def summary(self) -> str:
+        """Return margins and errors as lines to print."""
+        worst = self.tightest.margins
+        handle = self.tightest.handle
+        lines = [
+            f"feedback: at most {self.gain:.3f} N per m/s^2, {100 * self.share:.0f} % of what was "
+            f"found best; stated margin {self.margin:.2f} over {len(self.outlooks)} grips",
+            f"smallest distance from -1: {worst.modulus:.2f} at m_h = {handle.m_h:.3f} kg, "
+            f"k_u = {handle.k_u:.0f} N/m, b_u = {handle.b_u:.1f} N s/m",
+            "m_h (kg)  k_u (N/m)  b_u (N s/m)  |1+L|  gain  phase (rad)  delay (ms)"
+            "  error (%) without, with",
+        ]
+        for outlook in self.outlooks:
+            h, m = outlook.handle, outlook.margins
+            lines.append(
+                f"{h.m_h:8.3f}  {h.k_u:9.0f}  {h.b_u:11.1f}  {m.modulus:5.2f}  {m.gain:4.1f}"
+                f"  {m.phase:11.2f}  {1e3 * m.delay:10.2f}"
+                f"  {outlook.without:17.1f}  {outlook.with_feedback:4.1f}"
+            )
+        return "\n".join(lines)
+
+
+def design_feedback(
+    plant: Plant,
+    rate: float,
+    feedforward: Response,
+    *,
+    foreseen: bool = True,
+    granted_delay: int = 1,
+    margin: float = MARGIN,
+    grips: GripRange | None = None,
+    spectrum: ToolSpectrum = PRIOR,
+    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
+) -> FeedbackDesign:
+    """Design the feedback of least error over a range of grips at a stated margin.
+
+    With the tool's spectrum S_t, the high-pass B, the feedforward C, the delay granted D, a grip's
+    error is S_t |B|^2 |A + S M|^2. Where the surprise is fed back (`foreseen`), M = (P - P_0) C is
+    what the grip changes and A = P_0 C - D what the feedforward leaves in the middle grip; else
+    A = 0 and M = P C - D. The sum over the grips, plus what the accelerometer's noise does and
+    what the force costs (`FORCE_COST`), is the least that keeps |S| <= 1 / margin: Gauss-Newton,
+    each step a Toeplitz system, with a growing penalty on what of S lies outside that disc. A
+    last scaling of Q makes the margin exact on the grid.
+
+    What a feedback takes at some frequencies it adds at others (Bode's integral). Beside the
+    spectrum, `UNEXPECTED_DENSITY` up to `FELT_FREQUENCY` is therefore expected of the tool: that
+    costs a twentieth of what is gained on textures as expected, and halves what rougher ones
+    lose. The same, white, in what is measured keeps Q from shouting where the handle hardly
+    answers.
+
+    Parameters
+    ----------
+    plant : Plant
+        With the grip in the middle.
+    rate : float
+        Samples per second, more than twice the high-pass' corner.
+    feedforward : callable
+        Response of the feedforward, from desired acceleration to force.
+    foreseen : bool
+        Whether what is compared with the measurement is what the model says the force does, or
+        the desired acceleration after the granted delay.
+    granted_delay : int
+        Samples by which the handle may lag behind the tool.
+    margin : float
+        Smallest distance of the loop from -1 at any grip, above 0 and below 1.
+    grips : GripRange, optional
+    spectrum : callable
+        Of tool acceleration.
+    high_pass_frequency : float
+        Corner of the compensator's high-pass and of that on the measurement, Hz.
+
+    Returns
+    -------
+    FeedbackDesign
+        Without any gain where no stable feedback is of use.
+
+    Raises
+    ------
+    ParameterError
+        A number is out of range.
+    """
+    check_design(rate, granted_delay, MEMORY, TRAVEL_LIMIT, high_pass_frequency)
+    if not 0.0 < margin < 1.0:
+        raise ParameterError(f"margin = {margin:g}: must be above 0 and below 1")
+    handles = (grips or GripRange()).grips(plant.handle)
+    plants = [replace(plant, handle=handle) for handle in handles]
+    problem = _Problem(
+        plants, rate, feedforward, foreseen, granted_delay, margin, spectrum, high_pass_frequency
+    )
+    best = problem.search()
+    share = problem.share(best)
+    taps = share * best
+    loops, without, error = problem.outlook(taps)
+    return FeedbackDesign(
+        high_pass=high_pass(high_pass_frequency, rate),
+        model=problem.model,
+        taps=taps,
+        rate=rate,
+        margin=margin,
+        share=share if taps.any() else 0.0,
+        outlooks=tuple(
+            GripOutlook(handle, loop_margins(loop, problem.grid.frequency), before, after)
+            for handle, loop, before, after in zip(handles, loops, without, error, strict=True)
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class _Loops:
+    """All grips' loops with one Q, each array of shape (grips, n) but for `answer`."""
+
+    answer: ComplexArray  # Q
+    turned: ComplexArray  # 1 + Q (G - G_0)
+    sensitivity: ComplexArray  # S
+
+    def reached(self, through: ComplexArray) -> ComplexArray:
+        """Return the derivative of S by Q, with G of all grips."""
+        return np.asarray(-through / self.turned**2)
+
+
+class _Problem:
+    """Grips, feedforward and spectrum on a grid; G of all grips, and the search for Q."""
+
+    def __init__(
+        self,
+        plants: list[Plant],
+        rate: float,
+        feedforward: Response,
+        foreseen: bool,
+        granted_delay: int,
+        margin: float,
+        spectrum: ToolSpectrum,
+        high_pass_frequency: float,
+    ) -> None:
+        length = max(2, round(MODEL_MEMORY * rate))
+        self.grid: Grid = grid_for(rate, length, GRID_STEP)
+        self._length = max(1, round(FEEDBACK_MEMORY * rate))
+        self._limit = 1.0 / margin
+        frequency, late = self.grid.frequency, self.grid.delay(1)
+        passed = section_response(high_pass(high_pass_frequency, rate), frequency, rate)
+        responses = np.stack([plant.response(frequency, rate) for plant in plants])
+        # A held force is first seen one sample later: the model's first value is that.
+        self.model = self.grid.sequence(responses[0])[1 : length + 1]
+        self._through = passed * late * responses
+        self._modelled = passed * late * late * self.grid.spectrum(self.model)
+        force, wanted = feedforward(frequency), self.grid.delay(granted_delay)
+        self._kept = responses[0] * force - wanted if foreseen else np.zeros_like(force)
+        self._fought = responses * force - wanted - self._kept
+        expected = spectrum(frequency) * np.abs(passed) ** 2
+        self._expected = expected / expected.sum()
+        unexpected = UNEXPECTED_DENSITY**2 * np.abs(passed) ** 2
+        falling = (1.0 + (frequency / FELT_FREQUENCY) ** 2) ** 3
+        power = expected + unexpected / falling
+        self._power = power / (len(plants) * power.sum())
+        self._noise = SENSOR_DENSITY**2 / (len(plants) * float(power.sum()))
+        self._unexpected = FORCE_COST**2 * unexpected / (len(plants) * power.sum())
+        self._surprise = passed * late * self._fought
+
+    def search(self) -> FloatArray:
+        """Return the Q that is best but for a last scaling."""
+        taps = np.zeros(self._length)
+        for penalty in _PENALTIES:
+            for _ in range(_STEPS):
+                before = self._cost(taps, penalty)
+                taps, after = self._improved(taps, penalty, before)
+                if after > (1.0 - _SETTLED) * before:
+                    break
+        return taps
+
+    def share(self, taps: FloatArray) -> float:
+        """Return the largest part of Q, found by halving, that keeps the margin."""
+        if self._keeps(taps):
+            return 1.0
+        low, high = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            if self._keeps(middle * taps):
+                low = middle
+            else:
+                high = middle
+        return low
+
+    def outlook(self, taps: FloatArray) -> tuple[ComplexArray, list[float], list[float]]:
+        """Return L of all grips, and their errors in percent without and with feedback."""
+        loops = self._loops(taps)
+        without = self._errors(np.ones_like(loops.sensitivity))
+        return 1.0 / loops.sensitivity - 1.0, without, self._errors(loops.sensitivity)
+
+    def _errors(self, sensitivity: ComplexArray) -> list[float]:
+        error = np.abs(self._kept + sensitivity * self._fought) ** 2
+        errors: list[float] = (100.0 * np.sqrt(error @ self._expected)).tolist()
+        return errors
+
+    def _loops(self, taps: FloatArray) -> _Loops:
+        answer = self.grid.spectrum(taps)
+        turned = 1.0 + answer * (self._through - self._modelled)
+        return _Loops(answer, turned, (1.0 - answer * self._modelled) / turned)
+
+    def _keeps(self, taps: FloatArray) -> bool:
+        loops = self._loops(taps)
+        stable = encirclements(loops.turned) == 0
+        return stable and float(np.abs(loops.sensitivity).max()) <= self._limit
+
+    def _cost(self, taps: FloatArray, penalty: float) -> float:
+        """Return what is to be least; infinite where a grip is not stable."""
+        loops = self._loops(taps)
+        if encirclements(loops.turned) != 0:
+            return math.inf
+        sensitivity = loops.sensitivity
+        error = np.abs(self._kept + sensitivity * self._fought) ** 2
+        error += FORCE_COST**2 * np.abs(loops.answer * self._surprise / loops.turned) ** 2
+        noise = self._noise * np.sum(np.abs(1.0 - sensitivity) ** 2)
+        return float(
+            np.sum(error @ self._power)
+            + np.sum(np.abs(loops.answer / loops.turned) ** 2 @ self._unexpected)
+            + noise
+            + penalty * np.mean(np.abs(sensitivity - self._nearest(sensitivity)) ** 2)
+        )
+
+    def _nearest(self, sensitivity: ComplexArray) -> ComplexArray:
+        """Return the nearest that keeps the margin, with a reserve."""
+        size = np.abs(sensitivity)
+        return np.asarray(sensitivity * np.minimum(1.0, _RESERVE * self._limit / size))
+
+    def _improved(
+        self, taps: FloatArray, penalty: float, before: float
+    ) -> tuple[FloatArray, float]:
+        """Return Q after the longest step that lowers the cost, and that."""
+        step, part = self._step(taps, penalty), 1.0
+        while part >= _SHORTEST:
+            after = self._cost(taps + part * step, penalty)
+            if after < before:
+                return taps + part * step, after
+            part /= 2
+        return taps, before
+
+    def _step(self, taps: FloatArray, penalty: float) -> FloatArray:
+        from scipy.linalg import solve_toeplitz
+
+        loops = self._loops(taps)
+        sensitivity, reached = loops.sensitivity, loops.reached(self._through)
+        force = self._power * np.abs(FORCE_COST * self._surprise / loops.turned) ** 2
+        force += self._unexpected / np.abs(loops.turned) ** 2
+        outside = sensitivity - self._nearest(sensitivity)
+        held = penalty / sensitivity.size
+        # How the squares grow with a change of Q, and how they fall with it.
+        growth = self._power * np.abs(reached * self._fought) ** 2 + force
+        growth += (self._noise + held) * np.abs(reached) ** 2
+        error = self._kept + sensitivity * self._fought
+        fall = self._power * (reached * self._fought).conj() * error + force * loops.answer
+        fall += reached.conj() * (held * outside + self._noise * (sensitivity - 1.0))
+        column = self.grid.sequence(growth.sum(axis=0))[: self._length]
+        column[0] *= 1.0 + _RIDGE
+        wanted = self.grid.sequence(-fall.sum(axis=0))[: self._length]
+        return np.asarray(solve_toeplitz(column, wanted), dtype=np.float64)

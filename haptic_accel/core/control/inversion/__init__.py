@@ -1,0 +1,50 @@
+"""The exact inverse of an identified handle as one causal filter, its prediction and its bound.
+
+`design_inverse` and `design_basis` make the filter, `predict` says what it will do, and
+`causal_bound` what no causal filter can do better.
+"""
+
+from __future__ import annotations
+
+from haptic_accel.core.control.inversion.bound import causal_bound
+from haptic_accel.core.control.inversion.convolution import SampleConvolution
+from haptic_accel.core.control.inversion.design import (
+    InverseBasis,
+    InverseFilter,
+    design_basis,
+    design_inverse,
+    extension,
+)
+from haptic_accel.core.control.inversion.plant import (
+    IdentifiedPlant,
+    Plant,
+    inverse_terms,
+    travel_response,
+)
+from haptic_accel.core.control.inversion.prediction import Prediction, predict
+from haptic_accel.core.control.inversion.spectrum import (
+    PRIOR,
+    TexturePrior,
+    ToolSpectrum,
+    measured_spectrum,
+)
+
+__all__ = [
+    "PRIOR",
+    "IdentifiedPlant",
+    "InverseBasis",
+    "InverseFilter",
+    "Plant",
+    "Prediction",
+    "SampleConvolution",
+    "TexturePrior",
+    "ToolSpectrum",
+    "causal_bound",
+    "design_basis",
+    "design_inverse",
+    "extension",
+    "inverse_terms",
+    "measured_spectrum",
+    "predict",
+    "travel_response",
+]

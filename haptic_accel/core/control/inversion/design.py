@@ -1,0 +1,344 @@
+"""Least-squares design of the inverse, and of its parts that are linear in the user's grip."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, HIGH_PASS_ORDER, high_pass
+from haptic_accel.core.control.inversion.plant import (
+    Dynamics,
+    Plant,
+    grid_for,
+    grip_factors,
+    inverse_terms,
+    section_response,
+    travel_response,
+)
+from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
+from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
+from haptic_accel.core.parameters import ParameterError
+
+# scipy.signal and scipy.linalg take a while to import: only who designs a filter waits for them.
+
+EXTENDED_CORNER = 1.0
+"""Corner that the extension leaves of the high-pass, Hz: below all that is to be felt, above
+drift and tilt."""
+
+MEMORY = 0.2
+"""Length of the convolution, s: twice it lowers the error by less than a fiftieth of itself."""
+
+TRAVEL_LIMIT = 3.5e-3
+"""Travel that a landing may take, m: of the paper's 3.8 mm, so that what texture adds, and gravity
+where the actuator stands upright, is left to the cushion before the stops."""
+
+LANDING_VELOCITY = 0.05
+"""Change of the tool's velocity as it meets a surface, m/s: the hand's own 15 mm in 0.6 s."""
+
+FORCE_COST = 0.1
+"""Error that is as bad as a newton of force, m/s^2 per N: a hundredth of what a newton does."""
+
+UNEXPECTED_DENSITY = 0.03
+"""White tool acceleration that force must not be wasted on, m/s^2/sqrt(Hz). It keeps the inverse
+from shouting at frequencies where the plant hardly hears and little is expected."""
+
+LONGEST_GRANTED_DELAY = 100
+"""Largest delay that is granted, samples."""
+
+MOST_TAPS = 8192
+"""Longest convolution: the 0.4 s of 20 kHz."""
+
+_RIDGE = 1e-10  # of the mean of the spectrum: rounding
+_COSTS = (1e2, 1e10)  # s^-4, of travel in terms of acceleration: from nothing to no motion
+_HALVINGS = 12  # of that range, on a logarithmic scale: to half a percent
+
+
+@dataclass(frozen=True)
+class InverseFilter:
+    """From desired acceleration to force: the extension, then a convolution.
+
+    Attributes
+    ----------
+    sections : ndarray, shape (2, 6)
+        The extension, second-order sections with a0 = 1.
+    taps : ndarray, shape (n,)
+        Impulse response of what follows, N per m/s^2.
+    rate : float
+        Samples per second.
+    high_pass_frequency : float
+        Corner of the high-pass that the desired acceleration has passed, Hz.
+    granted_delay : int
+        Samples by which the handle may lag behind the tool.
+    """
+
+    sections: FloatArray
+    taps: FloatArray
+    rate: float
+    high_pass_frequency: float
+    granted_delay: int
+
+    def response(self, frequency: npt.ArrayLike) -> ComplexArray:
+        """Return force over desired acceleration at frequencies in Hz, N per m/s^2."""
+        frequency = np.asarray(frequency, dtype=np.float64)
+        turned = np.exp(-2j * np.pi * frequency / self.rate)
+        convolved = np.polynomial.polynomial.polyval(turned, self.taps)
+        return np.asarray(section_response(self.sections, frequency, self.rate) * convolved)
+
+
+@dataclass(frozen=True)
+class InverseBasis:
+    """The inverse for every grip: its taps are linear in mass, damping and stiffness.
+
+    Attributes
+    ----------
+    sections : ndarray, shape (2, 6)
+        The extension, which no grip changes.
+    terms : ndarray, shape (4, n)
+        Taps to multiply by m_h, b_u, k_u and 1.
+    rate : float
+        Samples per second.
+    high_pass_frequency : float
+        Of the desired acceleration, Hz.
+    granted_delay : int
+        In samples.
+    """
+
+    sections: FloatArray
+    terms: FloatArray
+    rate: float
+    high_pass_frequency: float
+    granted_delay: int
+
+    def taps(self, handle: HandleParameters) -> FloatArray:
+        """Return the taps for a handle as a user holds it, shape (n,), N per m/s^2."""
+        return np.asarray(grip_factors(handle) @ self.terms)
+
+    def filter(self, handle: HandleParameters) -> InverseFilter:
+        """Return the filter for a handle as a user holds it."""
+        return InverseFilter(
+            self.sections,
+            self.taps(handle),
+            self.rate,
+            self.high_pass_frequency,
+            self.granted_delay,
+        )
+
+
+def extension(high_pass_frequency: float, rate: float) -> FloatArray:
+    """Sections that move the corner of the compensator's high-pass down to `EXTENDED_CORNER`.
+
+    The handle answers low frequencies by the fourth power, and the high-pass passes them by the
+    fourth: what a controller must do to follow is nothing special there, but seen from behind the
+    high-pass it is four integrations. The extension does them down to its corner: the poles of the
+    high-pass are its zeros, those of the lower one its poles; the zeros of both at 0 Hz cancel.
+
+    Returns
+    -------
+    ndarray, shape (2, 6)
+        Gain of one at half the rate.
+    """
+    sections = high_pass(high_pass_frequency, rate)
+    lower = high_pass(min(EXTENDED_CORNER, high_pass_frequency), rate)
+    extended = np.empty_like(sections)
+    extended[:, :3], extended[:, 3:] = sections[:, 3:], lower[:, 3:]
+    extended[:, :3] *= (_gain(lower) / _gain(sections)) ** (2 / HIGH_PASS_ORDER)
+    return extended
+
+
+def _gain(sections: FloatArray) -> float:
+    return float(np.prod(sections[:, 0]))
+
+
+def design_inverse(
+    plant: Dynamics,
+    rate: float,
+    *,
+    granted_delay: int = 1,
+    memory: float = MEMORY,
+    travel_limit: float = TRAVEL_LIMIT,
+    spectrum: ToolSpectrum = PRIOR,
+    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
+) -> InverseFilter:
+    """Design the causal filter after which the handle moves as is desired.
+
+    With the tool's spectrum S, the high-pass B, the plant P, the travel D per force, and the
+    filter C, this is the least integral over frequency of
+    S |P C B - z^-granted_delay B|^2 + c S |C B D|^2 + FORCE_COST^2 (S + U) |C B|^2: the power of
+    the error, and the costs of travel and of force, the latter also for something unexpected,
+    U = `UNEXPECTED_DENSITY`^2.
+    The cost of travel, c, is the least with which a landing keeps the limit: a sudden change of
+    the tool's velocity by `LANDING_VELOCITY`, which takes far more travel than any texture.
+
+    That is a Wiener filter: with a convolution C its normal equations have a Toeplitz matrix.
+    C is a convolution after the fixed `extension`, as one alone would have to be seconds long: it
+    must undo the four zeros that P has at 0 Hz. B has as many, so that all of it together has none
+    to undo: they cancel on paper, den_H(s) / (m_a B_4(s)) for eq. (3) alone.
+
+    Parameters
+    ----------
+    plant : Plant or IdentifiedPlant
+    rate : float
+        Samples per second, more than twice the high-pass' corner.
+    granted_delay : int
+        Samples by which the handle may lag behind the tool; the paper's is one.
+    memory : float
+        Length of the convolution, s.
+    travel_limit : float
+        Largest displacement of the actuator after a landing, m.
+    spectrum : callable
+        Of tool acceleration.
+    high_pass_frequency : float
+        Corner of the compensator's high-pass, Hz.
+
+    Returns
+    -------
+    InverseFilter
+
+    Raises
+    ------
+    ParameterError
+        A number is out of range, or the plant has no such rate.
+    """
+    check_design(rate, granted_delay, memory, travel_limit, high_pass_frequency)
+    problem = _Problem(
+        plant, rate, granted_delay, memory, travel_limit, spectrum, high_pass_frequency
+    )
+    taps = problem.solution(problem.grid.delay(granted_delay))
+    return InverseFilter(problem.sections, taps, rate, high_pass_frequency, granted_delay)
+
+
+def design_basis(
+    plant: Plant,
+    rate: float,
+    *,
+    granted_delay: int = 1,
+    memory: float = MEMORY,
+    travel_limit: float = TRAVEL_LIMIT,
+    spectrum: ToolSpectrum = PRIOR,
+    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
+) -> InverseBasis:
+    """Design the inverse for all grips of one actuator at once.
+
+    1/H is linear in m_h, b_u and k_u (`inverse_terms`), and so is the solution of least squares
+    in its target as long as the weights stay those of the plant given. The rest of the chain
+    (hold, delay, mount, low-pass, aliases) is taken as the ratio P/H of the plant given: for it
+    the result is that of `design_inverse`, for others close to it.
+
+    Parameters
+    ----------
+    plant : Plant
+        Actuator, mount, delay, low-pass, and the grip in the middle of those to come.
+    rate, granted_delay, memory, travel_limit, spectrum, high_pass_frequency
+        As in `design_inverse`.
+
+    Returns
+    -------
+    InverseBasis
+
+    Raises
+    ------
+    ParameterError
+        A number is out of range.
+    """
+    check_design(rate, granted_delay, memory, travel_limit, high_pass_frequency)
+    problem = _Problem(
+        plant, rate, granted_delay, memory, travel_limit, spectrum, high_pass_frequency
+    )
+    frequency = problem.grid.frequency
+    model = handle_model(plant.handle).response(frequency)
+    terms = inverse_terms(plant.handle, frequency) * model * problem.grid.delay(granted_delay)
+    taps = np.stack([problem.solution(term) for term in terms])
+    return InverseBasis(problem.sections, taps, rate, high_pass_frequency, granted_delay)
+
+
+def check_design(
+    rate: float,
+    granted_delay: int,
+    memory: float,
+    travel_limit: float,
+    high_pass_frequency: float,
+) -> None:
+    """Refuse what no filter can be designed for.
+
+    Raises
+    ------
+    ParameterError
+        Naming the number, its value and what is allowed.
+    """
+    if not (math.isfinite(rate) and rate > 2 * high_pass_frequency > 0):
+        raise ParameterError(
+            f"rate = {rate:g}: must be above twice high_pass_frequency"
+            f" = {high_pass_frequency:g} Hz"
+        )
+    if not 0 <= granted_delay <= LONGEST_GRANTED_DELAY:
+        raise ParameterError(
+            f"granted_delay = {granted_delay}: must be from 0 to {LONGEST_GRANTED_DELAY}"
+        )
+    if not (math.isfinite(memory) and 1 <= round(memory * rate) <= MOST_TAPS):
+        raise ParameterError(
+            f"memory = {memory:g}: must be from {1 / rate:g} to {MOST_TAPS / rate:g} s"
+            f" at {rate:g} Hz"
+        )
+    if not (math.isfinite(travel_limit) and travel_limit > 0):
+        raise ParameterError(f"travel_limit = {travel_limit:g}: must be above 0 m")
+
+
+class _Problem:
+    """The normal equations, with the cost of travel that keeps the limit."""
+
+    def __init__(
+        self,
+        plant: Dynamics,
+        rate: float,
+        granted_delay: int,
+        memory: float,
+        travel_limit: float,
+        spectrum: ToolSpectrum,
+        high_pass_frequency: float,
+    ) -> None:
+        self._length = round(memory * rate)
+        self.grid = grid_for(rate, self._length)
+        self.sections = extension(high_pass_frequency, rate)
+        frequency = self.grid.frequency
+        passed = section_response(high_pass(high_pass_frequency, rate), frequency, rate)
+        extended = passed * section_response(self.sections, frequency, rate)
+        power = spectrum(frequency)
+        response = plant.response(frequency, rate)
+        # All in terms of the convolution's input, whose power this is:
+        driven = power * np.abs(extended) ** 2
+        unexpected = UNEXPECTED_DENSITY**2 * np.abs(extended) ** 2
+        self._tracking = driven * np.abs(response) ** 2
+        self._tracking += FORCE_COST**2 * (driven + unexpected)
+        self._travel = driven * np.abs(travel_response(plant.handle, frequency)) ** 2
+        self._reached = power * (response * extended).conj() * passed
+        self._landing = extended * travel_response(plant.handle, frequency)
+        self._cost = self._least_cost(self.grid.delay(granted_delay), travel_limit)
+
+    def solution(self, target: ComplexArray) -> FloatArray:
+        """Return the taps for a target of handle over desired acceleration on the grid."""
+        return self._solved(target, self._cost)
+
+    def _solved(self, target: ComplexArray, cost: float) -> FloatArray:
+        from scipy.linalg import solve_toeplitz
+
+        column = self.grid.sequence(self._tracking + cost * self._travel)[: self._length]
+        column[0] *= 1.0 + _RIDGE
+        wanted = self.grid.sequence(self._reached * target)[: self._length]
+        return np.asarray(solve_toeplitz(column, wanted), dtype=np.float64)
+
+    def _least_cost(self, target: ComplexArray, travel_limit: float) -> float:
+        """Return the least cost of travel that keeps it within the limit."""
+        low, high = (math.log(cost) for cost in _COSTS)
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            taps = self._solved(target, math.exp(middle))
+            moved = self.grid.sequence(self._landing * self.grid.spectrum(taps))
+            # An acceleration over one sample that changes the velocity as much.
+            if LANDING_VELOCITY * self.grid.rate * np.abs(moved).max() <= travel_limit:
+                high = middle
+            else:
+                low = middle
+        return math.exp(high)

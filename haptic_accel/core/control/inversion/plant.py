@@ -1,0 +1,260 @@
+"""From a force at one tick to the handle's acceleration at later ones: what is inverted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from haptic_accel.core.identification.discrete import DiscreteModel, read_discrete_model
+from haptic_accel.core.identification.fit import ACCELEROMETER_CORNER, sampled_response
+from haptic_accel.core.model import (
+    ComplexArray,
+    FloatArray,
+    HandleParameters,
+    StructureParameters,
+    handle_model,
+)
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
+
+
+class Dynamics(Protocol):
+    """What a design has to know of a plant."""
+
+    @property
+    def handle(self) -> HandleParameters:
+        """Of the handle, as far as known: for the actuator's travel."""
+
+    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
+        """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz."""
+
+
+@dataclass(frozen=True)
+class Plant(Checked):
+    """The handle of eq. (3) with all that lies between a command and a sample."""
+
+    handle: HandleParameters = field(default_factory=HandleParameters)
+    structure: StructureParameters = field(default_factory=StructureParameters)
+    delay: float = parameter(
+        0.0,
+        "from the command to the force beside the hold: converter, amplifier, transport",
+        unit="s",
+        low=0.0,
+        high=0.02,
+    )
+    bandwidth: float = parameter(
+        ACCELEROMETER_CORNER,
+        "corner of the handle accelerometer's first-order low-pass (paper)",
+        unit="Hz",
+        low=1.0,
+        high=100e3,
+    )
+    friction: float = parameter(
+        0.0,
+        "dry friction of the actuator's bearing, which no linear model has",
+        unit="N",
+        low=0.0,
+        high=1.0,
+    )
+    coupling: float = parameter(
+        250.0,
+        "stiffness of the coupling to the slave (paper), which holds the handle as the grip does",
+        unit="N/m",
+        low=0.0,
+        high=1e5,
+    )
+    model: str = parameter(
+        "",
+        "figures of an identification (JSON), whose discrete model tells the response in place of"
+        " structure, delay and bandwidth; empty for none",
+    )
+
+    def coupled(self) -> Plant:
+        """Return the plant with the coupling as a part of the grip.
+
+        The slave hardly moves at the frequencies that are felt, so that the coupling's spring is
+        parallel to that of the grip.
+        """
+        handle = replace(self.handle, k_u=self.handle.k_u + self.coupling)
+        return replace(self, handle=handle, coupling=0.0)
+
+    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
+        """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz.
+
+        It begins one sample after the force. See `sampled_response`.
+
+        Raises
+        ------
+        ParameterError
+            The file of the model is not usable, or the model was identified at another rate.
+        """
+        if self.model:
+            return IdentifiedPlant(_model(self.model), self.handle).response(frequency, rate)
+        return sampled_response(
+            self.handle, frequency, rate, self.delay, self.bandwidth, mount=self.structure
+        )
+
+
+@lru_cache(maxsize=8)
+def _model(path: str) -> DiscreteModel:
+    return read_discrete_model(Path(path))
+
+
+@dataclass(frozen=True)
+class IdentifiedPlant:
+    """A discrete model of the handle that was identified without its physics.
+
+    Attributes
+    ----------
+    model : DiscreteModel
+        At the rate of the design.
+    handle : HandleParameters
+        For the actuator's travel only, which the model does not know.
+    """
+
+    model: DiscreteModel
+    handle: HandleParameters = field(default_factory=HandleParameters)
+
+    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
+        """Return the model's response, m/s^2 per N, at frequencies in Hz.
+
+        Raises
+        ------
+        ParameterError
+            The model was identified at another rate.
+        """
+        if rate != self.model.rate:
+            raise ParameterError(
+                f"rate = {rate:g}: must be that of the identified model, {self.model.rate:g} Hz"
+            )
+        return self.model.response(frequency)
+
+
+def travel_response(handle: HandleParameters, frequency: FloatArray) -> ComplexArray:
+    """Return the actuator's displacement from the handle over its force, m per N.
+
+    From eq. (1) for the difference y = y_a - y_h:
+    (m_a s^2 + b_s s + k_s) Y = -F_a - m_a A_h with A_h = H F_a.
+
+    Parameters
+    ----------
+    handle : HandleParameters
+    frequency : ndarray, shape (n,)
+        Hz, above 0.
+    """
+    s = 2j * np.pi * frequency
+    actuator = handle.m_a * s**2 + handle.b_s * s + handle.k_s
+    return np.asarray(-(1.0 + handle.m_a * handle_model(handle).response(frequency)) / actuator)
+
+
+def inverse_terms(handle: HandleParameters, frequency: FloatArray) -> ComplexArray:
+    """Terms of 1/H, which is linear in mass, damping and stiffness of handle and grip.
+
+    With A = m_a s^2 + b_s s + k_s and B = b_s s + k_s, eq. (3) turned over is
+    1/H = A (m_h s^2 + b_u s + k_u) / (m_a s^4) + B / s^2, as A B - B^2 = m_a s^2 B.
+
+    Parameters
+    ----------
+    handle : HandleParameters
+        Only the actuator's m_a, b_s and k_s are used.
+    frequency : ndarray, shape (n,)
+        Hz, above 0.
+
+    Returns
+    -------
+    ndarray, shape (4, n)
+        What to multiply by m_h, b_u, k_u and 1; the sum is 1/H in N per m/s^2.
+    """
+    s = 2j * np.pi * frequency
+    bearing = handle.b_s * s + handle.k_s
+    shared = (handle.m_a * s**2 + bearing) / (handle.m_a * s**2)
+    return np.stack([shared, shared / s, shared / s**2, bearing / s**2])
+
+
+def grip_factors(handle: HandleParameters) -> FloatArray:
+    """Return the factors of `inverse_terms` for a handle: m_h, b_u, k_u and 1."""
+    return np.array([handle.m_h, handle.b_u, handle.k_u, 1.0])
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Frequencies between lines of a discrete Fourier transform, which leave out 0 Hz.
+
+    Handle and high-pass have zeros at 0 Hz, so that nothing can be divided by them there.
+
+    Attributes
+    ----------
+    rate : float
+        Samples per second.
+    points : int
+        How many, evenly spaced up to half the rate.
+    """
+
+    rate: float
+    points: int
+
+    @property
+    def frequency(self) -> FloatArray:
+        """Hz, shape (points,)."""
+        return np.asarray((np.arange(self.points) + 0.5) * self.step, dtype=np.float64)
+
+    @property
+    def step(self) -> float:
+        """Distance of two frequencies, Hz."""
+        return self.rate / (2 * self.points)
+
+    def delay(self, samples: float) -> ComplexArray:
+        """Return the response of a delay."""
+        turns = self.frequency / self.rate * samples
+        return np.asarray(np.exp(-2j * np.pi * turns))
+
+    def spectrum(self, sequence: FloatArray) -> ComplexArray:
+        """Return the Fourier transform of a real sequence that starts at time zero.
+
+        Parameters
+        ----------
+        sequence : ndarray, shape (n,)
+            At most twice `points`.
+        """
+        shift = np.exp(-1j * np.pi * np.arange(len(sequence)) / (2 * self.points))
+        return np.asarray(np.fft.fft(sequence * shift, 2 * self.points)[: self.points])
+
+    def sequence(self, spectrum: ComplexArray | FloatArray) -> FloatArray:
+        """Return the real sequence of a Fourier transform, shape (2 points,).
+
+        It is antiperiodic: its second half, with the sign turned, are the times before zero.
+        """
+        both = np.concatenate([spectrum, np.zeros(self.points)])
+        shift = np.exp(1j * np.pi * np.arange(2 * self.points) / (2 * self.points))
+        return np.asarray(2.0 * (np.fft.ifft(both) * shift).real)
+
+
+FINEST_STEP = 0.2
+"""Distance of a grid's frequencies, Hz: a fifth of the lowest corner in a filter."""
+
+
+def grid_for(rate: float, taps: int = 0, step: float = FINEST_STEP) -> Grid:
+    """Return a grid fine enough for a step in Hz, long enough for a filter of so many taps."""
+    needed = max(rate / (2 * step), 4 * taps)
+    return Grid(rate, 1 << int(np.ceil(np.log2(needed))))
+
+
+def high_pass_response(corner: float, rate: float) -> Callable[[FloatArray], ComplexArray]:
+    """Return the compensator's high-pass as a function of frequency in Hz."""
+    from haptic_accel.core.control.filters import high_pass
+
+    return lambda frequency: section_response(high_pass(corner, rate), frequency, rate)
+
+
+def section_response(sections: FloatArray, frequency: FloatArray, rate: float) -> ComplexArray:
+    """Return the response of second-order sections at frequencies in Hz."""
+    z = np.exp(2j * np.pi * frequency / rate)
+    response = np.ones(len(frequency), dtype=np.complex128)
+    for section in sections:
+        response = response * np.polyval(section[:3], z) / np.polyval(section[3:], z)
+    return response

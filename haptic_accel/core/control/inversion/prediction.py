@@ -1,0 +1,109 @@
+"""What a filter will do on a plant, from the spectrum of the tool's acceleration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.control.inversion.design import LANDING_VELOCITY, InverseFilter
+from haptic_accel.core.control.inversion.plant import (
+    Dynamics,
+    grid_for,
+    high_pass_response,
+    section_response,
+    travel_response,
+)
+from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
+from haptic_accel.core.model import ComplexArray, FloatArray
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What is to be expected of a filter, and how well the handle follows by frequency.
+
+    Attributes
+    ----------
+    nrmse_percent : float
+        As `Evaluation` has it after the granted delay.
+    force_rms : float
+        N.
+    travel_rms : float
+        Of the actuator's displacement from the handle, m.
+    landing_travel : float
+        Its largest after a change of the tool's velocity by `LANDING_VELOCITY`, m.
+    frequency : ndarray, shape (n,)
+        Hz, evenly spaced, without 0.
+    tracking : ndarray, shape (n,)
+        Handle over desired acceleration after the granted delay, complex: 1 is exact.
+    error_density : ndarray, shape (n,)
+        Share of the desired acceleration's power that is error, per Hz; its integral is the
+        square of the error.
+    """
+
+    nrmse_percent: float
+    force_rms: float
+    travel_rms: float
+    landing_travel: float
+    frequency: FloatArray
+    tracking: ComplexArray
+    error_density: FloatArray
+
+    @property
+    def gain(self) -> FloatArray:
+        """Magnitude of `tracking`."""
+        return np.abs(self.tracking)
+
+    @property
+    def phase(self) -> FloatArray:
+        """Angle of `tracking`, rad; positive where the handle leads."""
+        return np.angle(self.tracking)
+
+
+def predict(
+    inverse: InverseFilter,
+    plant: Dynamics,
+    spectrum: ToolSpectrum = PRIOR,
+    *,
+    noise: float = 0.0,
+) -> Prediction:
+    """Predict error, force and travel of a filter on a plant without limits and friction.
+
+    Parameters
+    ----------
+    inverse : InverseFilter
+    plant : Plant or IdentifiedPlant
+        The true one, which need not be the one it was designed for.
+    spectrum : callable
+        Of the tool's acceleration as measured.
+    noise : float
+        Standard deviation of a sample of the handle's accelerometer, m/s^2: all of it counts as
+        error.
+    """
+    rate = inverse.rate
+    grid = grid_for(rate, len(inverse.taps))
+    frequency = grid.frequency
+    passed = high_pass_response(inverse.high_pass_frequency, rate)(frequency)
+    extended = section_response(inverse.sections, frequency, rate) * grid.spectrum(inverse.taps)
+    force = passed * extended
+    tracking = plant.response(frequency, rate) * extended / grid.delay(inverse.granted_delay)
+    power = spectrum(frequency)
+    desired = power * np.abs(passed) ** 2
+    heard = 2.0 * noise**2 / rate
+    error = desired * np.abs(tracking - 1.0) ** 2 + heard
+    density = error / (float(np.sum(desired)) * grid.step)
+    travel = travel_response(plant.handle, frequency)
+    landing = np.abs(grid.sequence(force * travel)).max() * LANDING_VELOCITY * rate
+    return Prediction(
+        nrmse_percent=100.0 * _rms(density, grid.step),
+        force_rms=_rms(power * np.abs(force) ** 2, grid.step),
+        travel_rms=_rms(power * np.abs(force * travel) ** 2, grid.step),
+        landing_travel=float(landing),
+        frequency=frequency,
+        tracking=tracking,
+        error_density=density,
+    )
+
+
+def _rms(density: FloatArray, step: float) -> float:
+    return float(np.sqrt(np.sum(density) * step))

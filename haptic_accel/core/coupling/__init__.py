@@ -1,0 +1,1 @@
+"""Position-to-position coupling of the two arms."""

@@ -1,0 +1,1 @@
+"""Metrics of a trial: error, regression, delay, bands, statistics."""

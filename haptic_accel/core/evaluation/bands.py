@@ -1,0 +1,85 @@
+"""The error of the handle's acceleration by frequency."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
+from haptic_accel.core.evaluation.metrics import spectra
+from haptic_accel.core.model import FloatArray
+
+BAND_EDGES = (15.0, 30.0, 60.0, 125.0, 250.0, 500.0, 1000.0, 2000.0)
+"""Octaves from the paper's high-pass on, Hz, rounded as octave bands are (IEC 61260). Their middle
+ones are where fingers feel vibration best; the paper's spectra are alike up to about 300 Hz."""
+
+assert BAND_EDGES[0] == HIGH_PASS_FREQUENCY
+
+QUIET_SHARE = 1e-6
+"""Share of the desired signal's power below which a band has too little of it for an error
+relative to it: a thousandth of the amplitude, which a sensor's noise hides."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """Frequencies from `low` to below `high`, Hz."""
+
+    low: float
+    high: float
+
+    @property
+    def name(self) -> str:
+        """As ``30-60 Hz``."""
+        return f"{self.low:g}-{self.high:g} Hz"
+
+
+def bands(rate: float) -> tuple[Band, ...]:
+    """Return the bands up to half a sampling rate in Hz; the last ends there."""
+    half = rate / 2
+    edges = [edge for edge in BAND_EDGES if edge < half] + [min(half, BAND_EDGES[-1])]
+    edges = list(dict.fromkeys(edges))
+    return tuple(Band(low, high) for low, high in itertools.pairwise(edges))
+
+
+def band_nrmse(
+    desired: FloatArray, actual: FloatArray, rate: float, chosen: Sequence[Band]
+) -> dict[str, float]:
+    """Return the error within bands of frequency.
+
+    In each band it is the root of the power of (actual - desired) over the power of desired, both
+    from the spectra of `metrics.spectra`: by Parseval's theorem what `metrics.nrmse` has of the
+    signals, had both passed an ideal filter of that band without phase.
+
+    Parameters
+    ----------
+    desired, actual : ndarray, shape (n,)
+        Already aligned, m/s^2; at least 16 samples.
+    rate : float
+        Samples per second.
+    chosen : sequence of Band
+
+    Returns
+    -------
+    dict
+        Ratio by the band's name; NaN where the desired signal has next to nothing, or the
+        spectrum has no line.
+
+    Raises
+    ------
+    ValueError
+        As `metrics.spectra`.
+    """
+    found = spectra(desired, actual - desired, rate)
+    wanted, wrong = found.desired**2, found.actual**2
+    least = QUIET_SHARE * float(np.sum(wanted))
+    errors = {}
+    for band in chosen:
+        within = (found.frequency >= band.low) & (found.frequency < band.high)
+        reference = float(np.sum(wanted[within]))
+        error = float(np.sum(wrong[within]))
+        errors[band.name] = math.sqrt(error / reference) if reference > least else math.nan
+    return errors

@@ -1,0 +1,134 @@
+"""Resampling of a signal, and loops without a click."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+
+LOWEST_RATE = 10.0
+
+
+HIGHEST_RATE = 1.0e6
+"""Range of sampling rates, Hz."""
+
+
+MOST_SAMPLES = 20_000_000
+"""Limit before and after resampling: half an hour at 10 kHz, 160 MB."""
+
+
+PASS_BAND = 0.9
+"""Highest frequency kept in full, as a fraction of half the lower of the two rates."""
+
+
+ATTENUATION = 80.0
+"""Attenuation, dB, from half the lower of the two rates upwards."""
+
+
+_MOST_STEPS = 10_000  # larger term of the resampling ratio; keeps the filter small
+
+
+RATE_TOLERANCE = 1.0e-4  # relative; what that ratio may be off by at the worst
+
+
+def resampled(samples: FloatArray, recording_rate: float, rate: float) -> FloatArray:
+    """Change the sampling rate without aliasing and without delay.
+
+    A linear-phase low-pass (Kaiser window) keeps what is below `PASS_BAND` of the lower Nyquist
+    frequency and attenuates by `ATTENUATION` all from that frequency upwards. Beyond its ends
+    the signal is continued on the straight line through its first and last sample, so that an
+    offset makes no step there.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        The signal.
+    recording_rate, rate : float
+        Samples per second before and after. Their ratio is met within 1e-4; exactly if it is
+        one of whole numbers up to ten thousand, as that of 44100 and 1000 is.
+
+    Returns
+    -------
+    ndarray, shape (ceil(n * rate / recording_rate),)
+        The signal; its first sample is at the same time as before.
+
+    Raises
+    ------
+    ParameterError
+        A rate is out of range.
+    """
+    ratio = _ratio(checked_rate("recording_rate", recording_rate), checked_rate("rate", rate))
+    up, down = ratio.numerator, ratio.denominator
+    if up == down:
+        return samples.copy()
+    from scipy import signal
+
+    steps = max(up, down)
+    taps, beta = signal.kaiserord(ATTENUATION, (1.0 - PASS_BAND) / steps)
+    low_pass: Any = signal.firwin(taps | 1, (1 + PASS_BAND) / 2 / steps, window=("kaiser", beta))
+    low_pass /= low_pass.sum()
+    result = signal.resample_poly(samples, up, down, window=low_pass, padtype="line")
+    return np.asarray(result, dtype=np.float64)
+
+
+def crossfaded(samples: FloatArray, rate: float, seconds: float = 0.05) -> FloatArray:
+    """Make a signal that can be played over and over without a click.
+
+    The signal's beginning is taken off and faded in over its end, so that the last sample is
+    followed by the one that followed it in the original. The weights keep the power of a
+    texture even through the fade; the mean is kept beside them.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        The signal.
+    rate : float
+        Samples per second.
+    seconds : float
+        Length of the fade, s; less than half the signal. 0 leaves the signal as it is.
+
+    Returns
+    -------
+    ndarray, shape (n - fade,)
+        One turn of the loop; the fade is `seconds` to the nearest whole number of samples.
+
+    Raises
+    ------
+    ParameterError
+        `rate` or `seconds` is out of range.
+    """
+    rate = checked_rate("rate", rate)
+    most = max(len(samples) - 1, 0) // 2  # less than half: the loop must begin unblended
+    if not 0.0 <= seconds <= (most + 0.5) / rate:
+        raise ParameterError(f"seconds = {seconds}: must be from 0 to {most / rate:g} s")
+    fade = min(math.floor(seconds * rate + 0.5), most)
+    if fade == 0:
+        return samples.copy()
+    mean = np.mean(samples)
+    angle = np.arange(1, fade + 1) / fade * (np.pi / 2)
+    blend = np.cos(angle) * (samples[-fade:] - mean) + np.sin(angle) * (samples[:fade] - mean)
+    loop = samples[fade:].copy()
+    loop[-fade:] = mean + blend
+    return loop
+
+
+def _ratio(recording_rate: float, rate: float) -> Fraction:
+    """Return rate / recording_rate as a fraction of moderate terms."""
+    ratio = Fraction(rate) / Fraction(recording_rate)
+    if ratio < 1:
+        return 1 / _ratio(rate, recording_rate)
+    return ratio.limit_denominator(max(int(_MOST_STEPS / ratio), 1))
+
+
+def checked_rate(name: str, rate: float) -> float:
+    """Return a sampling rate in Hz, or raise `ParameterError` where it is out of range."""
+    if not LOWEST_RATE <= rate <= HIGHEST_RATE:
+        raise ParameterError(
+            f"{name} = {rate}: must be from {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz"
+        )
+    return float(rate)

@@ -1,0 +1,401 @@
+"""A recorded arm: its samples on a sampling grid, and a rig that plays them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from haptic_accel.core.model import ZERO, FloatArray, Sample, Vector
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.resampling import MOST_SAMPLES, crossfaded, resampled
+from haptic_accel.core.sampling import NANOSECONDS, BoolArray, IntArray, on_grid
+
+Stamped = tuple[IntArray, FloatArray]
+"""Times in ns, shape (n,), and vectors, shape (n, 3), in the order in which they came."""
+
+SHORTEST = 0.2
+"""A track must last this long, s: four of the fades of a loop."""
+
+FADE = 0.05
+"""How long an acceleration that has ended takes to come to rest, s."""
+
+QUIET = 0.3
+"""How long it then stays at rest, s: ten times what the paper's high-pass remembers."""
+
+WHOLE_RATE = 1e-3
+"""By how much of itself a rate that was found may be off a whole number of Hz."""
+
+SAME_RATE = 0.1
+"""By how much of itself a rate that was found may be off the one that is stated."""
+
+BREAK = 0.1
+"""Silence of the arms' forces between two couplings, s."""
+
+AXES = 3
+ALONG_ACTUATOR = 2
+"""Component of a vector along the actuator's axis: z."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """What one arm and its accelerometer gave, a sample per point of a sampling grid.
+
+    Attributes
+    ----------
+    rate : float
+        Samples per second.
+    acceleration : ndarray, shape (n,)
+        Along the actuator's axis, m/s^2.
+    position, velocity : ndarray, shape (n, 3)
+        m and m/s.
+    lost : ndarray of bool, shape (n,)
+        Samples that were not there and have the value of the one before.
+    """
+
+    rate: float
+    acceleration: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    lost: BoolArray
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.acceleration)
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts."""
+        return len(self) / self.rate
+
+    @property
+    def rest(self) -> float:
+        """Acceleration of the arm at rest, m/s^2: the median, most of it gravity and offset."""
+        return float(np.median(self.acceleration))
+
+
+def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
+    """Find the rate of a grid that stamps lie on.
+
+    Parameters
+    ----------
+    stamps : ndarray of int, shape (n,)
+        ns; some may be missing.
+    stated : float, optional
+        What the rate should be, Hz: taken if the stamps agree with it within `SAME_RATE`.
+
+    Returns
+    -------
+    float
+        Hz; a whole number where the stamps are within `WHOLE_RATE` of one.
+
+    Raises
+    ------
+    ParameterError
+        There are fewer than two stamps, or they do not advance.
+    """
+    steps = np.diff(np.unique(stamps))
+    if not len(steps):
+        raise ParameterError("rate not found: must have stamps that advance")
+    typical = float(np.median(steps))
+    # What lies on the grid far apart tells the period better than neighbours do.
+    period = float(steps.sum()) / max(1.0, float(np.rint(steps / typical).sum()))
+    found = NANOSECONDS / period
+    if stated is not None and math.isclose(found, stated, rel_tol=SAME_RATE):
+        return stated
+    whole = float(round(found))
+    return whole if whole and abs(found - whole) <= WHOLE_RATE * whole else found
+
+
+def coupled_from(force: Stamped) -> int | None:
+    """Return the stamp of an arm's first force since the arms were coupled, ns.
+
+    Parameters
+    ----------
+    force : Stamped
+        Forces of an arm's motors; those of letting go are single zeros.
+
+    Returns
+    -------
+    int or None
+        None where the arms never were.
+    """
+    stamps, values = force
+    acting = np.flatnonzero(values.any(axis=1))
+    if not len(acting):
+        return None
+    before = stamps[: int(acting[0]) + 1]
+    breaks = np.flatnonzero(np.diff(before) > BREAK * NANOSECONDS)
+    return int(before[int(breaks[-1]) + 1 if len(breaks) else 0])
+
+
+def gridded(
+    acceleration: Stamped,
+    position: Stamped | None,
+    velocity: Stamped | None,
+    rate: float,
+    start: int | None = None,
+) -> Track:
+    """Put an arm's samples on the grid that their stamps lie on.
+
+    Each step between stamps is rounded to whole periods by itself, so that a system clock that
+    is slewed while a bag is recorded costs no sample. What is missing, or not finite, holds the
+    value before it.
+
+    Parameters
+    ----------
+    acceleration : Stamped
+        m/s^2.
+    position, velocity : Stamped, optional
+        m and m/s; the arm stands still at its origin without.
+    rate : float
+        Of the grid, Hz.
+    start : int, optional
+        Stamp before which samples are left out, ns.
+
+    Raises
+    ------
+    ParameterError
+        Nothing is left, or the stamps are too far apart.
+    """
+    period = NANOSECONDS / rate
+    stamps = np.unique(_whole(acceleration)[0])
+    if start is not None:
+        stamps = stamps[stamps >= start - period / 2]
+    if not len(stamps):
+        raise ParameterError("no acceleration is left")
+    places = np.concatenate([[0], np.cumsum(np.rint(np.diff(stamps) / period))]).astype(np.int64)
+    length = int(places[-1]) + 1
+    if length > MOST_SAMPLES:
+        raise ParameterError(
+            f"its stamps span {length} samples at {rate:g} Hz, must be at most {MOST_SAMPLES}"
+        )
+    grid = _Grid(stamps, places, period)
+    values, lost = grid.held(acceleration)
+    still = np.zeros((length, AXES))
+    return Track(
+        rate,
+        np.ascontiguousarray(values[:, ALONG_ACTUATOR]),
+        grid.held(position)[0] if position else still,
+        grid.held(velocity)[0] if velocity else still,
+        lost,
+    )
+
+
+def at_rest(acceleration: FloatArray, rate: float) -> Track:
+    """Return the track of an arm that stands still with an acceleration in m/s^2."""
+    still = np.zeros((len(acceleration), AXES))
+    return Track(rate, acceleration, still, still, np.zeros(len(acceleration), dtype=np.bool_))
+
+
+def cut(track: Track, start: float) -> Track:
+    """Leave out the first seconds of a track.
+
+    Raises
+    ------
+    ParameterError
+        Less than `SHORTEST` is left.
+    """
+    if track.seconds - start < SHORTEST:
+        most = max(0.0, track.seconds - SHORTEST)
+        raise ParameterError(
+            f"start = {start:g}: must leave {SHORTEST:g} s of {track.seconds:.3g} s,"
+            f" be at most {most:.3g} s"
+        )
+    first = round(start * track.rate)
+    return Track(
+        track.rate,
+        track.acceleration[first:],
+        track.position[first:],
+        track.velocity[first:],
+        track.lost[first:],
+    )
+
+
+def played_at(track: Track, rate: float, speed: float = 1.0) -> Track:
+    """Return a track for playing at another sampling rate or speed.
+
+    At another speed all signals are stretched in time with their values as they are, as
+    ``ros2 bag play --rate`` does: what was a tone of 100 Hz is one of 200 Hz at twice the speed.
+
+    Parameters
+    ----------
+    track : Track
+    rate : float
+        Samples per second wanted.
+    speed : float
+        Seconds of the track per second.
+
+    Raises
+    ------
+    ParameterError
+        A rate is out of range.
+    """
+    if rate == track.rate and speed == 1.0:
+        return track
+    source = track.rate * speed
+
+    def changed(values: FloatArray) -> FloatArray:
+        return resampled(values, source, rate)
+
+    acceleration = changed(track.acceleration)
+    nearest = np.rint(np.arange(len(acceleration)) * (source / rate)).astype(np.int64)
+    return Track(
+        rate,
+        acceleration,
+        np.column_stack([changed(column) for column in track.position.T]),
+        np.column_stack([changed(column) for column in track.velocity.T]),
+        track.lost[np.minimum(nearest, len(track) - 1)],
+    )
+
+
+def looped(track: Track) -> Track:
+    """Return one turn of a track that can be played over and over.
+
+    The acceleration's end fades into its beginning with even power. The arm goes from where
+    it ends to where it begins on a smooth path, with the velocity of that path.
+    """
+    acceleration = crossfaded(track.acceleration, track.rate, FADE)
+    fade = len(track) - len(acceleration)
+    phase = np.arange(1, fade + 1)[:, None] / fade * np.pi
+    begun = (1 - np.cos(phase)) / 2
+    begun_rate = np.sin(phase) / 2 * np.pi / fade * track.rate
+    position, velocity = track.position[fade:].copy(), track.velocity[fade:].copy()
+    first, last = slice(fade), slice(-fade, None)
+    away = track.position[first] - track.position[last]
+    position[last] += begun * away
+    velocity[last] += begun * (track.velocity[first] - track.velocity[last]) + begun_rate * away
+    return Track(track.rate, acceleration, position, velocity, track.lost[fade:])
+
+
+def quieted(track: Track) -> Track:
+    """Append an end in which the arm stands and the acceleration comes to rest.
+
+    A controller's filters have then let go of the actuator before its input stops.
+    """
+    fade, quiet = round(FADE * track.rate), round(QUIET * track.rate)
+    left = np.concatenate([(1 + np.cos(np.arange(1, fade + 1) / fade * np.pi)) / 2, [0.0] * quiet])
+    rest = track.rest
+    return replace(
+        track,
+        acceleration=np.append(track.acceleration, rest + left * (track.acceleration[-1] - rest)),
+        position=np.concatenate([track.position, np.tile(track.position[-1], (len(left), 1))]),
+        velocity=np.concatenate([track.velocity, left[:, None] * track.velocity[-1]]),
+        lost=np.append(track.lost, np.zeros(len(left), dtype=np.bool_)),
+    )
+
+
+class ReplayRig:
+    """An arm whose samples were recorded; the forces on it are taken and do nothing.
+
+    It waits at its first position, at rest, until it is given its first force of the arm's
+    motors, and plays from the next sample on, whatever the forces then are.
+
+    Parameters
+    ----------
+    track : Track
+        At the rate at which it is read.
+    loop : bool
+        Whether to begin anew at the end; otherwise the last sample stays.
+    """
+
+    def __init__(self, track: Track, *, loop: bool = False) -> None:
+        self._track = track
+        self._loop = loop
+        self._waiting = Sample(_vector(track.position[0]), ZERO, track.rest)
+        self._driven = False
+        self._now = 0.0
+        self._since: float | None = None
+        self._place = -1
+        self._lost = self._skipped = self._arm_forces = self._actuator_forces = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last sample was played."""
+        return not self._loop and self._place >= len(self._track) - 1
+
+    def advance(self, time: float) -> None:
+        """Go to a time in s: forward, or back from a force's time to that of a late tick."""
+        self._now = time
+
+    def measure(self) -> Sample:
+        """Return the sample that was recorded for this time."""
+        if not self._driven:
+            return self._waiting
+        if self._since is None:
+            self._since = self._now
+        place = round((self._now - self._since) * self._track.rate)
+        if not self._loop:
+            place = min(place, len(self._track) - 1)
+        self._count(place)
+        track, index = self._track, place % len(self._track)
+        return Sample(
+            _vector(track.position[index]),
+            _vector(track.velocity[index]),
+            float(track.acceleration[index]),
+        )
+
+    def apply_arm_force(self, force: Vector) -> None:
+        """Count a force of the arm's motors; the first one starts the replay."""
+        self._driven = True
+        self._arm_forces += 1
+
+    def apply_actuator_force(self, force: float) -> None:
+        """Count a force of the actuator."""
+        self._actuator_forces += 1
+
+    def release(self) -> None:
+        """Do nothing: no force acts."""
+
+    def status(self) -> dict[str, int]:
+        """Return what was lost in the recording, not asked for in time, and not acted on."""
+        return {
+            "samples_lost_in_recording": self._lost,
+            "samples_skipped": self._skipped,
+            "arm_forces_ignored": self._arm_forces,
+            "actuator_forces_ignored": self._actuator_forces,
+        }
+
+    def _count(self, place: int) -> None:
+        """Note which sample is played."""
+        if place == self._place:
+            return
+        self._skipped += place - self._place - 1
+        self._place = place
+        self._lost += bool(self._track.lost[place % len(self._track)])
+
+
+def _vector(row: FloatArray) -> Vector:
+    x, y, z = row.tolist()
+    return x, y, z
+
+
+def _whole(signal: Stamped) -> Stamped:
+    """Leave out vectors that hold no number, and put the others in order."""
+    stamps, values = signal
+    finite = np.isfinite(values).all(axis=1)
+    stamps, values = stamps[finite], values[finite]
+    order = np.argsort(stamps, kind="stable")
+    return stamps[order], values[order]
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """A sampling grid by some of its points: their stamps in ns, and their places."""
+
+    stamps: IntArray
+    places: IntArray
+    period: float
+
+    def held(self, signal: Stamped) -> tuple[FloatArray, BoolArray]:
+        """Return a signal's value at every place, and where the one before is held."""
+        stamps, values = _whole(signal)
+        near = np.maximum(np.searchsorted(self.stamps, stamps, side="right") - 1, 0)
+        steps = np.rint((stamps - self.stamps[near]) / self.period).astype(np.int64)
+        places = self.places[near] + steps
+        length = int(self.places[-1]) + 1
+        if not ((places >= 0) & (places < length)).any():
+            return np.zeros((length, AXES)), np.ones(length, dtype=np.bool_)
+        held, seen = on_grid(places, values, length)
+        return held, ~seen

@@ -1,0 +1,265 @@
+"""The devices that play what was recorded, in place of an arm: a bag, or a CSV or WAV file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from haptic_accel.core import topics
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import Topic
+from haptic_accel.core.track import (
+    SHORTEST,
+    ReplayRig,
+    Stamped,
+    Track,
+    at_rest,
+    coupled_from,
+    cut,
+    gridded,
+    looped,
+    played_at,
+    quieted,
+    sampling_rate,
+)
+from haptic_accel.devices.playback.files import read_recording
+from haptic_accel.devices.simulated import SimulatedDevice
+
+if TYPE_CHECKING:
+    from haptic_accel.bags.recorded import Recorded
+
+# Reading a bag takes a quarter of a second to import: only who replays one waits for it.
+
+BAG_SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
+"""Of a bag's files; a folder is a bag too."""
+
+SLOWEST, FASTEST = 0.1, 10.0
+"""Range of the speed."""
+
+LONGEST_START = 1e6
+"""s."""
+
+
+def speed_parameter() -> Any:
+    """Declare how fast a recording is played, which arguments and devices share."""
+    return parameter(
+        1.0,
+        "seconds of the recording per second, as `ros2 bag play --rate`: signals are stretched in"
+        " time, their values stay",
+        low=SLOWEST,
+        high=FASTEST,
+    )
+
+
+def loop_parameter() -> Any:
+    """Declare whether a recording is played over and over."""
+    return parameter(False, "whether to play over and over, its end fading into its beginning")
+
+
+def start_parameter() -> Any:
+    """Declare where in a recording to begin."""
+    return parameter(
+        0.0,
+        "what to leave out, from where the bag's arms were coupled or the file begins",
+        unit="s",
+        low=0.0,
+        high=LONGEST_START,
+    )
+
+
+@dataclass(frozen=True)
+class ReplayParameters(Checked):
+    """What is played and how."""
+
+    file: str = parameter("", "folder or file of a bag, or CSV or WAV file of an acceleration")
+    rate: float = parameter(
+        0.0, "rate of a CSV file's samples; others have their own", unit="Hz", low=0.0, high=1e6
+    )
+    column: str = parameter("", "column of a CSV or channel of a WAV file; empty for the usual")
+    speed: float = speed_parameter()
+    loop: bool = loop_parameter()
+    start: float = start_parameter()
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Where a bag has what one arm's device gave."""
+
+    acceleration: Topic
+    position: Topic
+    velocity: Topic
+
+
+MASTER = Arm(topics.HANDLE_ACCELERATION, topics.MASTER_POSITION, topics.MASTER_VELOCITY)
+SLAVE = Arm(topics.TOOL_ACCELERATION, topics.SLAVE_POSITION, topics.SLAVE_VELOCITY)
+
+
+class ReplayDevice(SimulatedDevice):
+    """Plays one arm's samples at their original times, one a tick, whatever the forces are.
+
+    Until the arm gets its first force it waits at its first position. Samples that the bag
+    lacks hold the one before, and are counted; where the bag has another rate than the graph
+    it is resampled. A recording that is not looped ends with a third of a second at rest, in
+    which the actuator comes to rest too; then the device has ended.
+    """
+
+    Parameters = ReplayParameters
+
+    _arm: Arm
+    _rig: ReplayRig
+
+    def __init__(self, parameters: ReplayParameters, rate: float, seed: int) -> None:
+        found = read_track(parameters, self._arm, rate)
+        track = played_at(found, rate, parameters.speed)
+        if track.seconds < SHORTEST:
+            raise ParameterError(
+                f"{parameters.file}: lasts {track.seconds:.3g} s at speed = {parameters.speed:g},"
+                f" must last {SHORTEST:g} s"
+            )
+        track = looped(track) if parameters.loop else quieted(track)
+        self._rig = ReplayRig(track, loop=parameters.loop)
+        self._remark = _remark(parameters, found, rate)
+
+    @property
+    def remark(self) -> str:
+        """What is played."""
+        return self._remark
+
+    @property
+    def ended(self) -> bool:
+        """Whether the recording and its rest are over."""
+        return self._rig.ended
+
+
+class ReplayMaster(ReplayDevice):
+    """The handle's acceleration and the arm's motion."""
+
+    _arm = MASTER
+
+
+class ReplaySlave(ReplayDevice):
+    """The tool's acceleration and the arm's motion."""
+
+    _arm = SLAVE
+
+
+def read_track(parameters: ReplayParameters, arm: Arm, rate: float) -> Track:
+    """Read what one arm gave, at the rate at which it was recorded.
+
+    Parameters
+    ----------
+    parameters : ReplayParameters
+        Of which `speed` and `loop` are not looked at.
+    arm : Arm
+    rate : float
+        Samples per second, Hz, to which a CSV or WAV file is resampled; a bag keeps its own.
+
+    Raises
+    ------
+    ParameterError
+        There is no file, or it cannot be used.
+    """
+    if not parameters.file:
+        raise ParameterError("replay.file = '': must be a bag, or a CSV or WAV file")
+    if is_bag(parameters.file):
+        from haptic_accel.bags.recorded import read_bag
+
+        track = bag_track(read_bag(Path(parameters.file)), arm)
+    else:
+        if not Path(parameters.file).exists():
+            raise ParameterError(f"{parameters.file}: no such bag or file")
+        samples = read_recording(parameters.file, parameters.rate, rate, parameters.column)
+        track = at_rest(samples, rate)
+    return cut(track, parameters.start)
+
+
+def is_bag(file: str) -> bool:
+    """Whether a path is taken for a bag rather than for a CSV or WAV file."""
+    return Path(file).is_dir() or file.endswith(BAG_SUFFIXES)
+
+
+def bag_track(bag: Recorded, arm: Arm) -> Track:
+    """Return what one arm gave in a bag, from where its arms were coupled, if they were.
+
+    Raises
+    ------
+    ParameterError
+        It has no acceleration of the arm, or its rate cannot be told.
+    """
+    acceleration = _stamped(bag, arm.acceleration)
+    if acceleration is None:
+        raise ParameterError(f"{bag.path}: has no message of {arm.acceleration.name}")
+    try:
+        return gridded(
+            acceleration,
+            _stamped(bag, arm.position),
+            _stamped(bag, arm.velocity),
+            bag_rate(bag, arm),
+            _coupled(bag),
+        )
+    except ParameterError as error:
+        raise ParameterError(f"{bag.path}: {error}") from None
+
+
+def bag_rate(bag: Recorded, arm: Arm = SLAVE) -> float:
+    """Return the samples per second of an arm in a bag: as the bag says, or as it looks.
+
+    Raises
+    ------
+    ParameterError
+        It has no acceleration of the arm, or stamps that do not advance.
+    """
+    acceleration = bag.signals.get(arm.acceleration.name)
+    if acceleration is None:
+        raise ParameterError(f"{bag.path}: has no message of {arm.acceleration.name}")
+    arguments = bag.facts.get("arguments")
+    stated = arguments.get("rate") if isinstance(arguments, dict) else None
+    try:
+        return sampling_rate(
+            acceleration.stamps, stated if isinstance(stated, (int, float)) else None
+        )
+    except ParameterError as error:
+        raise ParameterError(f"{bag.path}: {error}") from None
+
+
+def start_offset(bag: Recorded, start: float) -> float:
+    """Return where in a bag its replay begins, s from its first message of the slave."""
+    first = int(bag.signals[SLAVE.acceleration.name].received[0])
+    coupled = _coupled(bag)
+    return start + (max(0, coupled - first) / NANOSECONDS if coupled else 0.0)
+
+
+def _coupled(bag: Recorded) -> int | None:
+    """Return the stamp from which on both arms are there and coupled, if they ever were."""
+    firsts = [
+        int(bag.signals[arm.acceleration.name].stamps[0])
+        for arm in (MASTER, SLAVE)
+        if arm.acceleration.name in bag.signals
+    ]
+    for topic in (topics.SLAVE_ARM_FORCE, topics.MASTER_ARM_FORCE):
+        forces = _stamped(bag, topic)
+        coupled = coupled_from(forces) if forces else None
+        if coupled is not None:
+            return max(coupled, *firsts)
+    return max(firsts)
+
+
+def _stamped(bag: Recorded, topic: Topic) -> Stamped | None:
+    signal = bag.signals.get(topic.name)
+    return (signal.stamps, signal.values) if signal else None
+
+
+def _remark(parameters: ReplayParameters, track: Track, rate: float) -> str:
+    """Say what is played and what was changed about it."""
+    words = [f"plays {track.seconds:.1f} s of {parameters.file}"]
+    if track.rate != rate:
+        words.append(f"resampled from {track.rate:g} to {rate:g} Hz")
+    if parameters.speed != 1.0:
+        words.append(f"at {parameters.speed:g} times the speed: frequencies change as much")
+    if lost := int(track.lost.sum()):
+        words.append(f"{lost} samples are missing and hold the one before")
+    if not track.position.any():
+        words.append("without motion, the arm stands still")
+    return ", ".join(words)

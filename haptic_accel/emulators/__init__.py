@@ -1,0 +1,1 @@
+"""Emulated boards and drives behind pseudo-terminals, with fault injection."""

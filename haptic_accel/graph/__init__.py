@@ -1,0 +1,1 @@
+"""The ROS graph: arguments, parameters, processes and their supervision."""

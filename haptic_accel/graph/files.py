@@ -1,0 +1,161 @@
+"""Where the package's own files are, and how a parameter file is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from haptic_accel.core.parameters import ParameterError, checked
+from haptic_accel.graph.node_parameters import NODES, node_schema
+
+PACKAGE = "haptic_accel"
+SURFACE = "simulated.surface."
+"""What the slave device's parameters of a surface begin with."""
+
+_WILDCARDS = ("/**", "**", "/*", "*")
+
+
+def share_folder() -> Path:
+    """Return the folder that holds ``config`` and ``launch``.
+
+    A checkout's own where the code runs from a checkout; otherwise the installed one.
+    """
+    checkout = Path(__file__).resolve().parents[2]
+    if (checkout / "package.xml").is_file():
+        return checkout
+    from ament_index_python.packages import get_package_share_directory
+
+    return Path(get_package_share_directory(PACKAGE))
+
+
+def config_folder() -> Path:
+    """Return the folder of parameter files."""
+    return share_folder() / "config"
+
+
+def rig_file(rig: str) -> Path:
+    """Return a virtual rig's parameter file, by its name or as a path ending in ``.yaml``.
+
+    Raises
+    ------
+    ParameterError
+        There is none.
+    """
+    return _preset("rig", rig)
+
+
+def surface_file(surface: str) -> Path:
+    """Return a surface's parameter file, by its name or as a path ending in ``.yaml``.
+
+    Raises
+    ------
+    ParameterError
+        There is none.
+    """
+    return _preset("surface", surface)
+
+
+def surface_parameters(surface: str) -> dict[str, Any]:
+    """Return all that makes a surface, by the slave device's dotted names.
+
+    What its file leaves out has its default, so that nothing of another surface stays.
+
+    Parameters
+    ----------
+    surface : str
+        Its name, or a path ending in ``.yaml``.
+
+    Raises
+    ------
+    ParameterError
+        There is none, or its file is wrong.
+    """
+    given = read_parameter_file(surface_file(surface))["slave_device"]
+    return {
+        name: checked(name, given.get(name, default), default, specification)
+        for name, (default, specification) in node_schema("slave_device").items()
+        if name.startswith(SURFACE)
+    }
+
+
+def _preset(kind: str, name: str) -> Path:
+    """Return ``config/<kind>s/<name>.yaml``, or the file that is named."""
+    known = {path.stem: path for path in sorted((config_folder() / f"{kind}s").glob("*.yaml"))}
+    if name in known:
+        return known[name]
+    if name.endswith(".yaml") and Path(name).is_file():
+        return Path(name).absolute()
+    raise ParameterError(f"{kind} = {name!r}: must be one of {', '.join(known)}, or a .yaml file")
+
+
+def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
+    """Read a ROS 2 parameter file.
+
+    Parameters
+    ----------
+    path : Path
+        YAML of the form ``node: {ros__parameters: {name: value}}``; ``/**`` is every node.
+
+    Returns
+    -------
+    dict
+        Per executable its values by dotted name.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, is not of that form, or names a node or parameter there is none of.
+    """
+    what = f"config = '{path}'"
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not text"
+        raise ParameterError(f"{what}: must be a readable parameter file: {reason}") from None
+    except yaml.YAMLError as error:
+        reason = " ".join(str(error).split())
+        raise ParameterError(f"{what}: must be YAML: {reason}") from None
+    if not isinstance(content, dict):
+        raise ParameterError(f"{what}: must map nodes to ros__parameters")
+    values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
+    for node, section in content.items():
+        if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
+            raise ParameterError(f"{what}: {node}: must hold ros__parameters, nothing else")
+        flat = _flat(section["ros__parameters"] or {}, f"{what}: {node}")
+        for executable in _named(str(node), what):
+            values[executable] |= _known(flat, executable, node, what)
+    return values
+
+
+def _named(node: str, what: str) -> list[str]:
+    if node in _WILDCARDS:
+        return list(NODES)
+    name = node.rsplit("/", 1)[-1]
+    if name not in NODES:
+        raise ParameterError(f"{what}: {node}: must be /** or one of {', '.join(NODES)}")
+    return [name]
+
+
+def _flat(section: Any, what: str, prefix: str = "") -> dict[str, Any]:
+    if not isinstance(section, dict):
+        raise ParameterError(f"{what}: {prefix or 'ros__parameters'}: must map names to values")
+    flat: dict[str, Any] = {}
+    for name, value in section.items():
+        if isinstance(value, dict):
+            flat |= _flat(value, what, f"{prefix}{name}.")
+        else:
+            flat[f"{prefix}{name}"] = value
+    return flat
+
+
+def _known(flat: dict[str, Any], executable: str, node: str, what: str) -> dict[str, Any]:
+    """Keep what a node has; complain of what a node named by its name has not."""
+    schema = node_schema(executable)
+    everywhere = node in _WILDCARDS
+    for name in flat:
+        known = name in schema or (everywhere and any(name in node_schema(n) for n in NODES))
+        if not known:
+            raise ParameterError(f"{what}: {node}: {name}: no such parameter")
+    return {name: value for name, value in flat.items() if name in schema}

@@ -1,0 +1,322 @@
+"""The graph: which executables, with which parameters, for which arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from haptic_accel.bags.facts import facts_text
+from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.core.identification.sweep import repeat_samples
+from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.trial import RigParameters
+from haptic_accel.devices import MASTERS, SLAVES
+from haptic_accel.devices.simulated import played
+from haptic_accel.graph.arguments import (
+    AVERAGE_GRIP,
+    PLAYED_TOPICS,
+    REPLAY,
+    GraphArguments,
+    IdentifyArguments,
+)
+from haptic_accel.graph.files import config_folder, read_parameter_file, rig_file, surface_file
+from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
+
+RECORDING = "recording"
+"""Name of the surface that plays a recorded acceleration."""
+
+
+SIMULATED = "simulated"
+"""Name of the device that is always there."""
+
+SCOPE = "scope"
+"""Executable that shows the graph."""
+
+COMPOSED = "composed"
+"""Executable that runs all nodes but the recorder in one process."""
+
+
+@dataclass(frozen=True)
+class Process:
+    """One process of the graph.
+
+    Attributes
+    ----------
+    executable : str
+        Its name in this package.
+    parameter_files : tuple of Path
+        ROS parameter files, later ones over earlier ones.
+    parameters : dict
+        ROS parameters over those of the files: by node, then by dotted name.
+    last : bool
+        Whether it is to be stopped after the others, whose last words it takes.
+    optional : bool
+        Whether the graph goes on when it ends.
+    namespace : str
+        In which its only node and the topics are, with a slash before; empty for the root.
+    """
+
+    executable: str
+    parameter_files: tuple[Path, ...]
+    parameters: dict[str, dict[str, Any]]
+    last: bool = False
+    optional: bool = False
+    namespace: str = ""
+
+    @property
+    def ros_arguments(self) -> list[str]:
+        """What its command line needs for ROS."""
+        words = ["--ros-args"]
+        for path in self.parameter_files:
+            words += ["--params-file", str(path)]
+        for node, parameters in self.parameters.items():
+            for name, value in parameters.items():
+                # Of a node in a namespace, a word cannot say the name.
+                to = "" if self.namespace else f"{node}:"
+                words += ["-p", f"{to}{name}:={_yaml(value)}"]
+        if self.namespace:
+            words += ["-r", f"__ns:={self.namespace}"]
+        return words
+
+
+def _yaml(value: Any) -> str:
+    """Write a value as ROS reads it back: text quoted, so that it stays text."""
+    if isinstance(value, str):
+        return str(yaml.safe_dump(value, default_style='"', width=2**31)).strip()
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def graph(arguments: GraphArguments) -> list[Process]:
+    """Return the processes that make up the graph, with everything checked beforehand.
+
+    Raises
+    ------
+    ParameterError
+        A surface, file or parameter is not usable.
+    """
+    values = graph_parameters(arguments)
+    for executable in NODES:
+        node_parameters(executable, values[executable])
+    _check_recording(arguments, values["slave_device"])
+    _check_replay(arguments, values)
+    files = tuple(_files(arguments))
+    own = _own_parameters(arguments)
+    recorder = own.pop("recorder")
+    scope = own.pop(SCOPE)
+    recorder["facts"] = _facts(arguments, values, own)
+    processes = [_recorder(files, recorder)] if arguments.record else []
+    # Last, as what makes the forces need not wait for it.
+    looking = [scope_process(scope, files)] if arguments.scope else []
+    if arguments.composed:
+        return [*processes, Process(COMPOSED, files, own), *looking]
+    nodes = [Process(name, files, {name: values}) for name, values in own.items()]
+    return [*processes, *nodes, *looking]
+
+
+def identification_graph(arguments: IdentifyArguments) -> list[Process]:
+    """Return the processes that excite a handle and record it, everything checked beforehand.
+
+    Raises
+    ------
+    ParameterError
+        A file or parameter is not usable.
+    """
+    values = graph_parameters(arguments)
+    for executable in NODES:
+        node_parameters(executable, values[executable])
+    repeat_samples(arguments.sweep, arguments.rate)  # the rate must do for the sweep
+    files = tuple(_files(arguments))
+    own = _own_parameters(arguments)
+    # What the identifier takes from the simulated handle, no file gives it by its name.
+    own["identifier"] = values["identifier"]
+    recorder = own.pop("recorder")
+    recorder["facts"] = _facts(arguments, values, own)
+    nodes = [Process(name, files, {name: given}) for name, given in own.items()]
+    return [_recorder(files, recorder), *nodes]
+
+
+def _recorder(files: tuple[Path, ...], parameters: dict[str, Any]) -> Process:
+    """Return the process to start first, so that it misses as little as can be of the others."""
+    return Process("recorder", files, {"recorder": parameters}, last=True)
+
+
+def _facts(
+    arguments: GraphArguments | IdentifyArguments,
+    values: Mapping[str, Mapping[str, Any]],
+    nodes: Iterable[str],
+) -> str:
+    """Return what a bag is to say of the graph: its arguments, and every value of its nodes."""
+    effective = {
+        node: {
+            name: values[node].get(name, default)
+            for name, (default, _) in node_schema(node).items()
+        }
+        for node in nodes
+    }
+    return facts_text(asdict(arguments), effective)
+
+
+def scope_process(
+    parameters: dict[str, Any], files: tuple[Path, ...] = (), namespace: str = ""
+) -> Process:
+    """Return the process that shows a graph; it may end and the graph goes on."""
+    return Process(SCOPE, files, {SCOPE: parameters}, optional=True, namespace=namespace)
+
+
+def graph_parameters(
+    arguments: GraphArguments | IdentifyArguments,
+) -> dict[str, dict[str, Any]]:
+    """Return the values that files and arguments give each node, by dotted name."""
+    values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
+    for path in _files(arguments):
+        content = read_parameter_file(path)
+        for executable in NODES:
+            values[executable] |= content[executable]
+    for executable, own in _own_parameters(arguments).items():
+        values[executable] |= own
+    if arguments.master == SIMULATED:
+        # A simulated handle needs no bench to measure its actuator and its sensor on.
+        values["identifier"] = _bench_values(values["master_device"]) | values["identifier"]
+    return values
+
+
+def _bench_values(master: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an identifier must know of the simulated handle, by dotted name."""
+    _, devices = node_parameters("master_device", master)
+    rig = devices[SIMULATED]
+    known = {f"suspension.{name}": getattr(rig.handle, name) for name in ("m_a", "k_s", "b_s")}
+    known["suspension.travel"] = rig.actuator.travel
+    for name, value in asdict(rig.accelerometer).items():
+        known[f"accelerometer.{name}"] = value
+    return known
+
+
+def rig_parameters(values: Mapping[str, Mapping[str, Any]]) -> RigParameters:
+    """Return the virtual rig that the simulated devices of a graph make up.
+
+    Parameters
+    ----------
+    values : mapping
+        As `graph_parameters` gives them.
+    """
+    _, masters = node_parameters("master_device", values["master_device"])
+    _, slaves = node_parameters("slave_device", values["slave_device"])
+    coupling, _ = node_parameters("coupler", values["coupler"])
+    return RigParameters(masters["simulated"], slaves["simulated"], coupling)
+
+
+def _files(arguments: GraphArguments | IdentifyArguments) -> list[Path]:
+    """Return the parameter files in the order in which they count."""
+    paths = [config_folder() / "teleop.yaml", rig_file(arguments.rig)]
+    if isinstance(arguments, GraphArguments):
+        paths.append(surface_file(arguments.surface))
+    if arguments.config:
+        paths.append(Path(arguments.config).absolute())
+    return paths
+
+
+def _own_parameters(
+    arguments: GraphArguments | IdentifyArguments,
+) -> dict[str, dict[str, Any]]:
+    """Return the parameters that arguments set, by executable."""
+    sampled = {"rate": arguments.rate}
+    device = {**sampled, "seed": arguments.seed}
+    master = {**device, "device": arguments.master}
+    if arguments.grip != AVERAGE_GRIP:  # which a file may change
+        master[f"{SIMULATED}.grip.posture"] = arguments.grip
+    recorder = {"bag": arguments.bag and _absolute(arguments.bag)}
+    for name, (default, _) in schema(RecordingOptions).items():
+        if getattr(arguments, name) != default:  # which a file may change
+            recorder[name] = getattr(arguments, name)
+    if isinstance(arguments, IdentifyArguments):
+        procedure = {**asdict(arguments.sweep), "trials": arguments.trials, "listeners": 2}
+        return {
+            "master_device": master,
+            "identifier": {**sampled, **procedure},
+            "recorder": recorder,
+        }
+    recording = {}
+    if arguments.surface == RECORDING:
+        recording = {
+            "simulated.recording.file": arguments.recording and _absolute(arguments.recording),
+            "simulated.recording.rate": arguments.recording_rate,
+            "simulated.recording.column": arguments.recording_column,
+        }
+    slave = {**device, "device": arguments.slave, **recording, **_replay(arguments)}
+    # Of each signal: the node that it is for, and the recorder.
+    listeners = 2 if arguments.record else 1
+    restamper = {**sampled, "listeners": listeners}
+    from_topics = arguments.slave == PLAYED_TOPICS
+    return {
+        "master_device": master | _replay(arguments),
+        **({"restamper": restamper} if from_topics else {"slave_device": slave}),
+        "coupler": {
+            "duration": arguments.duration,
+            # The hand starts to explore when the arms engage: all others must be there.
+            "compensated": True,
+            "listeners": listeners,
+        },
+        "compensator": {**sampled, "controller": arguments.controller},
+        "recorder": recorder,
+        SCOPE: {
+            "host": arguments.scope_host,
+            "port": arguments.scope_port,
+            "control": arguments.scope_control,
+        },
+    }
+
+
+def _replay(arguments: GraphArguments) -> dict[str, Any]:
+    """Return the parameters of the devices that play a recording, if there is one."""
+    if not arguments.replay:
+        return {}
+    return {
+        f"{REPLAY}.file": _absolute(arguments.replay),
+        f"{REPLAY}.rate": arguments.recording_rate,
+        f"{REPLAY}.column": arguments.recording_column,
+        f"{REPLAY}.speed": arguments.replay_speed,
+        f"{REPLAY}.loop": arguments.replay_loop,
+        f"{REPLAY}.start": arguments.replay_start,
+    }
+
+
+def _check_replay(arguments: GraphArguments, values: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse a replay that nobody plays, and one that cannot be played."""
+    devices = {
+        "master_device": (arguments.master, MASTERS),
+        "slave_device": (arguments.slave, SLAVES),
+    }
+    players = {REPLAY, PLAYED_TOPICS}
+    if arguments.replay and players.isdisjoint((arguments.master, arguments.slave)):
+        raise ParameterError(
+            f"replay = '{arguments.replay}': must come with slave:={REPLAY} or master:={REPLAY}"
+        )
+    if arguments.composed and arguments.slave == PLAYED_TOPICS:
+        raise ParameterError(f"composed = true: not with slave:={PLAYED_TOPICS}")
+    for executable, (device, known) in devices.items():
+        if device == REPLAY:
+            _, options = node_parameters(executable, values[executable])
+            known[device](options[device], arguments.rate, arguments.seed)
+
+
+def _check_recording(arguments: GraphArguments, slave: Mapping[str, Any]) -> None:
+    """Refuse a recording without a surface to play it, and the reverse, and unusable files."""
+    if arguments.surface != RECORDING or arguments.slave != SIMULATED:
+        if arguments.recording:
+            raise ParameterError(
+                f"recording = '{arguments.recording}': must come with surface:={RECORDING}"
+                f" slave:={SIMULATED}"
+            )
+        return
+    if not arguments.recording:
+        raise ParameterError("recording = '': must be a CSV or WAV file")
+    _, options = node_parameters("slave_device", slave)
+    played(options["simulated"].recording, arguments.rate)
+
+
+def _absolute(path: str) -> str:
+    return str(Path(path).absolute())

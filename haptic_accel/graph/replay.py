@@ -1,0 +1,208 @@
+"""The arguments of a replay: its own words, and those of the graph, which a bag knows itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from haptic_accel.core.parameters import Checked, ParameterError, checked, parameter, schema
+from haptic_accel.core.trial import DEFAULT_RATE
+from haptic_accel.devices.playback.device import (
+    MASTER,
+    SLAVE,
+    bag_rate,
+    is_bag,
+    loop_parameter,
+    speed_parameter,
+    start_parameter,
+)
+from haptic_accel.graph.arguments import (
+    PLAYED_TOPICS,
+    REPLAY,
+    GraphArguments,
+    described,
+    parse_arguments,
+)
+from haptic_accel.graph.node_parameters import HIGHEST_RATE
+
+if TYPE_CHECKING:
+    from haptic_accel.bags.recorded import Recorded
+
+DEVICE = "device"
+"""The usual source of a replay."""
+
+INHERITED = ("controller", "rig", "grip", "surface", "master", "config", "seed")
+"""Arguments of the graph that are as they were when the bag was recorded, unless given."""
+
+_SAID_BY_OWN = (
+    "bag",
+    "rate",
+    "recording",
+    "replay",
+    "replay_speed",
+    "replay_loop",
+    "replay_start",
+)
+
+
+@dataclass(frozen=True)
+class ReplayArguments(Checked):
+    """What a user may say of a replay itself."""
+
+    bag: str = parameter("", "the bag, or CSV or WAV file, to play")
+    rate: float = speed_parameter()
+    loop: bool = loop_parameter()
+    start: float = start_parameter()
+    sampling_rate: float = parameter(
+        0.0,
+        f"of the graph; 0 for that of the bag, with a CSV or WAV file {DEFAULT_RATE:g}",
+        unit="Hz",
+        low=0.0,
+        high=HIGHEST_RATE,
+    )
+    source: str = parameter(
+        DEVICE,
+        "what plays: the replay device, or `ros2 bag play` on its topics",
+        choices=(DEVICE, PLAYED_TOPICS),
+    )
+    output: str = parameter("", "folder of the bag to write; empty for bags/<date and time>")
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A replay that was asked for.
+
+    Attributes
+    ----------
+    own : ReplayArguments
+    graph : GraphArguments
+        Those of the graph that it takes place in.
+    inherited : dict
+        Which of these are the bag's.
+    bag : Recorded or None
+        What was read to find them; None for a CSV or WAV file.
+    """
+
+    own: ReplayArguments
+    graph: GraphArguments
+    inherited: dict[str, Any]
+    bag: Recorded | None
+
+
+def replay_arguments(words: Iterable[str]) -> Replay:
+    """Read ``key:=value`` words, and the bag for what they leave open.
+
+    Parameters
+    ----------
+    words : iterable of str
+        Of `ReplayArguments` and, for the rest, of `GraphArguments`.
+
+    Raises
+    ------
+    ParameterError
+        A word is wrong, there is no bag, or it cannot be replayed.
+    """
+    own, given = _parsed(words)
+    bag = None
+    if is_bag(own.bag):
+        from haptic_accel.bags.recorded import read_bag
+
+        bag = read_bag(Path(own.bag))
+    inherited = _inherited(bag, given) if bag else {}
+    slave = PLAYED_TOPICS if own.source == PLAYED_TOPICS else REPLAY
+    values: dict[str, Any] = {"slave": slave, **inherited, **given}
+    _check_source(own, values, bag)
+    values |= {
+        # Also where `ros2 bag play` plays it: what is recorded must say what it was.
+        "replay": str(Path(own.bag).absolute()),
+        "replay_speed": own.rate,
+        "replay_loop": own.loop,
+        "replay_start": own.start,
+        "rate": _sampling_rate(own, values["slave"], bag),
+        "bag": own.output,
+    }
+    return Replay(own, GraphArguments(**values), inherited, bag)
+
+
+def described_replay() -> list[tuple[str, str, str]]:
+    """Return name, default and description of every argument; empty is left to the bag."""
+    rest = []
+    for name, default, text in described(GraphArguments):
+        if name in INHERITED:
+            rest.append((name, "", f"{text}; empty as in the bag, or {default or 'none'}"))
+        elif name == "slave":
+            rest.append((name, "", f"{text}; empty by source"))
+        elif name not in _SAID_BY_OWN:
+            rest.append((name, default, text))
+    return [*described(ReplayArguments), *rest]
+
+
+def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
+    """Return a replay's own arguments, and those of the graph that were given."""
+    own_names, graph_names = schema(ReplayArguments), schema(GraphArguments)
+    known = [name for name, _, _ in described_replay()]
+    own: list[str] = []
+    rest: list[str] = []
+    for word in words:
+        key = word.partition(":=")[0]
+        if key not in known:
+            raise ParameterError(f"{key}: no such argument; there are {', '.join(known)}")
+        (own if key in own_names else rest).append(word)
+    parsed = parse_arguments(own, ReplayArguments)
+    if not parsed.bag:
+        raise ParameterError("bag = '': must be a bag, or a CSV or WAV file")
+    if not Path(parsed.bag).exists():
+        raise ParameterError(f"bag = '{parsed.bag}': no such bag or file")
+    graph = parse_arguments(rest)
+    keys = {word.partition(":=")[0] for word in rest}
+    return parsed, {name: getattr(graph, name) for name in graph_names if name in keys}
+
+
+def _check_source(own: ReplayArguments, values: dict[str, Any], bag: Recorded | None) -> None:
+    """Refuse a source that cannot play what is asked for, and a replay that plays nothing."""
+    if own.source == PLAYED_TOPICS and bag is None:
+        raise ParameterError(f"bag = '{own.bag}': must be a bag with source:={PLAYED_TOPICS}")
+    if own.source == PLAYED_TOPICS and own.rate != 1.0:
+        raise ParameterError(
+            f"rate = {own.rate:g}: must be 1 with source:={PLAYED_TOPICS},"
+            " whose stamps keep their spacing"
+        )
+    if {REPLAY, PLAYED_TOPICS}.isdisjoint((values["slave"], values.get("master"))):
+        raise ParameterError(
+            f"slave = '{values['slave']}': must be {REPLAY}, or come with master:={REPLAY}"
+        )
+
+
+def _sampling_rate(own: ReplayArguments, slave: str, bag: Recorded | None) -> float:
+    """Return the graph's rate: as given, or that of the arm which is replayed."""
+    arm = SLAVE if slave in (REPLAY, PLAYED_TOPICS) else MASTER
+    rate = own.sampling_rate or (bag_rate(bag, arm) if bag else DEFAULT_RATE)
+    return float(checked("sampling_rate", rate, *schema(GraphArguments)["rate"]))
+
+
+def _inherited(bag: Recorded, given: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments that a bag was recorded with and that hold for its replay.
+
+    Raises
+    ------
+    ParameterError
+        One of them is no longer allowed.
+    """
+    recorded = bag.facts.get("arguments")
+    if not isinstance(recorded, dict):
+        return {}
+    known = {field.name for field in fields(GraphArguments)}
+    found = {
+        name: recorded[name]
+        for name in INHERITED
+        if name in recorded and name in known and name not in given
+    }
+    if found.get("master") == REPLAY:
+        del found["master"]
+    try:
+        GraphArguments(**found)
+    except ParameterError as error:
+        raise ParameterError(f"{bag.path}: was recorded with {error}") from None
+    return found

@@ -1,0 +1,203 @@
+"""Starts the graph's processes, watches them, and leaves none behind."""
+
+# Our own rather than honcho, the well-kept library for this: its processes hang on forked
+# middlemen that outlive it when it is killed, it reports no last lines, and a signal during
+# its start is an exception.
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from haptic_accel.core.process import SUPERVISOR
+from haptic_accel.graph.processes import Process
+
+LAST_LINES = 20
+"""Lines of a dead process that are shown."""
+
+PATIENCE = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
+"""Signals to a process that should end, each with the time in s before the next."""
+
+_OUR_SIGNALS = (-signal.SIGINT, -signal.SIGTERM, -signal.SIGALRM)
+"""Statuses of a process stopped by us; the last where its middleware did not come to an end."""
+
+LOOK_PERIOD = 0.1
+"""How often the end of a process and a request to stop are looked for, s."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a graph ended.
+
+    Attributes
+    ----------
+    first : str
+        Executable that ended first by itself; empty when the graph was stopped from outside.
+    status : int
+        Its exit status, negative for a signal; 0 when stopped from outside.
+    statuses : dict
+        Exit status of each executable that the graph cannot do without.
+    last_lines : dict
+        Last lines of output of each executable.
+    """
+
+    first: str
+    status: int
+    statuses: dict[str, int]
+    last_lines: dict[str, list[str]]
+
+    @property
+    def failed(self) -> dict[str, int]:
+        """Executables that ended badly by themselves, with their status.
+
+        After one has failed, how the others took being stopped says nothing, but that one had
+        to be killed. One that had not yet come to handle the signal we sent it has done
+        nothing wrong, nor has one whose middleware had to be cut short.
+        """
+        bad = {name: status for name, status in self.statuses.items() if status != 0}
+        if self.status != 0:
+            return {n: s for n, s in bad.items() if n == self.first or s == -signal.SIGKILL}
+        return {name: status for name, status in bad.items() if status not in _OUR_SIGNALS}
+
+
+@dataclass
+class Supervisor:
+    """Runs processes until one ends or it is asked to stop, then ends the others.
+
+    Parameters
+    ----------
+    processes : sequence of Process
+    on_line : callable, optional
+        Called with executable and line for each line of output, on threads of its own.
+    environment : dict, optional
+        Added to the environment.
+    """
+
+    processes: Sequence[Process]
+    on_line: Callable[[str, str], None] = lambda executable, line: None
+    environment: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Prepare; nothing is started yet."""
+        self._running: dict[str, subprocess.Popen[str]] = {}
+        self._readers: list[threading.Thread] = []
+        self._last_lines: dict[str, deque[str]] = {}
+        # Not SimpleQueue: of CPython up to 3.11 at least, a signal in the instant its time-out
+        # is over makes it wait for ever.
+        self._ended: queue.Queue[str] = queue.Queue()
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Process ids of what was started, by executable."""
+        return {name: child.pid for name, child in self._running.items()}
+
+    def run(self, stop: Callable[[], bool] = lambda: False) -> Outcome:
+        """Run the graph to its end.
+
+        Parameters
+        ----------
+        stop : callable
+            Asked ten times a second whether to stop.
+        """
+        first = ""
+        optional = {process.executable for process in self.processes if process.optional}
+        try:
+            for process in self.processes:
+                self._start(process)
+            while not first and not stop():
+                first = self._next_end()
+                if first in optional:
+                    self._note_end(first)
+                    first = ""
+        finally:
+            self._stop_all()
+        statuses = {
+            name: child.returncode for name, child in self._running.items() if name not in optional
+        }
+        lines = {name: list(last) for name, last in self._last_lines.items()}
+        return Outcome(first, statuses.get(first, 0), statuses, lines)
+
+    def _start(self, process: Process) -> None:
+        name = process.executable
+        child = subprocess.Popen(
+            command(process),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            env={
+                **os.environ,
+                "PYTHONUNBUFFERED": "1",
+                SUPERVISOR: str(os.getpid()),
+                **self.environment,
+            },
+            # Ctrl-C is for us: the graph is stopped in order, not all at once.
+            start_new_session=True,
+        )
+        self._running[name] = child
+        self._last_lines[name] = deque(maxlen=LAST_LINES)
+        reader = threading.Thread(target=self._read, args=(name, child), daemon=True)
+        reader.start()
+        self._readers.append(reader)
+
+    def _read(self, name: str, child: subprocess.Popen[str]) -> None:
+        assert child.stdout is not None
+        try:
+            for line in child.stdout:
+                self._last_lines[name].append(line.rstrip("\n"))
+                self.on_line(name, line.rstrip("\n"))
+        finally:
+            # Whatever becomes of its lines, the end of a process must not be missed.
+            child.wait()
+            self._ended.put(name)
+
+    def _next_end(self) -> str:
+        try:
+            return self._ended.get(timeout=LOOK_PERIOD)
+        except queue.Empty:
+            return ""
+
+    def _note_end(self, name: str) -> None:
+        """Say that a process ended without which the graph goes on."""
+        status = self._running[name].returncode
+        self.on_line(name, f"ended with status {status}; the graph goes on without it")
+
+    def _stop_all(self) -> None:
+        patient = {process.executable for process in self.processes if process.last}
+        self._stop([child for name, child in self._running.items() if name not in patient])
+        self._stop(list(self._running.values()))
+        for reader in self._readers:
+            reader.join(timeout=1.0)
+
+    def _stop(self, children: Sequence[subprocess.Popen[str]]) -> None:
+        for number, patience in PATIENCE:
+            for child in children:
+                if child.poll() is None:
+                    child.send_signal(number)
+            deadline = time.monotonic() + patience
+            for child in children:
+                _wait(child, deadline)
+            if all(child.poll() is not None for child in children):
+                return
+
+
+def command(process: Process) -> list[str]:
+    """Return the command line that runs a process of the graph."""
+    module = f"haptic_accel.nodes.{process.executable}"
+    return [sys.executable, "-m", module, *process.ros_arguments]
+
+
+def _wait(child: subprocess.Popen[str], deadline: float) -> None:
+    try:
+        child.wait(timeout=max(0.0, deadline - time.monotonic()))
+    except subprocess.TimeoutExpired:
+        return

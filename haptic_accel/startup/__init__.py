@@ -1,1 +1,0 @@
-"""How the graph starts: its executables, parameters and topics, and what supervises them."""

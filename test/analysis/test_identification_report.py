@@ -1,0 +1,275 @@
+"""The report of an identification through what it writes: page and figures."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import re
+from collections.abc import Mapping
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from haptic_accel.analysis.identification_report import (
+    KNOWN,
+    POOLED,
+    ModelError,
+    write_identification_report,
+)
+from haptic_accel.core.identification import (
+    Identification,
+    SweepParameters,
+    identify_handle,
+    run_identification,
+)
+from haptic_accel.core.model import HandleParameters, StructureParameters
+from haptic_accel.core.parameters import schema
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+
+FIGURES = ("fig4_sweep.png", "fig5_models.png", "coherence.png")
+SWEEP = SweepParameters(duration=1.0)
+TRUTH = HandleParameters()
+HELD = {"pinch": TRUTH, "hook": dataclasses.replace(TRUTH, m_h=0.15, k_u=2600.0, b_u=17.0)}
+ERRORS = {"discrete": ModelError(1.02, 4.13), "physical": ModelError(0.78, 2.94)}
+DASH = "–"
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def identified(handles: Mapping[str, HandleParameters]) -> Identification:
+    rigs = {name: MasterRigParameters(handle=handle) for name, handle in handles.items()}
+    recorded = {name: run_identification(rig, SWEEP) for name, rig in rigs.items()}
+    accelerometer = MasterRigParameters().accelerometer
+    return identify_handle(recorded, SWEEP, accelerometer.range, accelerometer.bandwidth)
+
+
+@pytest.fixture(scope="module")
+def one() -> Identification:
+    return identified({"pinch": TRUTH})
+
+
+@pytest.fixture(scope="module")
+def two() -> Identification:
+    return identified(HELD)
+
+
+def report(found: Identification, folder: Path, **changes: object) -> Page:
+    arguments: dict[str, object] = {
+        "settings": {"seed": "7", "rig": "simulated"},
+        "truth": TRUTH,
+        "errors": ERRORS,
+        "band": (15.0, 180.0),
+    }
+    path = write_identification_report(
+        found,
+        SWEEP,
+        folder,
+        **(arguments | changes),  # type: ignore[arg-type]
+    )
+    assert path == folder / "index.html"
+    return Page(path)
+
+
+@pytest.fixture(scope="module")
+def page(two: Identification, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    """Write a report of two grips, once because it is only read."""
+    return report(two, tmp_path_factory.mktemp("results") / "now")
+
+
+class Page(HTMLParser):
+    """What a reader meets in a page: tables as lists of rows, links, pictures, and the text."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.folder = path.parent
+        self.html = path.read_text(encoding="utf-8")
+        self.tags: list[str] = []
+        self.links: list[str] = []
+        self.pictures: list[dict[str, str]] = []
+        self.tables: list[list[list[str]]] = []
+        self.text = ""
+        self._cell: list[str] | None = None
+        self.feed(self.html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        attributes = {name: value or "" for name, value in attrs}
+        self.tags.append(tag)
+        if "href" in attributes:
+            self.links.append(attributes["href"])
+        if tag == "img":
+            self.pictures.append(attributes)
+        elif tag == "table":
+            self.tables.append([])
+        elif tag == "tr":
+            self.tables[-1].append([])
+        elif tag in {"td", "th"}:
+            self._cell = self.tables[-1][-1]
+            self._cell.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in {"td", "th"}:
+            self._cell = None
+
+    def handle_data(self, data: str) -> None:
+        if self.lasttag != "style":
+            self.text += data
+        if self._cell is not None:
+            self._cell[-1] += data
+
+    def row(self, table: int, name: str) -> list[str]:
+        """Return the cells after a row's name, of which only the first word counts."""
+        rows = (row for row in self.tables[table] if row[0].split(" ")[0] == name)
+        return next(rows)[1:]
+
+
+def test_writes_page_and_figures_into_a_new_folder(page: Page) -> None:
+    assert {path.name for path in page.folder.iterdir()} == {"index.html", *FIGURES}
+    assert page.html.startswith("<!doctype html>")
+    for name in FIGURES:
+        assert (page.folder / name).read_bytes().startswith(PNG)
+        with Image.open(page.folder / name) as image:
+            assert len(image.convert("L").getcolors() or []) > 20
+
+
+def test_page_shows_its_figures_without_other_files(page: Page) -> None:
+    assert set(page.links) == {*FIGURES, "handle.yaml"}
+    assert sorted(page.links) == sorted({*page.links})
+    assert not re.search(
+        r"https?:|file:|url\(|@import|src=\"(?!data:image/png;base64,)", page.html
+    )
+    assert not {"link", "script", "iframe", "object"} & set(page.tags)
+    embedded = [base64.b64decode(picture["src"].split(",")[1]) for picture in page.pictures]
+    assert sorted(embedded) == sorted((page.folder / name).read_bytes() for name in FIGURES)
+    for picture in page.pictures:
+        assert picture["alt"]
+        assert int(picture["width"]) > int(picture["height"]) > 0
+
+
+def test_every_parameter_has_unit_truth_and_a_pair_of_cells_for_each_grip(
+    page: Page, two: Identification
+) -> None:
+    heading = page.tables[0][0]
+    assert heading == ["parameter", "unit", "true", "pinch", "hook", POOLED]
+    fits = [*(grip.fit for grip in two.grips.values()), two.fit]
+    for name, (_, given) in schema(HandleParameters).items():
+        unit, true, *cells = page.row(0, name)
+        assert unit == given.unit
+        assert float(true) == getattr(TRUTH, name)
+        for fit, value, error in zip(fits, cells[::2], cells[1::2], strict=True):
+            assert float(value) == pytest.approx(getattr(fit.handle, name), rel=0.01)
+            if name in ("m_a", "k_s"):
+                assert error == KNOWN
+            else:
+                assert float(error) == pytest.approx(fit.standard_errors[name], rel=0.05)
+    unit, true, *cells = page.row(0, "delay")
+    assert (unit, true) == ("µs", DASH)
+    assert float(cells[4]) == pytest.approx(1e6 * two.fit.delay, abs=0.5)
+
+
+def test_a_value_ends_where_its_standard_error_does(page: Page) -> None:
+    for name in ("b_s", "m_h", "k_u", "b_u", "delay"):
+        _, _, *cells = page.row(0, name)
+        for value, error in zip(cells[::2], cells[1::2], strict=True):
+            assert len(value.partition(".")[2]) <= len(error.partition(".")[2])
+
+
+def test_models_and_their_errors_are_named(page: Page, two: Identification) -> None:
+    assert page.row(1, "discrete") == ["1.02", "4.1"]
+    assert page.row(1, "physical") == ["0.78", "2.9"]
+    assert "15 to 180 Hz" in page.text
+    pairs = {row[0]: [float(cell) for cell in row[1:]] for row in page.tables[2][1:]}
+    model = two.approximate
+    assert pairs == {
+        "zero pair 1": pytest.approx([model.zero_1_frequency, model.zero_1_damping], abs=0.01),
+        "zero pair 2": pytest.approx([model.zero_2_frequency, model.zero_2_damping], abs=0.01),
+        "pole pair 1": pytest.approx([model.pole_1_frequency, model.pole_1_damping], abs=0.01),
+        "pole pair 2": pytest.approx([model.pole_2_frequency, model.pole_2_damping], abs=0.01),
+    }
+    assert "discrete model has order 7" in page.text
+    assert "haptic-accel teleop config:=handle.yaml" in page.text
+
+
+def test_what_the_fit_leaves_is_explained(page: Page, one: Identification, tmp_path: Path) -> None:
+    assert "compromise between the grips" in page.text
+    assert "stands out from the noise" in report(one, tmp_path).text
+
+
+def test_a_single_grip_needs_no_pooled_columns(one: Identification, tmp_path: Path) -> None:
+    page = report(one, tmp_path)
+    assert page.tables[0][0] == ["parameter", "unit", "true", "pinch"]
+    assert POOLED not in page.text
+
+
+def test_without_truth_there_are_neither_true_values_nor_errors(
+    one: Identification, tmp_path: Path
+) -> None:
+    page = report(one, tmp_path, truth=None, errors={})
+    assert page.tables[0][0] == ["parameter", "unit", "pinch"]
+    assert page.row(0, "k_s") == ["N/m", "266", KNOWN]
+    assert "true response" not in page.text
+    assert "simulated handle" not in page.text
+
+
+def test_a_fitted_mount_is_shown(one: Identification, tmp_path: Path) -> None:
+    assert "mount" not in report(one, tmp_path / "rigid").text
+    fit = dataclasses.replace(
+        one.fit,
+        mount=StructureParameters(frequency=280.0, damping=0.127),
+        standard_errors=one.fit.standard_errors
+        | {"mount_frequency": 0.4, "mount_damping": 0.0012},
+    )
+    grips = {"pinch": dataclasses.replace(one.grips["pinch"], fit=fit)}
+    page = report(dataclasses.replace(one, fit=fit, grips=grips), tmp_path / "moving")
+    rows = {row[0]: row[1:] for row in page.tables[0] if row[0].startswith("mount")}
+    assert list(rows.values()) == [
+        ["Hz", DASH, "280.00", "0.40"],
+        ["1", DASH, "0.1270", "0.0012"],
+    ]
+
+
+def test_numbers_that_are_none_never_reach_the_reader(one: Identification, tmp_path: Path) -> None:
+    broken = dict.fromkeys(one.fit.standard_errors, float("nan")) | {"b_s": 0.0}
+    fit = dataclasses.replace(one.fit, delay=-1e-12, standard_errors=broken)
+    grips = {"pinch": dataclasses.replace(one.grips["pinch"], fit=fit)}
+    page = report(dataclasses.replace(one, fit=fit, grips=grips), tmp_path)
+    assert page.row(0, "m_h")[3] == DASH
+    assert not {"nan", "inf"} & {word.lower() for word in re.findall(r"[A-Za-z]+", page.text)}
+
+
+def test_notes_come_first_and_settings_last(one: Identification, tmp_path: Path) -> None:
+    page = report(one, tmp_path, notes=["First of all.", "And then."], settings={"seed": "12"})
+    places = [page.text.index(words) for words in ("First of all.", "And then.", "Parameters")]
+    assert places == sorted(places)
+    assert page.tables[-1] == [["seed", "12"]]
+
+
+@pytest.mark.parametrize(
+    "hostile",
+    [
+        "<script>alert(1)</script>",
+        '"><img src=x onerror=alert(1)>',
+        "{{ 7 * 7 }} & $x_{2$ \\frac",
+        "_" + "long " * 40,
+    ],
+)
+def test_hostile_text_stays_text(hostile: str, one: Identification, tmp_path: Path) -> None:
+    found = dataclasses.replace(one, grips={hostile: one.grips["pinch"]})
+    page = report(found, tmp_path, settings={hostile: hostile}, notes=[hostile])
+    assert "script" not in page.tags
+    assert page.tags.count("img") == len(FIGURES)
+    assert page.text.count(hostile) >= 6
+
+
+def test_a_gap_in_the_data_can_be_drawn(one: Identification, tmp_path: Path) -> None:
+    """An averaged estimate is zero, with zero coherence, where there was no force."""
+    grip = one.grips["pinch"]
+    h1 = dataclasses.replace(
+        grip.averaged_h1,
+        response=np.zeros_like(grip.averaged_h1.response),
+        coherence=np.zeros_like(grip.averaged_h1.coherence),
+    )
+    grips = {"pinch": dataclasses.replace(grip, averaged_h1=h1)}
+    report(dataclasses.replace(one, grips=grips), tmp_path)
+    assert (tmp_path / "coherence.png").read_bytes().startswith(PNG)

@@ -1,0 +1,279 @@
+"""``haptic-accel analyze`` through what it prints and writes; its page in a real browser."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from bagging import BagContent, of_trial, write_bag
+from haptic_accel.analysis import load
+from haptic_accel.analysis.page import write_page
+from haptic_accel.cli import main as cli
+from haptic_accel.core import topics
+from haptic_accel.core.trial import Trial
+from running import Command
+
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+RATE = 1000.0
+GAINS = {"none": 0.0, "constant": 0.6, "inverse": 0.9}
+
+
+def content(controller: str, surface: str, seed: int = 0, seconds: float = 5.0) -> BagContent:
+    generator = np.random.default_rng([seed, len(surface)])
+    desired = np.convolve(generator.normal(0, 5, round(seconds * RATE)), [1, 0, -1], "same")
+    handle = GAINS[controller] * np.concatenate([[0.0], desired[:-1]])
+    time = np.arange(len(desired)) / RATE
+    trial = Trial(surface, controller, RATE, time, desired, desired, handle, 0.1 * desired)
+    return of_trial(trial, seed=seed)
+
+
+def run(*words: object) -> int:
+    with pytest.raises(SystemExit) as ended:
+        cli.main([str(word) for word in words])
+    return int(ended.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bags")
+    for seed in range(3):
+        for controller in GAINS:
+            name = f"seed{seed}/plywood_{controller}"
+            write_bag(folder / name, content(controller, "plywood", seed))
+    write_bag(folder / "vinyl_none", content("none", "vinyl"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def report(bags: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a report on all bags, and ``figures.json`` beside it."""
+    folder = tmp_path_factory.mktemp("report") / "out"
+    json_file = folder.parent / "figures.json"
+    words = ("--compare", "controller:constant,inverse", "--out", folder, "--json", json_file)
+    assert run("analyze", bags, *words) == 0
+    return folder
+
+
+def test_everything_is_written(report: Path) -> None:
+    names = {file.name for file in report.iterdir()}
+    figures = ("fig9_time", "fig10_regression", "fig11_spectra", "bands", "latency")
+    assert names == {
+        "index.html",
+        "trials.csv",
+        "groups.csv",
+        "comparison.csv",
+        *(f"{name}.{suffix}" for name in figures for suffix in ("png", "pdf")),
+    }
+    for name in figures:
+        with Image.open(report / f"{name}.png") as picture:
+            inches = picture.width / 300
+            assert inches == pytest.approx(7.16, abs=0.02) or inches == pytest.approx(
+                3.5, abs=0.02
+            )
+        content = (report / f"{name}.pdf").read_bytes()
+        assert content.startswith(b"%PDF")
+        assert b"/Type3" not in content  # which publishers refuse
+
+
+def test_tables_and_json_agree(report: Path) -> None:
+    with (report / "trials.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    figures = json.loads((report.parent / "figures.json").read_text())
+    assert len(rows) == len(figures["trials"]) == 10
+    assert len({row["trial"] for row in rows}) == 10
+    for row, trial in zip(rows, figures["trials"], strict=True):
+        assert row["trial"] == trial["trial"]
+        assert float(row["nrmse_percent"]) == pytest.approx(trial["nrmse_percent"])
+    by_key = {(group["controller"], group["surface"]): group for group in figures["groups"]}
+    assert by_key["inverse", "plywood"]["trials"] == 3
+    assert by_key["inverse", "plywood"]["nrmse_percent"] == pytest.approx(10.0, abs=1.0)
+    overall = figures["comparison"][0]
+    assert (overall["pairs"], overall["p_wilcoxon"]) == (3, None)
+    assert overall["difference_percent"] == pytest.approx(-30.0, abs=1.0)
+
+
+def test_the_page_needs_nothing_but_itself(report: Path) -> None:
+    page = (report / "index.html").read_text()
+    assert not re.findall(r"(?:src|href)=\"(?:https?:)?//", page)
+    assert len(page) < 3e6
+    for heading in (
+        "Table II",
+        "What cannot be said",
+        "Lost and late",
+        "inverse against constant",
+    ):
+        assert heading in page
+
+
+def test_what_a_person_reads(
+    bags: Path, tmp_path: Path, haptic_accel: Callable[..., Command]
+) -> None:
+    words = ("--shift", "measured", "--no-perceptual", "--out", tmp_path / "out")
+    command = haptic_accel("analyze", bags / "seed0", *words)
+    assert command.end() == 0, command.text
+    assert "Table II" in command.text
+    assert re.search(r"constant .*40\.\d ± \d", command.text)
+    assert "3 trials from 3 bags" in command.text
+    assert "No sample was lost." in command.text
+
+
+def test_a_bag_with_markup_in_its_name_is_only_a_name(tmp_path: Path) -> None:
+    write_bag(tmp_path / "<script>alert(1)[bold]", content("none", "vinyl", seconds=2.0))
+    write_page(load(tmp_path, perceptual=False), tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "&lt;script&gt;alert(1)[bold]" in page
+    assert "<script>alert" not in page
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nothing"], "nothing: no such file or folder"),
+        (["."], "with bags in it"),
+        (["bag", "--shift", "soon"], "shift = 'soon': must be paper, measured"),
+        (["bag", "--compare"], "compare: needs two bags or folders"),
+        (["bag", "--compare", "surface:a,b"], "compare = 'surface:a,b'"),
+        (["bag", "--out", "there"], "out = 'there': must be a folder to make"),
+        (["bag", "--json", "no/where.json"], "json = 'no/where.json'"),
+    ],
+)
+def test_wrong_arguments_are_refused_in_a_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    said: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there").mkdir()
+    if words[0] == "bag":
+        write_bag(tmp_path / "bag", content("none", "text", seconds=1.5))
+    assert run("analyze", *words) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_of_bags_of_which_nothing_can_be_said_the_status_is_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    foreign = BagContent({topics.SLAVE_POSITION.name: np.ones(2000)}, RATE, arms=False)
+    write_bag(tmp_path / "bags" / "foreign", foreign)
+    (tmp_path / "bags" / "empty").mkdir()
+    (tmp_path / "bags" / "empty" / "metadata.yaml").write_text("")
+    json_file = tmp_path / "figures.json"
+    words = ("--out", tmp_path / "out", "--json", json_file)
+    assert run("analyze", tmp_path / "bags", *words) == 1
+    printed = capsys.readouterr().out
+    assert "Nothing can be said of 2 bags." in printed
+    assert "foreign: none of the signals of this graph" in printed
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "it is of another rig" in page
+    assert set(json.loads(json_file.read_text())["problems"]) == {"empty", "foreign"}
+
+
+# The page in a browser
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    required = os.environ.get("HAPTIC_ACCEL_BROWSER") == "required"
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        if required:
+            raise
+        pytest.skip("playwright is not installed")
+    if not CHROMIUM.exists():
+        assert not required, f"{CHROMIUM} is missing"
+        pytest.skip(f"{CHROMIUM} is missing")
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=str(CHROMIUM), args=list(FLAGS))
+        yield opened
+        opened.close()
+
+
+PLOTS = ("time", "cloud", "latency", "spectra", "coherence", "force", "travel")
+
+# How many pixels of a plot are not of the colour of its first.
+INK = """id => {
+  const canvas = document.querySelector(`#${id} canvas`);
+  const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  let count = 0;
+  for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] > 0) count += 1;
+  return count;
+}"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_draws_and_answers(report: Path, browser: Any, scheme: str) -> None:
+    page = browser.new_page(color_scheme=scheme)
+    complaints: list[str] = []
+    requests: list[str] = []
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: requests.append(request.url))
+    page.goto((report / "index.html").as_uri())
+    page.wait_for_selector("html[data-drawn='7']")
+    page.wait_for_function(f"document.querySelectorAll('canvas').length == {len(PLOTS)}")
+    for plot in PLOTS:
+        page.wait_for_function(f"({INK})('{plot}') > 500")
+    background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (background == "rgb(255, 255, 255)") == (scheme == "light")
+
+    before = page.evaluate("document.querySelector('#time canvas').toDataURL()")
+    page.get_by_role("button", name="next trial").click()
+    page.wait_for_function(
+        "drawn => document.querySelector('#time canvas').toDataURL() != drawn", arg=before
+    )
+    assert page.locator("tr.chosen").count() == 1
+    page.get_by_role("button", name="whole trial").press("Enter")
+    page.get_by_role("button", name="other controllers too").click()
+    assert page.locator("#spectra .u-series").count() == 2 + len(GAINS)
+
+    heading = page.locator("#all th", has_text="NRMSE")
+    heading.get_by_role("button").click()
+    assert heading.get_attribute("aria-sort") == "ascending"
+    shown = page.locator("#all tbody tr td:nth-child(4)").evaluate_all(
+        "cells => cells.map(cell => Number(cell.dataset.sort))"
+    )
+    assert shown == sorted(shown)
+
+    toggle = page.locator("#time .u-legend th[role=button]").first
+    toggle.press("Enter")
+    page.wait_for_function(
+        "document.querySelector('#time .u-legend th[role=button]')"
+        ".getAttribute('aria-pressed') == 'false'"
+    )
+    page.emulate_media(media="print", color_scheme=scheme)
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert complaints == []
+    assert [url for url in requests if not url.startswith("file:")] == []
+    page.close()
+
+
+def test_the_page_fits_a_telephone(report: Path, browser: Any) -> None:
+    page = browser.new_page(viewport={"width": 360, "height": 740})
+    page.goto((report / "index.html").as_uri())
+    page.wait_for_selector("html[data-drawn='7']")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 360
+    page.close()

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.bags.definitions import connection
+from haptic_accel.bags.facts import custom_data, facts_text
+from haptic_accel.bags.files import BagFiles
+from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.cli.main import main
+
+START = 1_700_000_000_000_000_000
+FACTS = custom_data(facts_text({"surface": "vinyl", "bag": ""}, {"coupler": {"k_m": 250.0}}))
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """Return a bag with two messages half a second apart."""
+    files = BagFiles(tmp_path / "bag", RecordingOptions(), FACTS)
+    topic = connection(1, "/said", "std_msgs/msg/String", [])
+    files.add(topic)
+    files.write(topic, START, b"one")
+    files.write(topic, START + 500_000_000, b"two")
+    files.flush()
+    shutil.copytree(tmp_path / "bag", tmp_path / "killed")
+    files.close()
+    return tmp_path / "bag"
+
+
+def status(*words: object) -> int:
+    """Run ``haptic-accel bag`` and return its exit status."""
+    with pytest.raises(SystemExit) as end:
+        main(["bag", *map(str, words)])
+    assert isinstance(end.value.code, int)
+    return end.value.code
+
+
+def test_a_bag_explains_itself(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert status("info", bag, "--json", bag / "info.json") == 0
+    shown = capsys.readouterr().out
+    for said in ("0.50 s, 2 messages", "mcap, 1 file(s)", "surface vinyl", "/said", "of coupler"):
+        assert said in shown
+    assert "repair" not in shown
+    figures = json.loads((bag / "info.json").read_text())
+    assert figures["topics"] == {"/said": 2}
+    assert figures["duration_s"] == 0.5
+    assert figures["facts"]["parameters"] == {"coupler": {"k_m": 250.0}}
+    assert figures["problems"] == []
+
+
+def test_a_bag_that_was_cut_off_is_known_and_mended(
+    bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    killed = bag.with_name("killed")
+    assert status("info", killed) == 0
+    assert "haptic-accel bag repair makes it whole" in capsys.readouterr().out
+    report = bag.with_name("report.json")
+    assert status("repair", bag, killed, "--json", report) == 0
+    shown = capsys.readouterr().out
+    assert f"{bag}: is whole: 2 messages in 0.50 s" in shown
+    assert f"{killed}: is whole again: 2 messages in 0.50 s" in shown
+    whole, mended = json.loads(report.read_text())
+    assert whole["mended"] == []
+    assert (mended["path"], mended["messages"]) == (str(killed), 2)
+    assert mended["mended"]
+    assert status("info", killed) == 0
+    assert "repair" not in capsys.readouterr().out
+
+
+def test_a_bag_without_a_word_that_can_be_read_is_a_failure(
+    bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (bag / "bag_0.mcap").write_bytes(b"")
+    assert status("repair", bag) == 1
+    assert "nothing in it can be read" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("action", ["info", "repair"])
+@pytest.mark.parametrize("name", ["missing", "empty", "file"])
+def test_what_is_no_bag_is_refused_in_one_line(
+    tmp_path: Path, action: str, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("")
+    assert status(action, tmp_path / name) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert f"{tmp_path / name}: must be" in line

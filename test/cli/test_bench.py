@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.core.topics import SIGNALS
+from running import Command, nodes_of
+
+Start = Callable[..., Command]
+LABELS = {"p50", "p90", "p99", "p99_9", "max"}
+
+
+def test_latency_gives_well_formed_figures_of_graph_and_yardsticks(
+    haptic_accel: Start, tmp_path: Path, domain: int
+) -> None:
+    command = haptic_accel(
+        *("bench", "latency", "--rate", "200", "--seconds", "2", "--json", "figures.json")
+    )
+    assert command.end() == 0, command.text
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    assert (figures["rate_hz"], figures["seconds"], figures["pairs"]) == (200.0, 2.0, 1)
+    for ages in (
+        figures["age_us"],
+        figures["default_executor"]["age_us"],
+        figures["udp_floor"]["age_us"],
+    ):
+        assert set(ages) == LABELS
+        assert 0 < ages["p50"] <= ages["p99"] <= ages["max"]
+    assert set(figures["period_error_us"]) == {"master_device", "slave_device"}
+    names = {topic.name for topic in SIGNALS}
+    assert set(figures["late"]) == set(figures["lost"]) == names
+    nodes = {"master_device", "slave_device", "coupler", "compensator", "recorder"}
+    assert set(figures["cpu_cores"]) == {*nodes, "total"}
+    assert figures["cpu_cores"]["total"] > 0
+    ratio = figures["age_us"]["p50"] / figures["default_executor"]["age_us"]["p50"]
+    assert figures["ratio_to_default_p50"] == pytest.approx(ratio)
+    assert figures["ratio_to_floor_p50"] > 0
+    assert nodes_of(domain) == {}
+
+
+def test_sweep_draws_rates_and_pairs(haptic_accel: Start, tmp_path: Path) -> None:
+    command = haptic_accel(
+        *("bench", "sweep", "--rates", "100,200", "--pairs", "1", "--seconds", "1"),
+        *("--json", "figures.json", "--out", "sweep"),
+    )
+    assert command.end() == 0, command.text
+    rows = json.loads((tmp_path / "figures.json").read_text())["rows"]
+    assert [(row["rate_hz"], row["pairs"]) for row in rows] == [(100, 1), (200, 1), (1000, 1)]
+    assert (tmp_path / "sweep" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    assert "highest rate held" in command.text
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["latency", "--rate", "-5"], "rate"),
+        (["latency", "--pairs", "0"], "pairs"),
+        (["latency", "--seconds", "0.5"], "seconds"),
+        (["latency", "bag:=x"], "bag"),
+        (["sweep", "--rates", "100,fast"], "rates"),
+    ],
+)
+def test_wrong_arguments_have_status_2(haptic_accel: Start, words: list[str], named: str) -> None:
+    command = haptic_accel("bench", *words)
+    assert command.end() == 2, command.text
+    assert named in command.lines[-1]
+    assert "Traceback" not in command.text

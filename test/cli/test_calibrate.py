@@ -1,0 +1,136 @@
+"""The flip test of an accelerometer, with a board that is turned over by the test."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from haptic_accel.core.model import GRAVITY
+from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
+from haptic_accel.emulators.serial_line import EmulatedBoard
+from haptic_accel.graph.files import read_parameter_file
+
+WORDS = ("seconds:=0.2", "file:=found.yaml")
+
+
+class Turned:
+    """A board with a sensor that is off by a little, held as the test says.
+
+    Attributes
+    ----------
+    felt : callable
+        Acceleration at a time, m/s^2.
+    """
+
+    def __init__(self, path: Path) -> None:
+        identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, 2.75, "board-7")
+        self.emulated = EmulatedBoard(identity, path)
+        self.felt = lambda time: 0.0
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def hold(self, gravity: float) -> None:
+        """Hold it still: 5 % too sensitive, and 0.5 m/s^2 off."""
+        self.felt = lambda time: 1.05 * gravity + 0.5
+
+    def end(self) -> None:
+        self._ending.set()
+        self._thread.join()
+        self.emulated.close()
+
+    def _run(self) -> None:
+        while not self._ending.wait(0.001):
+            now = time.monotonic()
+            self.emulated.look(now)
+            self.emulated.sample(self.felt(now), now)
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[Turned]:
+    board = Turned(tmp_path / "port")
+    yield board
+    board.end()
+
+
+def calibrate(folder: Path, *words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "haptic_accel.cli.main", "calibrate", *words],
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def answer(command: subprocess.Popen[str], position: str) -> None:
+    """Press Enter when asked for a position."""
+    assert command.stdin
+    assert command.stdout
+    assert f"axis {position}, firm and still" in command.stdout.readline()
+    command.stdin.write("\n")
+    command.stdin.flush()
+
+
+def test_a_board_is_calibrated_by_turning_it_over(board: Turned, tmp_path: Path) -> None:
+    command = calibrate(tmp_path, "port:=port", "axis:=y", "force_constant:=2.5", *WORDS)
+    # The emulated board samples along z alone: what is asked of another axis is still.
+    board.hold(GRAVITY)
+    answer(command, "up")
+    text, _ = command.communicate("\n", timeout=60)
+    assert command.returncode == 1
+    assert "should by about 19.6; was this axis held up and then down?" in text
+    assert not (tmp_path / "found.yaml").exists()
+
+    command = calibrate(tmp_path, "port:=port", "force_constant:=2.5", *WORDS)
+    answer(command, "up")
+    assert command.stdin
+    assert command.stdout
+    assert "axis down" in command.stdout.readline()
+    board.hold(-GRAVITY)
+    time.sleep(0.05)
+    text, _ = command.communicate("\n", timeout=60)
+    assert command.returncode == 0, text
+    assert "found.yaml" in text
+    values = read_parameter_file(tmp_path / "found.yaml")["master_device"]
+    assert values["serial.port"] == "port"
+    assert values["serial.calibration.board"] == "board-7"
+    assert values["serial.calibration.gain"] == pytest.approx(49.0 / FULL_SCALE / 1.05, rel=1e-3)
+    assert values["serial.calibration.offset"] == pytest.approx(0.5 / 49.0 * FULL_SCALE, abs=1)
+    assert values["serial.actuator.force_constant"] == 2.5
+    assert "Standard errors" in (tmp_path / "found.yaml").read_text()
+    assert yaml.safe_load((tmp_path / "found.yaml").read_text())
+
+
+def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
+    board.felt = lambda time: 3.0 * (time * 20 % 1)
+    command = calibrate(tmp_path, "port:=port", "side:=slave", *WORDS)
+    text, _ = command.communicate("\n\n", timeout=60)
+    assert command.returncode == 1
+    assert text.splitlines()[-1].startswith("haptic-accel: it moved: standard deviation")
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "told"),
+    [
+        ([], 2, "port = '': must be given, or usb_serial, and not both"),
+        (["port:=none", "file:=nowhere/found.yaml"], 2, "file = 'nowhere/found.yaml'"),
+        (["port:=none"], 1, "none: there is no such port"),
+        (["port:=port"], 1, "the input ended before both positions"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(
+    board: Turned, tmp_path: Path, words: list[str], status: int, told: str
+) -> None:
+    command = calibrate(tmp_path, *words)
+    text, _ = command.communicate("", timeout=60)
+    assert command.returncode == status
+    assert text.splitlines()[-1].startswith(f"haptic-accel: {told}"), text

@@ -1,0 +1,139 @@
+"""The controller of a running graph, changed as a user changes it."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from haptic_accel.bags.trials import read_trial
+from haptic_accel.cli.control import control
+from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import HANDLE_ACCELERATION, TOOL_ACCELERATION
+from haptic_accel.graph.files import surface_parameters
+from observing import Observer
+from running import Command
+
+Start = Callable[..., Command]
+Ask = Callable[..., tuple[int, str]]
+
+
+def test_another_controller_takes_over_without_a_jump(haptic_accel: Start, tmp_path: Path) -> None:
+    graph = haptic_accel("teleop", "rig:=ideal", "controller:=none", "bag:=bag")
+    graph.wait_for("engaged")
+    change = haptic_accel("control", "controller:=adaptive", "reset:=true")
+    assert change.end() == 0, change.text
+    # Long enough for what takes over to have listened, and to have been felt.
+    graph.wait_for("engaged")
+    later = haptic_accel("control", "frozen:=true")
+    assert later.end() == 0, later.text
+    refused = haptic_accel("control", "controller:=magic")
+    assert refused.end() == 2
+    assert refused.text.endswith("must be one of keep, " + ", ".join(CONTROLLERS))
+    assert graph.end(signal.SIGINT) == 0, graph.text
+    trial, delivery = read_trial(tmp_path / "bag", "plywood", "adaptive", 1000.0, 15.0)
+    values = delivery.nodes["compensator"]
+    assert values["controller"] == "adaptive"
+    assert values["frozen"] == "true"
+    force = trial.actuator_force
+    at = int(np.argmax(force != 0.0))
+    assert 0 < at < len(force) - 100, "no change within the recording"
+    # Faded in: the first of some five samples is a fifth of what follows, at most.
+    assert abs(force[at]) < 3.0
+
+
+def test_surface_grip_and_engagement_change_while_the_graph_runs(
+    haptic_accel: Start, observer: Observer, ask: Ask
+) -> None:
+    def value(node: str, name: str) -> Any:
+        request = GetParameters.Request(names=[name])
+        (found,) = observer.call(GetParameters, f"{node}/get_parameters", request).values
+        return parameter_value_to_python(found)
+
+    def refusal(node: str, **values: Any) -> str:
+        parameters = [
+            Parameter(f"simulated.{key.replace('__', '.')}", value=given).to_parameter_msg()
+            for key, given in values.items()
+        ]
+        request = SetParametersAtomically.Request(parameters=parameters)
+        service = f"{node}/set_parameters_atomically"
+        return str(observer.call(SetParametersAtomically, service, request).result.reason)
+
+    graph = haptic_accel("teleop", "record:=false", "surface:=plywood")
+    graph.wait_for("engaged")
+    assert ask(control, "surface:=vinyl", "grip:=hook", "engage:=false") == (0, "")
+    graph.wait_for("let go: let go on request")
+    # All of the surface, also what its file does not name.
+    expected = surface_parameters("vinyl")
+    assert {name: value("slave_device", name) for name in expected} == expected
+    assert value("master_device", "simulated.grip.posture") == "hook"
+    observer.status("coupler", "let go on request")
+    so_far = len(graph.lines)
+    assert ask(control, "engage:=true") == (0, "")
+    graph.wait_for("engaged", after=so_far)
+    assert ask(control, "arm:=true") == (0, "")
+    # One by one, as `ros2 param set` does.
+    assert refusal("slave_device", surface__friction=0.7) == ""
+    assert refusal("master_device", grip__gravity=3.0) == ""
+    # What is wrong is named, and nothing of it is taken.
+    for node, wrong in {
+        "slave_device": {"surface__friction": 0.9, "surface__stiffness": -1.0},
+        "master_device": {"grip__variation": 0.1, "grip__posture": "fist"},
+    }.items():
+        reason = refusal(node, **wrong)
+        assert f"simulated.{list(wrong)[1].replace('__', '.')}" in reason
+    assert "simulated.tool.mass" in refusal("slave_device", tool__mass=1.0)
+    assert value("slave_device", "simulated.surface.friction") == 0.7
+    assert value("master_device", "simulated.grip.variation") != 0.1
+    for messages in observer.collect((TOOL_ACCELERATION, HANDLE_ACCELERATION), 200).values():
+        felt = np.array([message.accel.linear.z for message in messages])
+        assert np.all(np.isfinite(felt))
+        assert np.any(felt)
+    assert graph.end(signal.SIGINT) == 0, graph.text
+
+
+@pytest.mark.parametrize(
+    ("word", "named"),
+    [
+        ("surface:=jelly", "surface = 'jelly': must be one of plywood"),
+        ("surface:=recording", "surface = 'recording': must be chosen when the graph starts"),
+        ("surface:=mine.yaml", "simulated.surface.friction = -1: must be from 0 to 2"),
+        ("grip:=fist", "grip = 'fist': must be one of keep, average, pinch, hook"),
+        ("engage:=perhaps", "engage = 'perhaps': must be one of keep, true, false"),
+    ],
+)
+def test_wrong_words_are_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, word: str, named: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    surface = "{ros__parameters: {simulated: {surface: {friction: -1}}}}"
+    Path("mine.yaml").write_text(f"slave_device: {surface}")
+    with pytest.raises(ParameterError, match=named) as caught:
+        control([word])
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "named"),
+    [
+        ([], 2, "control"),
+        (["controler:=adaptive"], 2, "controler"),
+        (["frozen:=perhaps"], 2, "frozen"),
+        (["controller:=none"], 1, "does not answer; is the graph running?"),
+        (["reset:=true", "namespace:=/nowhere"], 1, "/nowhere/compensator"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(
+    haptic_accel: Start, words: list[str], status: int, named: str
+) -> None:
+    command = haptic_accel("control", *words)
+    assert command.end() == status, command.text
+    assert len(command.lines) == 1, command.text
+    assert named in command.text

@@ -1,0 +1,250 @@
+from __future__ import annotations
+
+import fcntl
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import rclpy
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.cli import doctor
+from haptic_accel.cli.doctor import Finding
+from haptic_accel.core.topics import ACTUATOR_FORCE, TOOL_ACCELERATION
+from haptic_accel.nodes.interface import message_type, quality
+from running import Command
+
+Start = Callable[..., Command]
+QUICK = {"p50": 50.0, "p99": 90.0, "p99_9": 120.0, "max": 900.0}
+
+# CapEff of a privileged shell and of a Docker container with its default capabilities.
+PRIVILEGED = "Name:\tpython\nCapEff:\t000001ffffffffff\n"
+CONTAINER = "Name:\tpython\nCapEff:\t00000000a80425fb\n"
+
+
+@pytest.mark.parametrize(
+    ("finding", "level", "words"),
+    [
+        (doctor.governor([]), "ok", ["VM"]),
+        (doctor.governor(["performance"] * 4), "ok", ["performance"]),
+        (doctor.governor(["performance", "powersave"]), "warning", ["powersave on 1 of 2"]),
+        (doctor.realtime_permission(0, 0, PRIVILEGED), "ok", ["up to 99", "down to -20"]),
+        (doctor.realtime_permission(0, 0, CONTAINER), "warning", ["up to 0", "down to 0"]),
+        # RLIMIT_NICE of getrlimit(2): the ceiling of nice is 20 less its value.
+        (doctor.realtime_permission(98, 30, CONTAINER), "ok", ["up to 98", "down to -10"]),
+        (doctor.realtime_permission(-1, -1, ""), "ok", ["up to 99", "down to -20"]),
+        (doctor.processor(1, ""), "problem", ["1"]),
+        (doctor.processor(8, ""), "ok", ["8"]),
+        (doctor.processor(8, "max 100000"), "ok", ["8"]),
+        (doctor.processor(8, "150000 100000"), "warning", ["8", "1.5"]),
+        (doctor.load(0.3, 2), "ok", ["0.3", "2 cores"]),
+        (doctor.load(1.5, 2), "warning", ["1.5"]),
+        (doctor.load(2.5, 2), "problem", ["2.5"]),
+        (doctor.preemption("#1 SMP PREEMPT_DYNAMIC Debian", ""), "ok", ["PREEMPT_DYNAMIC"]),
+        (doctor.preemption("#1 SMP", "1"), "ok", ["PREEMPT_RT"]),
+        (doctor.preemption("#1 SMP Debian", "0"), "warning", ["not preemptible"]),
+        (doctor.space(24000.0), "ok", ["24000 MB"]),
+        (doctor.space(2.0), "problem", ["2 MB"]),
+        (doctor.receive_buffer("4194304"), "ok", ["4194304"]),
+        (doctor.receive_buffer("212992"), "warning", ["212992"]),
+        (doctor.receive_buffer(""), "ok", ["not to be seen"]),
+        (doctor.executor("EventsExecutor of rclpy.executors"), "ok", ["EventsExecutor"]),
+        (doctor.executor("SingleThreadedExecutor"), "warning", ["SingleThreadedExecutor"]),
+        (doctor.timer_slack("1"), "ok", ["1 ns"]),
+        (doctor.timer_slack("50000"), "warning", ["50000 ns"]),
+        (doctor.timer_slack(""), "ok", ["not to be seen"]),
+        (doctor.middleware("rmw_fastrtps_cpp"), "ok", ["rmw_fastrtps_cpp"]),
+        (doctor.middleware("rmw_cyclonedds_cpp"), "warning", ["rmw_cyclonedds_cpp"]),
+        (doctor.domain(""), "ok", ["0"]),
+        (doctor.domain("101"), "ok", ["101"]),
+        (doctor.domain("102"), "warning", ["102"]),
+        (doctor.other_graph([]), "ok", ["none"]),
+        (doctor.other_graph(["slave/tool/acceleration"]), "problem", ["slave/tool/acceler"]),
+        (doctor.lateness(QUICK), "ok", ["p99 90", "p99.9 120", "max 900"]),
+        (doctor.lateness({**QUICK, "p99": 150.0}), "warning", ["p99 150"]),
+        (doctor.lateness({**QUICK, "p99_9": 600.0}), "problem", ["p99.9 600"]),
+        (doctor.lateness(None), "problem", ["never"]),
+        (doctor.age(QUICK), "ok", ["p50 50"]),
+        (doctor.age({**QUICK, "p99": 150.0}), "warning", ["p99 150"]),
+        (doctor.age(None), "problem", ["no message"]),
+    ],
+)
+def test_what_is_found_has_a_level_and_a_mend(
+    finding: Finding, level: str, words: list[str]
+) -> None:
+    assert finding.level == level
+    assert all(word in finding.found for word in words), finding
+    assert bool(finding.mend) == (level != "ok")
+    assert "\n" not in finding.found + finding.mend
+
+
+@pytest.mark.parametrize(
+    ("reach", "localhost_only", "level"),
+    [
+        ("LOCALHOST", "", "ok"),
+        ("localhost", "0", "ok"),
+        ("SUBNET", "1", "ok"),
+        ("SUBNET", "", "warning"),
+        ("", "", "warning"),
+        ("SYSTEM_DEFAULT", "0", "warning"),
+        ("OFF", "", "problem"),
+    ],
+)
+def test_discovery_beyond_the_machine_is_a_choice_and_none_a_mistake(
+    reach: str, localhost_only: str, level: str
+) -> None:
+    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": reach, "ROS_LOCALHOST_ONLY": localhost_only}
+    assert doctor.discovery_range(environment).level == level
+
+
+@pytest.mark.parametrize(
+    ("distribution", "variable"),
+    [
+        ("jazzy", "FASTRTPS_DEFAULT_PROFILES_FILE"),
+        ("kilted", "FASTDDS_DEFAULT_PROFILES_FILE"),
+        ("rolling", "FASTDDS_DEFAULT_PROFILES_FILE"),
+    ],
+)
+def test_the_profile_is_the_one_that_this_fast_dds_reads(
+    tmp_path: Path, distribution: str, variable: str
+) -> None:
+    ours, mine = tmp_path / "fastdds.xml", tmp_path / "mine.xml"
+    ours.touch()
+    mine.touch()
+    both = dict.fromkeys(("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"), ours)
+    environment = {name: str(path) for name, path in both.items()}
+
+    def profile(path: Path) -> Finding:
+        return doctor.profile(distribution, {**environment, variable: str(path)}, ours)
+
+    assert "this package's)" in profile(ours).found
+    assert profile(mine).level == "ok"
+    assert str(mine) in profile(mine).found
+    assert variable in profile(mine).found
+    assert profile(tmp_path / "gone.xml").level == "problem"
+
+
+def segment(folder: Path, name: str, size: int) -> Path:
+    """Write a segment as Fast DDS does, and return its lock file."""
+    (folder / name).write_bytes(bytes(size))
+    lock = folder / f"{name}_el"
+    lock.touch()
+    return lock
+
+
+def test_leftovers_are_the_segments_that_nobody_holds(tmp_path: Path) -> None:
+    segment(tmp_path, "fastrtps_0123456789abcdef", 1_500_000)
+    segment(tmp_path, "fastdds_fedcba9876543210", 1_000_000)
+    segment(tmp_path, "fastrtps_port7411", 4_000_000)
+    segment(tmp_path, "someone_elses", 4_000_000)
+    before = sorted(tmp_path.iterdir())
+    with segment(tmp_path, "fastrtps_aaaaaaaaaaaaaaaa", 8_000_000).open() as living:
+        fcntl.flock(living, fcntl.LOCK_EX)
+        finding = doctor.leftovers(tmp_path)
+    assert finding.level == "warning"
+    assert "2 segments" in finding.found
+    assert "2.5 MB" in finding.found
+    assert set(before) < set(tmp_path.iterdir())
+
+
+def test_no_leftovers_where_there_is_nothing(tmp_path: Path) -> None:
+    assert doctor.leftovers(tmp_path).level == "ok"
+    assert doctor.leftovers(tmp_path / "not there").level == "ok"
+
+
+def ros(prefix: Path) -> tuple[Path, Path]:
+    """Make what tells a ROS 2; return its prefix and its folder of Python packages."""
+    packages = prefix / "lib" / "python3" / "site-packages"
+    (packages / "rclpy").mkdir(parents=True)
+    (prefix / "share" / "ament_index").mkdir(parents=True)
+    return prefix, packages
+
+
+def test_a_sourced_ros_is_a_problem_only_beside_one_of_the_environments_own(
+    tmp_path: Path,
+) -> None:
+    venv, own_packages = ros(tmp_path / "venv")
+    native, packages = ros(tmp_path / "opt")
+    sourced = {"PYTHONPATH": f"/mine:{packages}", "AMENT_PREFIX_PATH": str(native)}
+    mixed = doctor.sourced_ros(sourced, venv)
+    assert mixed.level == "problem"
+    assert str(packages) in mixed.found
+    assert str(native) in mixed.found
+    assert "/mine" not in mixed.found
+    assert doctor.sourced_ros({"AMENT_PREFIX_PATH": str(native)}, venv).level == "problem"
+    assert doctor.sourced_ros(sourced, tmp_path / "usr").level == "ok"
+    assert doctor.sourced_ros({"PYTHONPATH": str(own_packages)}, venv).level == "ok"
+    assert doctor.sourced_ros({}, venv).level == "ok"
+
+
+def test_the_reason_is_the_last_error_in_one_line() -> None:
+    output = "Traceback (most recent call last):\n  File\nModuleNotFoundError: No rclpy\n"
+    assert doctor.reason(output) == "ModuleNotFoundError: No rclpy"
+    several = "ImportError: first\nImportError: the C extension\nis not\n  there\n"
+    assert doctor.reason(several) == "ImportError: the C extension is not there"
+    assert doctor.reason("[INFO] starting\n[ERROR] no such middleware\n") == (
+        "[ERROR] no such middleware"
+    )
+    assert doctor.reason("") == ""
+
+
+@given(output=st.text())
+def test_a_reason_is_one_line_whatever_was_written(output: str) -> None:
+    assert len(doctor.reason(output).splitlines()) <= 1
+
+
+def test_every_machine_can_be_looked_at() -> None:
+    findings = list(doctor.machine_findings())
+    assert len({finding.name for finding in findings}) == len(findings)
+    assert {finding.level for finding in findings} <= {"ok", "warning", "problem"}
+
+
+def test_doctor_reports_another_graph_and_measures(
+    haptic_accel: Start, tmp_path: Path, domain: int
+) -> None:
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = rclpy.create_node("other", context=context)
+    for topic in (TOOL_ACCELERATION, ACTUATOR_FORCE):
+        node.create_publisher(message_type(topic), topic.name, quality(topic))
+    command = haptic_accel("doctor", "--seconds", "0.5", "--json", "found.json")
+    assert command.end() == 0, command.text
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    figures = json.loads((tmp_path / "found.json").read_text())
+    findings = {finding["name"]: finding for finding in figures["findings"]}
+    assert all(set(each) == {"name", "level", "found", "mend"} for each in findings.values())
+    assert all(name in command.text for name in findings)
+    assert findings["other graph"]["level"] == "problem"
+    assert TOOL_ACCELERATION.name in findings["other graph"]["found"]
+    assert ACTUATOR_FORCE.name in findings["other graph"]["found"]
+    assert findings["domain"]["found"] == str(domain)
+    for name in ("lateness_us", "age_us"):
+        us = figures[name]
+        assert 0 < us["p50"] <= us["p99"] <= us["p99_9"] <= us["max"], name
+
+
+def test_a_ros_that_cannot_be_used_is_named_with_its_reason(
+    haptic_accel: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = tmp_path / "other" / "rclpy"
+    broken.mkdir(parents=True)
+    (broken / "__init__.py").write_text("raise ImportError('made for\\nanother Python')\n")
+    monkeypatch.setenv("PYTHONPATH", str(broken.parent))
+    command = haptic_accel("doctor", "--json", "found.json")
+    assert command.end() == 1, command.text
+    command.wait_for("^haptic-accel: rclpy cannot be used: .*made for another Python$")
+    assert "Traceback" not in command.text
+    figures = json.loads((tmp_path / "found.json").read_text())
+    assert figures["lateness_us"] is None
+    assert str(broken.parent) in str(figures["findings"])
+
+
+@pytest.mark.parametrize("seconds", ["0", "-1", "nan", "inf", "1e9"])
+def test_a_length_that_is_not_allowed_ends_in_one_line(haptic_accel: Start, seconds: str) -> None:
+    command = haptic_accel("doctor", f"--seconds={seconds}")
+    assert command.end() == 2, command.text
+    assert len(command.lines) == 1, command.text
+    assert "seconds" in command.text

@@ -1,0 +1,123 @@
+"""The emergency stop, from a terminal and by whoever else publishes it."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+
+import pytest
+from std_msgs.msg import Bool
+
+from haptic_accel.cli.control import control
+from haptic_accel.cli.estop import estop
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import (
+    ACTUATOR_FORCE,
+    EMERGENCY_STOP,
+    MASTER_STOPPED,
+    SLAVE_STOPPED,
+)
+from haptic_accel.nodes.interface import quality
+from observing import Observer
+from running import Command
+
+Start = Callable[..., Command]
+Ask = Callable[..., tuple[int, str]]
+
+APPLIED = ("arm force count", "actuator force count")
+"""What the master device counts of the forces it applied."""
+
+
+def applied(observer: Observer, said: str = "") -> list[int]:
+    """Return how many forces the master device has applied by its next diagnostics."""
+    values = observer.status("master_device", said)
+    return [int(values[name]) for name in APPLIED]
+
+
+def test_a_stop_from_a_terminal_lets_no_force_through_until_it_is_released(
+    haptic_accel: Start, observer: Observer, ask: Ask
+) -> None:
+    graph = haptic_accel("teleop", "record:=false", "controller:=constant", "surface:=text")
+    graph.wait_for("engaged")
+    observer.collect((ACTUATOR_FORCE,), 100)
+    stop = haptic_accel("estop")
+    assert stop.end() == 0, stop.text
+    assert stop.lines[-1] == "emergency stop: both devices are without force"
+    for topic in (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED):
+        observer.wait_for_state(topic, True)
+    graph.wait_for("let go: emergency stop")
+    before = applied(observer, "emergency stop")
+    # The compensator goes on: what it sends meanwhile is refused.
+    observer.collect((ACTUATOR_FORCE,), 100)
+    assert applied(observer, "emergency stop") == before
+    refused = "haptic-accel: coupler: emergency stop: release it first"
+    assert ask(control, "engage:=true") == (1, refused)
+    so_far = len(graph.lines)
+    released = "emergency stop released: both devices take forces again"
+    assert ask(estop, "release:=true") == (0, released)
+    graph.wait_for("engaged", after=so_far)
+    for topic in (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED):
+        observer.wait_for_state(topic, False)
+    observer.collect((ACTUATOR_FORCE,), 100)
+    assert all(now > then for now, then in zip(applied(observer), before, strict=True)), (
+        "forces flow again"
+    )
+    assert graph.end(signal.SIGINT) == 0, graph.text
+    assert graph.text.count("emergency stop: no force until it is released") == 2, graph.text
+
+
+def test_devices_stop_without_a_coupler_and_learn_of_a_stop_they_missed(
+    start: Start, observer: Observer, ask: Ask
+) -> None:
+    nodes = {
+        name: start("-m", f"haptic_accel.nodes.{name}", *words)
+        for name, words in {
+            "slave_device": [],
+            "master_device": [],
+            "compensator": ["--ros-args", "-p", "controller:=constant"],
+            "coupler": ["--ros-args", "-p", "compensated:=true"],
+        }.items()
+    }
+    nodes["coupler"].wait_for("engaged")
+    # Forces flow; then the one who sends them dies.
+    observer.collect((ACTUATOR_FORCE,), 100)
+    os.kill(nodes["compensator"].process.pid, signal.SIGKILL)
+    observer.status("master_device", "actuator force went silent")
+    # Anybody may stop by the topic alone, and be gone.
+    anybody = observer.node.create_publisher(
+        Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, depth=1)
+    )
+    anybody.publish(Bool(data=True))
+    for topic in (MASTER_STOPPED, SLAVE_STOPPED):
+        observer.wait_for_state(topic, True)
+    nodes["coupler"].wait_for("let go: emergency stop")
+    observer.node.destroy_publisher(anybody)
+    os.kill(nodes["slave_device"].process.pid, signal.SIGKILL)
+    nodes["slave_device"].end()
+    late = start("-m", "haptic_accel.nodes.slave_device")
+    late.wait_for("emergency stop: no force until it is released")
+    os.kill(nodes["coupler"].process.pid, signal.SIGKILL)
+    status, said = ask(estop, "release:=true")
+    assert (status, said.endswith("take forces again; the coupler does not answer")) == (0, True)
+    os.kill(late.process.pid, signal.SIGKILL)
+    late.end()
+    status, said = ask(estop)
+    assert (status, len(said.splitlines())) == (1, 1), said
+    assert "haptic-accel: slave_device did not confirm within 5 s" in said
+    observer.wait_for_state(MASTER_STOPPED, True)
+    assert nodes["master_device"].end(signal.SIGINT) == 0, nodes["master_device"].text
+
+
+@pytest.mark.parametrize(
+    ("word", "named"),
+    [
+        ("release:=perhaps", "release = 'perhaps': must be true or false"),
+        ("relase:=true", "relase: no such argument"),
+        ("namespace:=a-b", "namespace = 'a-b': must be letters, digits and _"),
+    ],
+)
+def test_wrong_words_are_refused_in_one_line(word: str, named: str) -> None:
+    with pytest.raises(ParameterError, match=named) as caught:
+        estop([word])
+    assert len(str(caught.value).splitlines()) == 1

@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptic_accel.cli.fidelity import SPREAD, Case, Input, hand, run_case
+from haptic_accel.core.model import HandleParameters
+from running import Command
+
+Start = Callable[..., Command]
+ROW = {
+    "rig",
+    "rate_hz",
+    "delay_ms",
+    "input",
+    "grip",
+    "controller",
+    "nrmse_percent",
+    "slope_desired_on_actual",
+    "r2",
+    "bound_percent",
+    "force_rms_n",
+    "travel_peak_mm",
+}
+
+
+def test_the_table_is_printed_and_saved(haptic_accel: Start, tmp_path: Path) -> None:
+    time = np.arange(4000) / 2000.0
+    np.savetxt(
+        tmp_path / "drag.csv",
+        np.sin(2 * np.pi * 100 * time) + np.sin(2 * np.pi * 150.5 * time),
+        header="acceleration",
+        comments="",
+    )
+    command = haptic_accel(
+        *("bench", "fidelity", "--hands", "0", "--controllers", "none,inverse"),
+        *("--recording", "drag.csv", "--recording-rate", "2000", "--json", "figures.json"),
+    )
+    assert command.end() == 0, command.text
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    assert figures["rows"]
+    for row in figures["rows"]:
+        assert set(row) >= ROW
+        assert row["input"] == "drag"
+        assert row["bound_percent"] <= row["nrmse_percent"]
+        assert row["delay_ms"] == 1e3 / row["rate_hz"]
+    for line in figures["summary"]:
+        errors = [
+            row["nrmse_percent"]
+            for row in figures["rows"]
+            if (row["condition"], row["controller"]) == (line["condition"], line["controller"])
+        ]
+        assert line["mean_percent"] == pytest.approx(np.mean(errors))
+        assert line["worst_percent"] == pytest.approx(max(errors))
+    by_name = {
+        (line["condition"], line["controller"]): line["mean_percent"]
+        for line in figures["summary"]
+    }
+    assert by_name["ideal, 1 kHz", "none"] == pytest.approx(100.0, abs=2.0)
+    assert by_name["ideal, 1 kHz", "inverse"] < 9.0
+    assert "ideal, 4 kHz" in command.text
+
+
+def test_adaptation_halves_what_another_hand_costs() -> None:
+    grips = ((1.0, hand(2, 3, HandleParameters())),)
+    adaptive, inverse = (
+        run_case(
+            Case("hands", "ideal", 1000.0, Input("text", "text"), "hand", name, 0, grips, 3.0)
+        )
+        for name in ("adaptive", "inverse")
+    )
+    assert adaptive.nrmse_percent < max(6.0, inverse.nrmse_percent / 2)
+    assert adaptive.bound_percent < adaptive.nrmse_percent
+
+
+def test_hands_lie_within_their_spread_and_are_the_same_again() -> None:
+    average = HandleParameters()
+    hands = [hand(5, number, average) for number in range(200)]
+    for name, (low, high) in SPREAD.items():
+        factors = [getattr(each, name) / getattr(average, name) for each in hands]
+        assert low <= min(factors) < low * 1.1
+        assert high * 0.9 < max(factors) <= high
+    assert hand(5, 7, average) == hands[7]
+    assert hand(6, 7, average) != hands[7]
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["--controllers", "none,magic"], "magic"),
+        (["--hands", "-1"], "hands"),
+        (["--recording", "no.csv", "--recording-rate", "1000"], "no.csv"),
+        (["--recording", "a", "--recording", "b", "--recording-rate", "1"] * 1, "a"),
+        (["--json", "no/such/folder.json"], "json"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(
+    haptic_accel: Start, words: list[str], named: str
+) -> None:
+    command = haptic_accel("bench", "fidelity", *words)
+    assert command.end() == 2, command.text
+    assert len(command.lines) == 1, command.text
+    assert named in command.text

@@ -1,0 +1,30 @@
+"""What `haptic-accel record` says where there is nothing to record; more in test/nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from haptic_accel.cli.main import main
+from running import Command
+
+
+def test_without_a_graph_it_says_so(haptic_accel: Callable[..., Command]) -> None:
+    command = haptic_accel("record", "status", "namespace:=/nowhere")
+    assert command.end() == 1, command.text
+    (line,) = command.lines
+    assert line == "haptic-accel: /nowhere/recorder: does not answer; is the graph running?"
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [(["split", "name:=x"], "name: no such argument"), (["rewind"], "invalid choice: 'rewind'")],
+)
+def test_what_it_cannot_do_is_refused_by_name(
+    words: list[str], named: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["record", *words])
+    assert end.value.code == 2
+    assert named in capsys.readouterr().err.splitlines()[-1]

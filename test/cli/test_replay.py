@@ -1,0 +1,147 @@
+"""Bags played once more: in lockstep against golden figures, and what a user says of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bag_maker import write_bag
+from haptic_accel.bags.recorded import read_bag
+from haptic_accel.cli.replay import lockstep_trial, play_command, replay
+from haptic_accel.core import topics
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.devices.playback.device import SLAVE, ReplayParameters, read_track
+from haptic_accel.graph.replay import replay_arguments
+from running import Command
+
+DATA = Path(__file__).parents[1] / "data"
+GOLDEN = json.loads((DATA / "golden.json").read_text(encoding="utf-8"))["conditions"]
+FIGURES = ("nrmse_percent", "slope_desired_on_actual", "slope_actual_on_desired", "r2")
+
+TOLERANCE = 1e-6
+"""Of figures, as a part of them and of 1. One machine gives the same bits every time, and other
+kernels of its BLAS the same figures within 1e-15; another mathematical library or processor may
+round otherwise. What a change of behaviour does is far larger."""
+
+
+def test_golden_bags_give_their_golden_figures_and_the_same_ones_again(tmp_path: Path) -> None:
+    bags = list(dict.fromkeys(condition["bag"] for condition in GOLDEN))
+    controllers = list(dict.fromkeys(condition["controller"] for condition in GOLDEN))
+    words = [str(DATA / bag) for bag in bags]
+    texts = []
+    for file in (tmp_path / "one.json", tmp_path / "two.json"):
+        assert replay(words, lockstep=True, controllers=controllers, json_file=file) == 0
+        texts.append(file.read_bytes())
+    assert texts[0] == texts[1]
+    found = json.loads(texts[0])["conditions"]
+    assert len(found) == len(GOLDEN) == 8
+    for one, golden in zip(found, GOLDEN, strict=True):
+        assert (Path(one["bag"]).name, one["controller"]) == (golden["bag"], golden["controller"])
+        for name in FIGURES:
+            assert one[name] == pytest.approx(golden[name], rel=TOLERANCE, abs=TOLERANCE), one
+
+
+def test_golden_figures_are_as_the_paper_orders_them() -> None:
+    for bag in ("plywood", "text"):
+        none, constant, dynamic, inverse = (
+            condition["nrmse_percent"] for condition in GOLDEN if condition["bag"] == bag
+        )
+        assert none > 99 > constant > dynamic > inverse
+
+
+def test_signals_are_the_same_bit_by_bit_and_the_tool_s_is_the_bag_s() -> None:
+    asked = replay_arguments([f"bag:={DATA / 'text'}", "controller:=inverse"])
+    track = read_track(ReplayParameters(str(DATA / "text")), SLAVE, 1000.0)
+    one, two = (lockstep_trial(asked.graph, track) for _ in range(2))
+    for name in ("desired_acceleration", "handle_acceleration", "actuator_force"):
+        assert np.array_equal(getattr(one, name), getattr(two, name))
+    assert np.array_equal(one.tool_acceleration, track.acceleration)
+    recorded = read_bag(DATA / "text").signals[topics.TOOL_ACCELERATION.name]
+    assert np.array_equal(one.tool_acceleration, recorded.values[:, 2])
+
+
+def test_what_came_of_it_is_a_bag_that_says_how_it_was_made(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert replay([str(DATA / "text")], lockstep=True, controllers=["constant"], out=out) == 0
+    bag = read_bag(out / "text_constant")
+    assert bag.problems == []
+    arguments = bag.facts["arguments"]
+    assert (arguments["controller"], arguments["surface"]) == ("constant", "text")
+    assert arguments["replay"] == str(DATA / "text")
+    desired = bag.signals[topics.DESIRED_ACCELERATION.name].values[:, 2]
+    force = bag.signals[topics.ACTUATOR_FORCE.name]
+    # Table I: the constant gain is the 0.128 kg of handle and hand.
+    assert force.values[:, 2] == pytest.approx(0.128 * desired, abs=1e-12)
+    assert set(np.diff(force.stamps)) == {1_000_000}
+    golden = read_bag(DATA / "text").signals[topics.TOOL_ACCELERATION.name].values
+    assert np.array_equal(bag.signals[topics.TOOL_ACCELERATION.name].values, golden)
+
+
+def test_bags_of_the_same_name_are_not_written_over_each_other(tmp_path: Path) -> None:
+    bag = str(DATA / "text")
+    with pytest.raises(ParameterError, match="out: two bags would be called text_none"):
+        replay([bag, bag], lockstep=True, controllers=["none"], out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ([], "bag = ''"),
+        (["nowhere"], "nowhere"),
+        (["{text}", "rate:=11"], "rate = 11.0: must be from 0.1 to 10"),
+        (["{text}", "rate:=fast"], "rate = 'fast'"),
+        (["{text}", "controller:=magic"], "controller = 'magic'"),
+        (["{text}", "speed:=2"], "speed: no such argument; there are bag, rate, loop"),
+        (["{text}", "replay_speed:=2"], "replay_speed: no such argument"),
+        (["{text}", "start:=1"], "start = 1: must leave 0.2 s of 1.1 s"),
+        (["{text}", "sampling_rate:=20"], "sampling_rate = 20.0: must be from 50"),
+        (["{text}", "slave:=simulated"], "slave = 'simulated': must be replay"),
+        (["{csv}", "source:=topics"], "must be a bag with source:=topics"),
+        (["{csv}"], "recording_rate = 0: must be given for a CSV file"),
+        (["{text}", "source:=radio"], "source = 'radio'"),
+        (["{text}", "source:=topics", "rate:=2"], "rate = 2: must be 1 with source:=topics"),
+        (["{text}", "source:=topics", "composed:=true"], "composed = true"),
+        (["{text}", "{plywood}"], "without --lockstep"),
+        (["{text}", "bag:={plywood}", "bag:={text}"], "bag: given twice"),
+        (["{no_tool}"], "has no message of slave/tool/acceleration"),
+        (["{no_tool}", "--lockstep"], "has no message of slave/tool/acceleration"),
+        (["{text}", "loop:=true", "--lockstep"], "loop = true: not with --lockstep"),
+        (["{text}", "source:=topics", "--lockstep"], "not with --lockstep"),
+        (["{text}", "master:=replay", "--lockstep"], "not with --lockstep"),
+        (["{text}", "--controllers"], "--controllers: only with --lockstep"),
+        (["{text}", "--controllers", "--lockstep"], "controllers = 'magic'"),
+    ],
+)
+def test_wrong_words_are_refused_in_one_line(tmp_path: Path, words: list[str], named: str) -> None:
+    places = {name: DATA / name for name in ("text", "plywood")}
+    places["no_tool"] = write_bag(
+        tmp_path / "no_tool", {topics.MASTER_POSITION: np.zeros((300, 3))}, 1000.0
+    )
+    places["csv"] = tmp_path / "drag.csv"
+    places["csv"].write_text("acceleration\n0.5\n")
+    given = [word.format(**places) for word in words if not word.startswith("--")]
+    controllers = ["magic"] if "--controllers" in words else []
+    with pytest.raises(ParameterError) as caught:
+        replay(given, lockstep="--lockstep" in words, controllers=controllers)
+    assert named in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_line_for_ros2_bag_play_names_every_topic_the_graph_waits_for() -> None:
+    asked = replay_arguments([f"bag:={DATA / 'text'}", "source:=topics", "loop:=true"])
+    line = play_command(asked)
+    assert line.startswith(f"ros2 bag play {DATA / 'text'} --topics /slave/tool/acceleration ")
+    for topic in topics.SLAVE_SIGNALS:
+        assert f" /{topic.name}:=/played/{topic.name}" in line
+    assert line.endswith("--loop")
+
+
+def test_the_command_ends_with_status_2_and_one_line(haptic_accel: Callable[..., Command]) -> None:
+    command = haptic_accel("replay", "nowhere", "controller:=inverse")
+    assert command.end() == 2, command.text
+    assert command.lines == ["haptic-accel: bag = 'nowhere': no such bag or file"]

@@ -1,0 +1,78 @@
+"""The scope as a process: beside a graph, and of a graph."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import socket
+from collections.abc import Callable
+
+import aiohttp
+import pytest
+
+from haptic_accel.cli.scope import scope
+from haptic_accel.core.parameters import ParameterError
+from running import Command, nodes_of
+
+Start = Callable[..., Command]
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+async def first_frames(address: str) -> int:
+    """Look as a page does until samples have come; return how many bytes."""
+    async with (
+        aiohttp.ClientSession(headers={"Origin": address.rstrip("/")}) as session,
+        session.ws_connect(f"{address}live") as live,
+    ):
+        while True:
+            message = await live.receive(30)
+            if message.type is aiohttp.WSMsgType.BINARY and message.data[0] == 1:
+                return len(message.data)
+
+
+def test_the_graph_outlives_its_scope_and_another_takes_its_place(
+    haptic_accel: Start, domain: int
+) -> None:
+    graph = haptic_accel("teleop", "record:=false", "scope:=true", "scope_port:=0")
+    graph.wait_for("engaged")
+    graph.wait_for(r"\[scope\] http://127\.0\.0\.1:\d+/ \(read-only\)")
+    os.kill(nodes_of(domain)["scope"], signal.SIGKILL)
+    graph.wait_for("ended with status -9; the graph goes on without it")
+    port = free_port()
+    looking = haptic_accel("scope", f"port:={port}")
+    address = looking.wait_for("http").split()[0]
+    assert asyncio.run(first_frames(address)) > 0
+    second = haptic_accel("scope", f"port:={port}")
+    assert second.end() == 1
+    assert [f"port = {port}" in line for line in second.lines if "scope:" in line] == [True]
+    assert "Traceback" not in second.text
+    assert looking.end(signal.SIGINT) == 0, looking.text
+    assert graph.end(signal.SIGINT) == 0, graph.text
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["port:=70000"], "port"),
+        (["control:=perhaps"], "control"),
+        (["ports:=1"], "ports"),
+    ],
+)
+def test_wrong_arguments_are_named_before_anything_starts(words: list[str], named: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{named}"):
+        scope(words)
+
+
+def test_an_address_for_others_is_printed_with_its_token(
+    haptic_accel: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HAPTIC_ACCEL_SCOPE_TOKEN", "given")
+    looking = haptic_accel("scope", "host:=0.0.0.0", "port:=0", "namespace:=/left")
+    assert "/?token=given (read-only)" in looking.wait_for("http")
+    assert looking.end(signal.SIGINT) == 0, looking.text

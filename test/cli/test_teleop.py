@@ -1,0 +1,394 @@
+"""The five processes, started as a user starts them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+import wave
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, TOPICS
+from haptic_accel.nodes.device_node import STALL
+from observing import Observer
+from running import Command, nodes_of, wait_until
+
+Start = Callable[..., Command]
+EXECUTABLES = {"master_device", "slave_device", "coupler", "compensator", "recorder"}
+SHARED = Path(__file__).parents[3] / "shared" / "data"
+
+
+def stamp_of(message: Any) -> int:
+    """Return a message's stamp, ns."""
+    stamp = message.header.stamp
+    return int(stamp.sec * 1_000_000_000 + stamp.nanosec)
+
+
+def read(bag: Path) -> dict[str, list[Any]]:
+    """Return a bag's messages by topic, after checking what a bag must have."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    messages: dict[str, list[Any]] = {}
+    with Reader(bag) as reader:
+        for connection in reader.connections:
+            # The definition in the file must by itself describe the type.
+            described = get_types_from_msg(connection.msgdef.data, connection.msgtype)
+            assert connection.msgtype in described
+            assert connection.digest.startswith("RIHS01_")
+            messages[connection.topic] = []
+        for connection, _, data in reader.messages():
+            messages[connection.topic].append(types.deserialize_cdr(data, connection.msgtype))
+    return messages
+
+
+@pytest.mark.parametrize("rig", ["ideal", "paper"])
+def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
+    haptic_accel: Start, tmp_path: Path, domain: int, rig: str
+) -> None:
+    command = haptic_accel(
+        "teleop", f"rig:={rig}", "duration:=3", "bag:=bag", "controller:=constant"
+    )
+    assert command.end() == 0, command.text
+    messages = read(tmp_path / "bag")
+    assert set(messages) == {f"/{topic.name}" for topic in TOPICS} | {"/parameter_events"}
+    # About three seconds, wherever the machine's load made it start and stop.
+    assert messages[f"/{DIAGNOSTICS.name}"]
+    for topic in SIGNALS:
+        found = messages[f"/{topic.name}"]
+        assert len(found) > 100, topic
+        stamps = [stamp_of(message) for message in found]
+        assert found[0].header.frame_id == topic.frame
+        assert np.all(np.diff(stamps[:-1]) > 0), topic  # the last is the zero force of closing
+    assert nodes_of(domain) == {}
+
+
+def test_force_follows_the_desired_acceleration_sample_by_sample(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    command = haptic_accel(
+        "teleop", "duration:=2", "bag:=bag", "controller:=constant", "surface:=text"
+    )
+    assert command.end() == 0, command.text
+    messages = read(tmp_path / "bag")
+    desired = {
+        stamp_of(message): message.accel.linear.z
+        for message in messages["/compensator/desired_acceleration"]
+    }
+    forces = {
+        stamp_of(message): message.wrench.force.z
+        for message in messages["/master/handle/servo_cf"]
+    }
+    both = desired.keys() & forces.keys()
+    assert len(both) > 500
+    # Table I: the constant gain is the 0.128 kg of handle and hand.
+    for moment in both:
+        assert forces[moment] == pytest.approx(0.128 * desired[moment], abs=1e-12)
+
+
+def test_every_topic_comes_at_the_rate_asked_for(haptic_accel: Start, observer: Observer) -> None:
+    command = haptic_accel("teleop", "rate:=400", "record:=false")
+    command.wait_for("engaged")
+    messages = observer.collect(SIGNALS, 200)
+    for topic in SIGNALS:
+        periods = np.diff([stamp_of(message) for message in messages[topic.name]])
+        # Stamps lie on the sampling grid, whatever the machine's load.
+        assert np.median(periods) == pytest.approx(1e9 / 400, rel=0.01), topic
+    assert command.end(signal.SIGINT) == 0, command.text
+
+
+def test_diagnostics_come_from_every_node(haptic_accel: Start, observer: Observer) -> None:
+    command = haptic_accel("teleop", "bag:=bag")
+    names: set[str] = set()
+    values: dict[str, dict[str, str]] = {}
+    while names != EXECUTABLES:
+        for message in observer.collect((DIAGNOSTICS,), 5)[DIAGNOSTICS.name]:
+            for status in message.status:
+                names.add(status.name)
+                values[status.name] = {pair.key: pair.value for pair in status.values}
+    assert float(values["master_device"]["rate (Hz)"]) == 1000
+    assert int(values["recorder"]["dropped"]) == 0
+    assert values["compensator"]["controller"] == "dynamic"
+    assert command.end(signal.SIGINT) == 0, command.text
+
+
+def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(
+    haptic_accel: Start, tmp_path: Path, domain: int
+) -> None:
+    command = haptic_accel("teleop", "bag:=bag")
+    command.wait_for("engaged")
+    assert set(nodes_of(domain)) == EXECUTABLES
+    assert command.end(signal.SIGINT) == 0, command.text
+    assert nodes_of(domain) == {}
+    assert "Traceback" not in command.text
+    assert "0 dropped" in command.wait_for("messages")
+    read(tmp_path / "bag")
+
+
+@pytest.mark.parametrize("node", sorted(EXECUTABLES))
+def test_a_node_that_dies_ends_the_graph_and_is_named(
+    haptic_accel: Start, domain: int, node: str
+) -> None:
+    command = haptic_accel("teleop", "bag:=bag")
+    command.wait_for("engaged")
+    os.kill(nodes_of(domain)[node], signal.SIGKILL)
+    assert command.end() == 1, command.text
+    assert f"{node} ended with status -9" in command.text
+    assert "ended with" not in command.text.replace(f"{node} ended with status -9", "")
+    assert nodes_of(domain) == {}
+
+
+def test_nodes_end_when_their_supervisor_is_killed(haptic_accel: Start, domain: int) -> None:
+    command = haptic_accel("teleop", "record:=false")
+    command.wait_for("engaged")
+    command.end(signal.SIGKILL)
+    wait_until(lambda: nodes_of(domain) == {}, "all nodes ended")
+
+
+def test_arms_are_let_go_when_one_falls_silent_and_coupled_again(
+    haptic_accel: Start, domain: int
+) -> None:
+    command = haptic_accel("teleop", "record:=false")
+    command.wait_for("engaged")
+    slave = nodes_of(domain)["slave_device"]
+    os.kill(slave, signal.SIGSTOP)
+    command.wait_for("let go: waiting for the position of slave")
+    so_far = len(command.lines)
+    os.kill(slave, signal.SIGCONT)
+    command.wait_for("engaged", after=so_far)
+    assert command.end(signal.SIGINT) == 0, command.text
+
+
+def test_a_node_that_stalls_is_named_in_diagnostics(
+    haptic_accel: Start, observer: Observer, domain: int
+) -> None:
+    def says(node: str, text: str) -> Callable[[Any], bool]:
+        return lambda message: any(
+            status.name == node and text in status.message for status in message.status
+        )
+
+    command = haptic_accel("teleop", "record:=false")
+    command.wait_for("engaged")
+    wait_for = observer.watch(DIAGNOSTICS)
+    wait_for(says("slave_device", ""))
+    slave = nodes_of(domain)["slave_device"]
+    os.kill(slave, signal.SIGSTOP)
+    # A time that we keep: on a busy machine the arms may have let go before.
+    time.sleep(10 * STALL)
+    os.kill(slave, signal.SIGCONT)
+    wait_for(says("slave_device", "stalled for"))
+    assert command.end(signal.SIGINT) == 0, command.text
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_what_makes_forces_is_real_time_where_that_is_allowed(
+    haptic_accel: Start, domain: int, monkeypatch: pytest.MonkeyPatch, wanted: bool
+) -> None:
+    monkeypatch.setenv("HAPTIC_ACCEL_REALTIME", "yes" if wanted else "no")
+    command = haptic_accel("teleop")
+    command.wait_for("engaged")
+    expected = os.SCHED_FIFO if wanted and realtime_is_allowed() else os.SCHED_OTHER
+    nodes = nodes_of(domain)
+    for name, process in nodes.items():
+        # Writing to the disk can wait.
+        wanted_class = os.SCHED_OTHER if name == "recorder" else expected
+        wait_until(partial(runs_as, process, wanted_class), f"{name} is scheduled as it should be")
+    assert command.end(signal.SIGINT) == 0, command.text
+
+
+def runs_as(process: int, scheduling_class: int) -> bool:
+    """Whether all threads of a process are scheduled in one way."""
+    threads = os.listdir(f"/proc/{process}/task")
+    with suppress(ProcessLookupError):  # a thread that has just ended
+        return {os.sched_getscheduler(int(thread)) for thread in threads} == {scheduling_class}
+    return False
+
+
+def realtime_is_allowed() -> bool:
+    """Whether a process of this user may be real-time."""
+    ask = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))"
+    command = subprocess.run([sys.executable, "-c", ask], capture_output=True, check=False)
+    return command.returncode == 0
+
+
+def test_composed_the_graph_is_two_processes_and_does_the_same(
+    haptic_accel: Start, tmp_path: Path, domain: int
+) -> None:
+    command = haptic_accel(
+        "teleop", "composed:=true", "bag:=bag", "duration:=2", "controller:=constant"
+    )
+    command.wait_for("engaged")
+    assert set(nodes_of(domain)) == {"composed", "recorder"}
+    assert command.end() == 0, command.text
+    messages = read(tmp_path / "bag")
+    for topic in SIGNALS:
+        assert len(messages[f"/{topic.name}"]) > 500, topic
+    assert max(m.wrench.force.z for m in messages["/master/handle/servo_cf"]) > 0.01
+
+
+def test_a_recorded_acceleration_is_played(haptic_accel: Start, tmp_path: Path) -> None:
+    rate, tone = 8000, 100.0
+    samples = np.sin(2 * np.pi * tone * np.arange(2 * rate) / rate)
+    with wave.open(str(tmp_path / "tone.wav"), "wb") as file:
+        file.setparams((1, 2, rate, 0, "NONE", ""))
+        file.writeframes(struct.pack(f"<{len(samples)}h", *(samples * 3276.7).astype(int)))
+    command = haptic_accel(
+        "teleop", "surface:=recording", "recording:=tone.wav", "duration:=3", "bag:=bag"
+    )
+    assert command.end() == 0, command.text
+    messages = read(tmp_path / "bag")["/slave/tool/acceleration"]
+    signal_ = np.array([message.accel.linear.z for message in messages])
+    played = signal_[np.flatnonzero(signal_)[0] :][:1000]
+    # A tenth of full scale, which is the 5 g of the paper's accelerometer; a little more in
+    # the loop's short fade, where the tone meets itself.
+    assert np.std(played) == pytest.approx(0.1 * 5 * 9.80665 / 2**0.5, rel=0.05)
+    spectrum = np.abs(np.fft.rfft(played))
+    assert np.argmax(spectrum) * 1000 / len(played) == pytest.approx(tone, abs=2)
+
+
+@pytest.mark.parametrize("name", ["wood", "leather"])
+def test_a_real_recording_is_played(haptic_accel: Start, tmp_path: Path, name: str) -> None:
+    file = SHARED / f"{name}.csv"
+    if not file.exists():
+        pytest.skip("the recordings are not there")
+    command = haptic_accel(
+        "teleop",
+        "surface:=recording",
+        f"recording:={file}",
+        "recording_rate:=10000",
+        "duration:=2",
+        "bag:=bag",
+    )
+    assert command.end() == 0, command.text
+    messages = read(tmp_path / "bag")["/slave/tool/acceleration"]
+    assert np.std([message.accel.linear.z for message in messages]) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["controller:=magic"], ["controller", "magic", "none, constant, dynamic"]),
+        (["rate:=-1"], ["rate", "-1", "50"]),
+        (["rate:=fast"], ["rate", "fast"]),
+        (["rate:=nan"], ["rate", "nan"]),
+        (["rate:=inf"], ["rate", "inf"]),
+        (["seed:=1.5"], ["seed", "1.5", "whole number"]),
+        (["record:=perhaps"], ["record", "perhaps", "true or false"]),
+        (["surface:=jelly"], ["surface", "jelly", "plywood"]),
+        (["master:=omni"], ["master", "omni", "simulated"]),
+        (["config:=nowhere.yaml"], ["config", "nowhere.yaml"]),
+        (["config:=."], ["config"]),
+        (["surface:=recording"], ["recording"]),
+        (["recording:=a.csv"], ["recording", "a.csv", "surface:=recording"]),
+        (["surface:=recording", "recording:=no.csv", "recording_rate:=1000"], ["no.csv"]),
+        (["speed:=3"], ["speed", "controller"]),
+        (["rate:=500", "rate:=600"], ["rate", "twice"]),
+        (["dynamic"], ["dynamic", "key:=value"]),
+    ],
+)
+def test_wrong_arguments_end_in_one_line(
+    haptic_accel: Start, words: list[str], named: list[str]
+) -> None:
+    command = haptic_accel("teleop", *words)
+    assert command.end() == 2, command.text
+    assert len(command.lines) == 1, command.text
+    assert all(name in command.text for name in named), command.text
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        ("compensator: {ros__parameters: {constant: {mass: .nan}}}", ["constant.mass", "nan"]),
+        ("compensator: {ros__parameters: {peak_force: -6.6}}", ["peak_force", "-6.6"]),
+        ("compensator: {ros__parameters: {pek_force: 6.6}}", ["pek_force", "compensator"]),
+        ("compensater: {ros__parameters: {}}", ["compensater"]),
+        ("/**: {ros__parameters: {k_mm: 3}}", ["k_mm"]),
+        ("coupler: {k_m: 3}", ["coupler", "ros__parameters"]),
+        ("a: [", ["YAML"]),
+        ("\x00", ["YAML"]),
+        ("just words", ["ros__parameters"]),
+    ],
+)
+def test_wrong_files_end_in_one_line(
+    haptic_accel: Start, tmp_path: Path, content: str, named: list[str]
+) -> None:
+    (tmp_path / "mine.yaml").write_text(content)
+    command = haptic_accel("teleop", "config:=mine.yaml")
+    assert command.end() == 2, command.text
+    assert len(command.lines) == 1, command.text
+    assert all(name in command.text for name in named), command.text
+
+
+def test_a_bag_that_is_there_is_not_written_over(haptic_accel: Start, tmp_path: Path) -> None:
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "mine").write_text("precious")
+    command = haptic_accel("teleop", "bag:=bag", "duration:=1")
+    assert command.end() == 2, command.text
+    assert "recorder: bag = " in command.text
+    assert (tmp_path / "bag" / "mine").read_text() == "precious"
+
+
+def test_a_parameter_file_reaches_the_nodes(haptic_accel: Start, tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("compensator: {ros__parameters: {peak_force: 0.05}}")
+    command = haptic_accel(
+        "teleop", "config:=mine.yaml", "controller:=constant", "duration:=2", "bag:=bag"
+    )
+    assert command.end() == 0, command.text
+    messages = read(tmp_path / "bag")["/master/handle/servo_cf"]
+    assert max(abs(message.wrench.force.z) for message in messages) == 0.05
+
+
+@pytest.mark.parametrize(
+    ("node", "parameter", "named"),
+    [
+        ("compensator", "controller:=magic", ["controller", "magic", "none, constant, dynamic"]),
+        ("compensator", "constant.mass:=.nan", ["constant.mass", "nan"]),
+        ("compensator", "rate:=-1000.0", ["rate", "-1000"]),
+        ("master_device", "simulated.handle.m_h:=0.0", ["simulated.handle.m_h", "above 0 kg"]),
+        ("slave_device", "device:=omni", ["device", "omni", "simulated"]),
+        ("coupler", "k_m:=stiff", ["k_m", "stiff"]),
+        ("recorder", "quue:=3", ["quue"]),
+    ],
+)
+def test_a_node_by_itself_refuses_wrong_parameters(
+    start: Start, node: str, parameter: str, named: list[str]
+) -> None:
+    command = start("-m", f"haptic_accel.nodes.{node}", "--ros-args", "-p", parameter)
+    assert command.end() == 2, command.text
+    assert len(command.lines) == 1, command.text
+    assert all(name in command.text for name in [node, *named]), command.text
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["--ros-args", "--params-file", "nowhere.yaml"], "nowhere.yaml"),
+        (["--ros-args", "--params-file", "broken.yaml"], "broken.yaml"),
+        (["--ros-args", "-p", "controller"], "controller"),
+        (["--fast"], "--fast"),
+    ],
+)
+def test_a_node_by_itself_refuses_wrong_command_lines(
+    start: Start, tmp_path: Path, words: list[str], named: str
+) -> None:
+    (tmp_path / "broken.yaml").write_text("compensator: {ros__parameters: [")
+    command = start("-m", "haptic_accel.nodes.compensator", *words)
+    assert command.end() == 2, command.text
+    assert len(command.lines) == 1, command.text
+    assert named in command.text
+
+
+def test_a_node_takes_a_whole_number_for_a_real_one(start: Start) -> None:
+    command = start("-m", "haptic_accel.nodes.coupler", "--ros-args", "-p", "k_m:=300")
+    command.wait_for("waiting for the position of master and slave")
+    assert command.end(signal.SIGINT) == 0, command.text

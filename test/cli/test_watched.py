@@ -1,0 +1,47 @@
+"""What the scope costs, measured as a user measures it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.cli.watched import bench_scope
+from haptic_accel.core.parameters import ParameterError
+from running import Command
+
+
+def test_the_graph_is_measured_without_and_with_a_scope_that_is_looked_at(
+    haptic_accel: Callable[..., Command], tmp_path: Path
+) -> None:
+    words = ("bench", "scope", "rate:=200", "--seconds", "3", "--rounds", "1", "--json", "f.json")
+    command = haptic_accel(*words)
+    assert command.end() == 0, command.text
+    figures = json.loads((tmp_path / "f.json").read_text())
+    (without,), (looked,) = figures["without"], figures["with"]
+    for run in (without, looked):
+        assert 0 < run["age_us"]["p50"] <= run["age_us"]["p99"]
+    assert "scope" not in without["cpu_cores"]
+    assert looked["cpu_cores"]["scope"] > 0
+    # Four traces of 200 samples a second, each of 8 bytes.
+    assert looked["sent"]["bytes_per_s"] > 0
+    assert looked["sent"]["frames_per_s"] > 0
+
+
+@pytest.mark.parametrize(
+    ("words", "seconds", "rounds", "named"),
+    [
+        (["scope:=true"], 5.0, 1, "scope"),
+        (["duration:=3"], 5.0, 1, "duration"),
+        ([], 1.0, 1, "seconds"),
+        ([], float("nan"), 1, "seconds"),
+        ([], 5.0, 0, "rounds"),
+    ],
+)
+def test_what_the_benchmark_sets_itself_is_refused(
+    words: list[str], seconds: float, rounds: int, named: str
+) -> None:
+    with pytest.raises(ParameterError, match=f"^{named}"):
+        bench_scope(words, seconds=seconds, rounds=rounds, browser="", json_file=None)

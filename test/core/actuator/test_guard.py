@@ -1,0 +1,280 @@
+"""What keeps the actuator whole: peak and heat for any command, travel on the simulated rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.actuator.guard import (
+    CONTINUOUS_FORCE,
+    CUSHION,
+    PEAK_FORCE,
+    ActuatorGuard,
+    LimitParameters,
+)
+from haptic_accel.core.model import (
+    GRAVITY,
+    AccelerometerParameters,
+    FloatArray,
+    GripParameters,
+    HandleParameters,
+    StructureParameters,
+)
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.rig.exploration import ExplorationParameters
+from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRig, MasterRigParameters
+
+RATE = 1000.0
+RATES = [1000.0, 4000.0]
+TRAVEL = LimitParameters().travel
+STILL = ExplorationParameters(stroke_speed=0.0, press_depth=0.0, height=0.0)
+SENSOR_RANGE = 5 * GRAVITY
+
+forces = st.lists(
+    st.one_of(st.floats(-10.0, 10.0), st.floats(-1e300, 1e300), st.just(PEAK_FORCE)),
+    min_size=1,
+    max_size=100,
+)
+handle_accelerations = st.floats(-1e4, 1e4)
+
+
+def guard(
+    limits: LimitParameters | None = None, rate: float = RATE, peak: float = PEAK_FORCE
+) -> ActuatorGuard:
+    return ActuatorGuard(peak, limits or LimitParameters(), HandleParameters(), rate)
+
+
+def wide(**limits: float) -> LimitParameters:
+    """Return limits of a travel that is none."""
+    return LimitParameters(travel=0.1, **limits)
+
+
+def alternating(force: float, count: int) -> list[float]:
+    """Return a force that heats, and moves next to nothing."""
+    return [force * (-1.0) ** index for index in range(count)]
+
+
+# Peak and heat
+
+
+@given(
+    wanted=forces,
+    repeats=st.integers(1, 5),
+    handle=handle_accelerations,
+    peak=st.one_of(st.just(0.0), st.floats(1e-3, 100.0)),
+    continuous=st.one_of(st.just(0.0), st.floats(0.0, 100.0)),
+    thermal_time=st.floats(0.01, 20.0),
+    travel=st.floats(1e-6, 0.1),
+    rate=st.floats(31.0, 20e3),
+)
+def test_no_command_overheats_the_coil_or_exceeds_its_peak(
+    wanted: list[float],
+    repeats: int,
+    handle: float,
+    peak: float,
+    continuous: float,
+    thermal_time: float,
+    travel: float,
+    rate: float,
+) -> None:
+    limits = LimitParameters(continuous, thermal_time, travel)
+    limited = ActuatorGuard(peak, limits, HandleParameters(), rate)
+    bearable = min(peak, continuous) ** 2
+    heat, weight = 0.0, -math.expm1(-1 / (rate * thermal_time))
+    for force in wanted * repeats:
+        applied = limited.limited(force, handle)
+        assert abs(applied) <= peak
+        heat += weight * (applied**2 - heat)
+        assert heat <= bearable * (1 + 1e-9)
+    assert limited.heat == pytest.approx(heat / bearable if bearable else 0.0)
+    assert limited.heat <= 1 + 1e-9
+
+
+def test_a_cold_coil_gives_its_peak() -> None:
+    cold = guard(wide())
+    # A tenth of what it bears takes 10 s x 0.1 x (2.2 / 6.6)^2 of the peak.
+    wanted = alternating(PEAK_FORCE, 110)
+    assert [cold.limited(force, 0.0) for force in wanted] == wanted
+    assert (cold.heated, cold.saturated) == (0, 0)
+    assert 0.09 < cold.heat < 0.1
+
+
+def test_the_continuous_force_is_free_for_ever() -> None:
+    warm = guard(wide(thermal_time=0.1))
+    wanted = alternating(CONTINUOUS_FORCE, 20_000)
+    assert [warm.limited(force, 0.0) for force in wanted] == wanted
+    assert warm.heated == 0
+    assert warm.heat == pytest.approx(1.0)
+
+
+def test_a_warm_coil_gives_what_it_bears_and_cools_again() -> None:
+    limited = guard(wide(thermal_time=0.1))
+    applied = [limited.limited(force, 0.0) for force in alternating(PEAK_FORCE, 2000)]
+    assert np.abs(applied[-100:]) == pytest.approx(CONTINUOUS_FORCE, rel=1e-3)
+    assert limited.heated > 1900
+    for _ in range(300):
+        limited.limited(0.0, 0.0)
+    assert limited.limited(PEAK_FORCE, 0.0) == PEAK_FORCE
+
+
+def test_a_coil_that_one_sample_would_overheat_gets_what_it_bears_of_it() -> None:
+    limited = guard(wide(continuous_force=0.1, thermal_time=0.1))
+    applied = [limited.limited(force, 0.0) for force in alternating(PEAK_FORCE, 100)]
+    # Its whole heat in one sample: the square of a tenth of a newton a hundred times over.
+    assert applied[0] == pytest.approx(1.0, rel=0.01)
+    assert limited.heat == pytest.approx(1.0)
+    assert np.abs(applied[1:]) == pytest.approx(0.1)
+
+
+def test_a_coil_that_bears_no_force_gets_none() -> None:
+    for limited in (guard(wide(continuous_force=0.0)), guard(peak=0.0)):
+        assert [limited.limited(force, 0.0) for force in (1.0, -1e300)] == [0.0, 0.0]
+        assert limited.heat == 0.0
+
+
+@pytest.mark.parametrize("peak", [-1.0, math.nan, math.inf])
+def test_an_impossible_peak_is_refused(peak: float) -> None:
+    with pytest.raises(ParameterError, match=f"^peak_force = {peak}: must be at least 0 N"):
+        guard(peak=peak)
+
+
+def test_reset_takes_the_coil_for_cold_and_in_the_middle() -> None:
+    limited = guard(wide(thermal_time=0.01))
+    for _ in range(20):
+        limited.limited(PEAK_FORCE, 0.0)
+    assert limited.heat > 0.5
+    limited.reset()
+    assert (limited.heat, limited.travel) == (0.0, 0.0)
+
+
+# Travel
+
+
+@pytest.mark.parametrize("rate", RATES)
+@given(
+    samples=st.lists(
+        # 1.1 mm of the spring, and 0.3 mm of the handle's; 1.5 times that where they resonate.
+        st.tuples(st.floats(-0.3, 0.3), st.floats(-5.0, 5.0)),
+        max_size=100,
+    )
+)
+def test_within_the_free_travel_nothing_is_changed(
+    rate: float, samples: list[tuple[float, float]]
+) -> None:
+    free = guard(rate=rate)
+    for force, handle in samples:
+        assert free.limited(force, handle) == force
+    assert free.cushioned == 0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_force_that_would_press_it_on_its_stop_lets_it_rest_before(sign: float) -> None:
+    pressed = guard()
+    applied = [pressed.limited(3.0 * sign, 0.0) for _ in range(2000)]
+    assert CUSHION * TRAVEL < abs(pressed.travel) < TRAVEL
+    # There the spring alone holds what is left of the force, which no longer moves.
+    assert applied[-1] == pytest.approx(-266.0 * pressed.travel, rel=1e-3)
+    assert np.ptp(applied[-100:]) < 1e-6
+    # A force that pulls it back is not touched.
+    assert pressed.limited(-3.0 * sign, 0.0) == -3.0 * sign
+
+
+def driven(
+    rate: float,
+    command: Callable[[float], float],
+    *,
+    guarded: bool,
+    rig: MasterRigParameters | None = None,
+    seconds: float = 1.0,
+) -> tuple[MasterRig, ActuatorGuard, FloatArray, FloatArray]:
+    """Let a command drive the simulated actuator; return force and energy by sample too."""
+    master = MasterRig(rig or MasterRigParameters(exploration=STILL), rate)
+    limits = guard(rate=rate)
+    heard, applied, energy = 0.0, [], []
+    for index in range(round(seconds * rate)):
+        master.advance(index / rate)
+        force = command(index / rate)
+        if guarded:
+            force = limits.limited(force, heard)
+        acceleration = master.measure().acceleration
+        # As in the compensation: one sample old, and none where the sensor is at its range.
+        heard = acceleration if abs(acceleration) < 0.999 * SENSOR_RANGE else 0.0
+        energy.append(master.energy())
+        master.apply_actuator_force(force)
+        applied.append(force)
+    return master, limits, np.array(applied), np.array(energy)
+
+
+def hits(master: MasterRig) -> int:
+    return master.status()["travel_stops_hit"]
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("frequency", [5.0, 10.0, 15.0, 30.0])
+@pytest.mark.parametrize("gravity", [0.0, 6.9])
+def test_an_absurd_command_does_not_hit_the_stops(
+    rate: float, frequency: float, gravity: float
+) -> None:
+    rig = MasterRigParameters(exploration=STILL, grip=GripParameters(gravity=gravity))
+
+    def command(time: float) -> float:
+        return 3.0 * math.sin(2 * math.pi * frequency * time)
+
+    free, _, _, _ = driven(rate, command, guarded=False, rig=rig)
+    kept, limits, _, _ = driven(rate, command, guarded=True, rig=rig)
+    assert hits(free) >= 20
+    # A sag that the estimate does not know yet may cost the first.
+    assert hits(kept) <= 2
+    assert limits.cushioned > 0
+
+
+@pytest.mark.parametrize("posture", ["pinch", "hook"])
+@pytest.mark.parametrize("frequency", [8.0, 20.0])
+def test_nor_does_it_on_a_rig_like_the_papers_in_another_grip(
+    posture: str, frequency: float
+) -> None:
+    rig = MasterRigParameters(
+        exploration=STILL,
+        grip=GripParameters(posture=posture),
+        structure=StructureParameters(280.0, 0.127),
+        actuator=ActuatorParameters(delay=225e-6),
+    )
+
+    def command(time: float) -> float:
+        return math.copysign(3.0, math.sin(2 * math.pi * frequency * time))
+
+    free, _, _, _ = driven(RATE, command, guarded=False, rig=rig)
+    kept, _, _, _ = driven(RATE, command, guarded=True, rig=rig)
+    assert hits(kept) < hits(free) / 5
+
+
+@pytest.mark.parametrize("rate", [500.0, *RATES])
+def test_the_cushion_brakes_once_adds_no_energy_and_does_not_ring(rate: float) -> None:
+    rig = MasterRigParameters(
+        exploration=STILL, accelerometer=AccelerometerParameters(noise_density=0.0, bits=32)
+    )
+    pushed = 4e-3
+
+    def push(time: float) -> float:
+        return -5.0 if time < pushed - 1e-9 else 0.0
+
+    free, _, _, unbraked = driven(rate, push, guarded=False, rig=rig, seconds=0.3)
+    kept, _, force, energy = driven(rate, push, guarded=True, rig=rig, seconds=0.3)
+    assert hits(free) > 0
+    assert hits(kept) == 0
+    begun = round(pushed * rate)
+    after = energy[begun:]
+    assert np.diff(after).max() < 0.01 * after[0]
+    assert after[-1] < 1e-3 * after[0]
+    assert unbraked[begun] >= after[0]
+    # One stretch of force, all of it inwards.
+    braking = force[begun:]
+    assert braking.min() >= 0.0
+    assert braking.max() > 0.1
+    assert sum(one == 0.0 < other for one, other in pairwise([0.0, *braking.tolist()])) == 1

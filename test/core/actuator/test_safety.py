@@ -1,0 +1,426 @@
+"""Every rule of the layer, by commands that violate it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.actuator.guard import CONTINUOUS_FORCE, PEAK_FORCE, THERMAL_TIME
+from haptic_accel.core.actuator.safety import (
+    ACTUATOR_TIMEOUT,
+    ARM_PEAK_FORCE,
+    ARM_TIMEOUT,
+    INACTIVE,
+    LASTING,
+    LEAST_PERIODS,
+    MANUAL,
+    MAX_AGE,
+    STOPPED,
+    MasterSafetyParameters,
+    SafetyLayer,
+    SafetyParameters,
+)
+from haptic_accel.core.actuator.travel import TRAVEL
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.parameters import ParameterError, from_flat
+from haptic_accel.core.trial import run_trial
+
+RATE = 1000.0
+PERIOD = 1 / RATE
+FRESH = 2e-4
+"""Age of a sample when its command comes, s."""
+
+
+class Bench:
+    """A layer, and the forces that the device behind it holds."""
+
+    def __init__(self, rate: float = RATE, **values: object) -> None:
+        dotted = {name.replace("__", "."): value for name, value in values.items()}
+        self.layer = SafetyLayer(from_flat(MasterSafetyParameters, dotted), rate)
+        self.layer.enable(0.0, True)
+        self.now = 0.0
+        self.arm: Vector = ZERO
+        self.actuator = 0.0
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass without a tick."""
+        self.now += seconds
+
+    def tick(self, acceleration: float | None = 0.0) -> None:
+        arm, actuator = self.layer.tick(self.now, acceleration)
+        self.arm = self.arm if arm is None else arm
+        self.actuator = self.actuator if actuator is None else actuator
+
+    def push(self, force: float, age: float = FRESH) -> None:
+        """Command the actuator."""
+        applied = self.layer.actuator_force(self.now, age, force)
+        self.actuator = self.actuator if applied is None else applied
+
+    def pull(self, force: Vector, age: float = FRESH) -> None:
+        """Command the arm."""
+        applied = self.layer.arm_force(self.now, age, force)
+        self.arm = self.arm if applied is None else applied
+
+    def run(self, forces: Iterable[float]) -> list[float]:
+        """Command one force a tick, as a compensator does; return those applied."""
+        applied = []
+        for force in forces:
+            self.tick()
+            self.push(force)
+            applied.append(self.actuator)
+            self.wait(PERIOD)
+        return applied
+
+    def value(self, name: str) -> float:
+        return float(self.layer.status()[name])
+
+
+numbers = st.one_of(
+    st.floats(),  # NaN and infinities too
+    st.floats(-10.0, 10.0),
+)
+steps = st.lists(
+    st.tuples(
+        st.sampled_from(["tick", "push", "pull", "stop", "release", "arm", "off", "on"]),
+        st.floats(0.0, 0.02),
+        st.tuples(numbers, numbers, numbers),
+        st.one_of(st.floats(-MAX_AGE, MAX_AGE), st.floats()),
+    ),
+    max_size=60,
+)
+
+
+@given(steps, st.sampled_from(["automatic", "manual"]), st.sampled_from([0.0, 20.0]))
+def test_whatever_comes_only_less_of_it_is_applied(
+    steps: list[tuple[str, float, Vector, float]], recovery: str, slew: float
+) -> None:
+    bench = Bench(recovery=recovery, arm__slew_rate=slew, actuator__slew_rate=slew)
+    layer = bench.layer
+    for what, seconds, force, number in steps:
+        bench.wait(seconds)
+        if what == "tick":
+            bench.tick(number)
+        elif what == "push":
+            applied = layer.actuator_force(bench.now, number, force[0])
+            if applied:
+                assert math.isfinite(applied)
+                assert 0.0 < applied / force[0] <= 1.0
+                assert abs(applied) <= PEAK_FORCE
+                assert not layer.refusal
+                assert abs(number) <= MAX_AGE
+        elif what == "pull":
+            vector = layer.arm_force(bench.now, number, force)
+            if vector and any(vector):
+                assert math.hypot(*vector) <= ARM_PEAK_FORCE * (1 + 1e-12)
+                assert math.hypot(*vector) <= math.hypot(*force) * (1 + 1e-12)
+                assert all(v * f >= 0.0 for v, f in zip(vector, force, strict=True))
+                assert not layer.refusal
+                assert abs(number) <= MAX_AGE
+        elif what in ("stop", "release"):
+            layer.stop(bench.now, what == "stop")
+        elif what == "arm":
+            layer.arm()
+        else:
+            layer.enable(bench.now, what == "on")
+        layer.news(bench.now)
+    assert all(
+        math.isfinite(float(value)) for name, value in layer.status().items() if "." in value
+    )
+
+
+within_a_period = st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=3)
+
+
+@given(st.lists(within_a_period, min_size=1, max_size=5))
+def test_heat_stays_below_what_the_coil_bears_whenever_commands_come(
+    cycle: list[list[float]],
+) -> None:
+    time_constant = 0.02
+    warming = -math.expm1(-PERIOD / time_constant)
+    bench = Bench(actuator__thermal_time=time_constant, actuator__travel=0.1)
+    heat = 0.0
+    for forces in (cycle * 100)[:100]:
+        bench.tick(0.0)
+        for force in forces:
+            bench.push(force)
+            seconds = PERIOD / len(forces)
+            bench.wait(seconds)
+            share = -math.expm1(-seconds / time_constant)
+            heat += share * (bench.actuator**2 - heat)
+        # What is allowed is known from tick to tick.
+        assert heat <= CONTINUOUS_FORCE**2 + warming * PEAK_FORCE**2
+    bench.tick()
+    left = bench.value("actuator force heat left (%)") / 100
+    assert (1 - left) * CONTINUOUS_FORCE**2 == pytest.approx(heat, rel=0.05, abs=0.02)
+
+
+def test_a_force_above_its_peak_is_cut_and_keeps_its_direction() -> None:
+    bench = Bench()
+    bench.push(-50.0)
+    assert bench.actuator == -PEAK_FORCE
+    bench.pull((30.0, 0.0, 40.0))
+    assert bench.arm == pytest.approx((0.6 * ARM_PEAK_FORCE, 0.0, 0.8 * ARM_PEAK_FORCE))
+    assert bench.value("actuator force limited") == bench.value("arm force limited") == 1
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_counted_and_does_not_feed_the_watchdog(wrong: float) -> None:
+    bench = Bench()
+    bench.push(1.0)
+    bench.pull((1.0, 0.0, 0.0))
+    for _ in range(3):
+        bench.wait(ARM_TIMEOUT / 2)
+        bench.push(wrong)
+        bench.pull((0.0, wrong, 0.0))
+        bench.tick()
+    assert (bench.actuator, bench.arm) == (0.0, ZERO)
+    assert bench.value("actuator force rejected") == bench.value("arm force rejected") == 3
+    assert "arm force not finite" in bench.layer.warnings()
+    assert not [said for said in bench.layer.warnings() if "finite" in said], "reported once"
+
+
+def test_silence_takes_each_force_off_after_its_own_time_and_is_reported_once() -> None:
+    bench = Bench()
+    bench.push(1.0)
+    bench.pull((1.0, 0.0, 0.0))
+    bench.wait(0.9 * ACTUATOR_TIMEOUT)
+    bench.tick()
+    assert (bench.actuator, bench.arm) == (1.0, (1.0, 0.0, 0.0))
+    bench.wait(0.2 * ACTUATOR_TIMEOUT)
+    bench.tick()
+    assert (bench.actuator, bench.arm) == (0.0, (1.0, 0.0, 0.0))
+    assert bench.layer.warnings() == ["actuator force went silent"]
+    bench.wait(ARM_TIMEOUT)
+    for _ in range(10):
+        bench.tick()
+    assert bench.arm == ZERO
+    assert bench.layer.warnings() == ["arm force went silent", "actuator force still missing"]
+    assert bench.layer.warnings() == ["arm force still missing", "actuator force still missing"]
+    assert bench.layer.news(bench.now) == []
+    bench.wait(2 * LASTING)
+    (arm, actuator) = bench.layer.news(bench.now)
+    assert arm == "arm force: none for 20 ms; no force until the next"
+    assert actuator == "actuator force: none for 5 ms; no force until the next"
+    assert bench.layer.news(bench.now) == []
+    bench.push(1.0)
+    assert bench.actuator == bench.value("actuator force held (N)") == 1.0
+    assert bench.value("arm force held (N)") == 0.0
+    assert bench.layer.news(bench.now) == ["actuator force: allowed again"]
+    assert bench.layer.warnings() == ["arm force still missing"]
+
+
+def test_silence_after_a_force_of_zero_is_none() -> None:
+    bench = Bench(recovery=MANUAL)
+    for force in (1.0, 0.0):
+        bench.push(force)
+        bench.pull((force, 0.0, 0.0))
+    bench.wait(10 * ARM_TIMEOUT)
+    bench.tick()
+    assert bench.layer.warnings() == []
+    bench.push(1.0)
+    assert bench.actuator == 1.0
+
+
+def test_a_time_out_is_never_shorter_than_some_periods() -> None:
+    slow = 50.0
+    bench = Bench(rate=slow)
+    bench.push(1.0)
+    bench.wait(0.99 * LEAST_PERIODS / slow)
+    bench.tick()
+    assert bench.actuator == 1.0
+    bench.wait(0.02 * LEAST_PERIODS / slow)
+    bench.tick()
+    assert bench.actuator == 0.0
+
+
+@pytest.mark.parametrize("age", [1.1 * MAX_AGE, -1.1 * MAX_AGE, math.nan, math.inf])
+def test_a_command_out_of_date_gives_zero_until_one_in_date(age: float) -> None:
+    bench = Bench()
+    bench.push(1.0)
+    bench.pull((1.0, 0.0, 0.0))
+    bench.push(2.0, age)
+    bench.pull((2.0, 0.0, 0.0), age)
+    assert (bench.actuator, bench.arm) == (0.0, ZERO)
+    assert bench.layer.warnings() == ["arm force out of date", "actuator force out of date"]
+    bench.push(1.0)
+    assert bench.actuator == 1.0
+
+
+@pytest.mark.parametrize("stale", [True, False])
+def test_where_recovery_is_manual_only_arming_gives_forces_again(stale: bool) -> None:
+    bench = Bench(recovery=MANUAL)
+    bench.push(2.0, 2 * MAX_AGE)
+    assert bench.layer.disarmed == "", "nothing was there to recover from"
+    bench.push(1.0)
+    if stale:
+        bench.push(1.0, 2 * MAX_AGE)
+    else:
+        bench.wait(ACTUATOR_TIMEOUT)
+        bench.tick()
+    (line,) = bench.layer.news(bench.now)
+    assert line.endswith("no force until armed again")
+    bench.push(1.0)
+    bench.pull((1.0, 0.0, 0.0))
+    assert (bench.actuator, bench.arm) == (0.0, (1.0, 0.0, 0.0)), "each for itself"
+    assert bench.layer.status()["forces allowed"] == "false"
+    assert bench.layer.warnings()[0].startswith("not armed: actuator force: ")
+    assert bench.layer.arm() == ""
+    bench.push(1.0)
+    assert bench.actuator == 1.0
+    assert bench.layer.status()["forces allowed"] == "true"
+
+
+def test_no_force_while_stopped_or_not_active() -> None:
+    bench = Bench()
+    for refuse, allow, reason in (
+        (lambda: bench.layer.stop(bench.now, True), lambda: bench.layer.stop(0, False), STOPPED),
+        (
+            lambda: bench.layer.enable(bench.now, False),
+            lambda: bench.layer.enable(0, True),
+            INACTIVE,
+        ),
+    ):
+        refuse()
+        assert bench.layer.actuator_force(bench.now, FRESH, 1.0) is None
+        assert bench.layer.arm_force(bench.now, FRESH, (1.0, 0.0, 0.0)) is None
+        assert bench.layer.arm() == bench.layer.refusal == reason
+        assert bench.layer.warnings() == [reason]
+        bench.wait(1.0)
+        bench.tick()
+        assert bench.value("actuator force timeouts") == 0
+        allow()
+        assert bench.layer.actuator_force(bench.now, FRESH, 1.0) == 1.0
+
+
+def test_a_new_layer_allows_no_force() -> None:
+    layer = SafetyLayer(MasterSafetyParameters(), RATE)
+    assert layer.actuator_force(0.0, FRESH, 1.0) is None
+
+
+def test_a_device_without_an_actuator_gets_no_force_for_one() -> None:
+    layer = SafetyLayer(SafetyParameters(), RATE)
+    layer.enable(0.0, True)
+    assert layer.actuator_force(0.0, FRESH, 1.0) is None
+    assert layer.tick(1.0, 0.0) == (None, None)
+    assert not [name for name in layer.status() if "actuator" in name]
+
+
+def alternating(force: float, count: int) -> list[float]:
+    """Return a force at 250 Hz, which moves the actuator little."""
+    return [force if index % 4 < 2 else -force for index in range(count)]
+
+
+def test_a_coil_driven_at_its_peak_ends_at_what_it_bears() -> None:
+    bench = Bench(actuator__thermal_time=0.2, actuator__travel=0.1)
+    applied = bench.run(alternating(PEAK_FORCE, 3000))
+    assert applied[:10] == alternating(PEAK_FORCE, 10)
+    settled = applied[-400:]
+    rms = math.sqrt(sum(force * force for force in settled) / len(settled))
+    assert rms == pytest.approx(CONTINUOUS_FORCE, rel=0.02)
+    assert bench.value("actuator force heat left (%)") < 5.0
+    assert bench.value("actuator force limited by heat") > 1000
+    for _ in range(1000):
+        bench.tick()
+        bench.wait(PERIOD)
+    assert bench.value("actuator force heat left (%)") > 90.0
+    # Fed by a sender that hides its peaks between ticks, it would burn without being seen.
+    for _ in range(2000):
+        bench.tick()
+        bench.push(0.0)
+        bench.push(PEAK_FORCE)
+        bench.wait(0.9 * PERIOD)
+        bench.push(0.0)
+        bench.wait(0.1 * PERIOD)
+    assert bench.value("actuator force heat left (%)") < 5.0
+    assert bench.value("actuator force limited by heat") > 1500
+
+
+def test_a_device_that_stood_still_knows_that_its_coil_did_not_cool() -> None:
+    bench = Bench(actuator__command_timeout=10.0)
+    bench.run([2.0])
+    bench.wait(THERMAL_TIME)
+    bench.tick()
+    left = 1.0 - (2.0 / CONTINUOUS_FORCE) ** 2 * -math.expm1(-1.0)
+    assert bench.value("actuator force heat left (%)") == pytest.approx(100 * left, abs=0.1)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_force_that_would_press_the_actuator_on_its_stop_is_held_back(sign: float) -> None:
+    bench = Bench()
+    bench.run([2.0 * sign] * 2000)
+    # There the spring alone holds what is left of the force.
+    assert abs(bench.actuator) < 266.0 * TRAVEL * 1.01
+    assert abs(bench.value("actuator force travel (mm)")) < 1.05e3 * TRAVEL
+    assert bench.value("actuator force limited by travel") > 100
+    bench.run([-0.5 * sign])
+    assert bench.actuator == -0.5 * sign, "what pulls it back is not touched"
+
+
+def test_a_held_force_is_held_back_too() -> None:
+    bench = Bench(actuator__command_timeout=10.0)
+    bench.push(3.0)
+    for _ in range(200):
+        bench.tick()
+        bench.wait(PERIOD)
+    assert 0.0 <= bench.actuator < 3.0
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e300, None])
+def test_a_handle_that_measures_nonsense_poisons_nothing(wrong: float | None) -> None:
+    bench = Bench()
+    bench.tick(wrong)
+    bench.wait(PERIOD)
+    bench.tick(wrong)
+    assert bench.run([1.0]) == [1.0]
+    assert math.isfinite(bench.value("actuator force travel (mm)"))
+
+
+def test_a_force_grows_no_faster_than_its_slew_rate_and_falls_at_once() -> None:
+    bench = Bench(actuator__slew_rate=100.0, arm__slew_rate=100.0)
+    assert bench.run([0.0, 1.0, 1.0]) == pytest.approx([0.0, 0.1, 0.2])
+    # Also after a pause: a period's worth at a time.
+    bench.wait(3 * PERIOD)
+    assert bench.run([1.0, -1.0, 0.0, 0.05]) == pytest.approx([0.3, -0.1, 0.0, 0.05])
+    for force, expected in (
+        (ZERO, ZERO),
+        ((0.0, 3.0, 0.0), (0.0, 0.1, 0.0)),
+        ((3.0, 0.0, 0.0), (0.1, 0.0, 0.0)),  # turned: from nothing again
+        ((0.05, 0.0, 0.0), (0.05, 0.0, 0.0)),
+    ):
+        bench.pull(force)
+        assert bench.arm == pytest.approx(expected)
+        bench.wait(PERIOD)
+
+
+def test_what_the_compensator_lets_through_passes_unchanged() -> None:
+    for controller in ("constant", "dynamic", "feedback"):
+        trial = run_trial(controller, duration=2.0)
+        bench = Bench()
+        applied = []
+        for force, acceleration in zip(
+            trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True
+        ):
+            bench.tick(acceleration)
+            bench.push(force)
+            applied.append(bench.actuator)
+            bench.wait(PERIOD)
+        assert applied == trial.actuator_force.tolist()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("recovery", "perhaps"),
+        ("arm.command_timeout", 0.0),
+        ("actuator.max_age", math.nan),
+        ("actuator.peak_force", -1.0),
+        ("arm.slew_rate", math.inf),
+    ],
+)
+def test_a_limit_that_cannot_be_is_refused_by_name(name: str, value: object) -> None:
+    with pytest.raises(ParameterError, match=f"^{name} = "):
+        from_flat(MasterSafetyParameters, {name: value})

@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from haptic_accel.core.control.controllers.adaptive import AdaptiveController, AdaptiveParameters
+from haptic_accel.core.control.controllers.interface import Loop
+from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
+from haptic_accel.core.control.inversion import Plant, design_inverse, predict
+from haptic_accel.core.control.inversion.family import InverseFamily, design_family
+from haptic_accel.core.evaluation.metrics import evaluate
+from haptic_accel.core.model import FloatArray, HandleParameters
+from haptic_accel.core.parameters import Checked
+from haptic_accel.core.trial import RigParameters, Trial, run_trial
+
+RATE = 1000.0
+LOOP = Loop(RATE)
+TABLE_I = HandleParameters()
+HANDS = [
+    replace(TABLE_I, m_h=0.09, k_u=900.0, b_u=6.0),
+    replace(TABLE_I, m_h=0.16, k_u=2700.0, b_u=20.0),
+]
+
+
+@pytest.fixture(scope="module")
+def family() -> InverseFamily:
+    return design_family(Plant(), RATE)
+
+
+def texture(seconds: float, rate: float = RATE) -> FloatArray:
+    """Return broad vibration, m/s^2."""
+    from scipy import signal
+
+    white = np.random.default_rng(0).normal(0.0, 3.0, round(seconds * rate))
+    band = signal.butter(2, (40.0, 200.0), "bandpass", fs=rate, output="sos")
+    return np.asarray(signal.sosfilt(band, white))
+
+
+def run(controller: str, handle: HandleParameters, seconds: float = 5.0, **own: Checked) -> Trial:
+    return run_trial(
+        controller,
+        RigParameters(handle=handle),
+        duration=seconds,
+        recording=texture(seconds),
+        controllers=own,
+    )
+
+
+def error(trial: Trial, start: float) -> float:
+    first = round(start * trial.rate)
+    desired, actual = trial.desired_acceleration[first:], trial.actual_acceleration[first:]
+    return evaluate(desired, actual, trial.rate, 1 / trial.rate).nrmse_percent
+
+
+@pytest.mark.parametrize("hand", HANDS)
+def test_it_follows_a_hand_that_the_inverse_does_not_know(hand: HandleParameters) -> None:
+    adaptive, inverse = (error(run(name, hand), 2.0) for name in ("adaptive", "inverse"))
+    assert adaptive < inverse / 2
+    assert adaptive < 12.0
+
+
+def test_with_the_assumed_hand_it_is_the_inverse() -> None:
+    adaptive, inverse = (error(run(name, TABLE_I), 2.0) for name in ("adaptive", "inverse"))
+    assert adaptive < inverse + 1.0
+
+
+def test_frozen_it_stays_what_it_is() -> None:
+    frozen = run("adaptive", HANDS[0], adaptive=AdaptiveParameters(frozen=True))
+    inverse = run("inverse", HANDS[0])
+    assert frozen.actuator_force == pytest.approx(inverse.actuator_force, abs=1e-9)
+
+
+def test_it_can_be_frozen_and_freed_while_running() -> None:
+    controller = AdaptiveController(AdaptiveParameters(), LOOP)
+    random = np.random.default_rng(0)
+
+    def feed(samples: int) -> None:
+        for value in random.normal(0.0, 3.0, samples).tolist():
+            controller.applied(controller.force(value, value))
+            controller.adapt()
+
+    controller.freeze(True)
+    feed(2000)
+    assert controller.status()["grip estimates"] == "0"
+    controller.freeze(False)
+    feed(2000)
+    assert controller.status()["grip estimates"] != "0"
+    controller.reset()
+    assert controller.status()["grip estimates"] == "0"
+    assert float(controller.status()["m_h (kg)"]) == pytest.approx(TABLE_I.m_h)
+
+
+def test_a_new_grip_comes_without_a_jump_in_force() -> None:
+    trial = run("adaptive", HANDS[0])
+    still = run("inverse", HANDS[0])
+    # Steps from sample to sample are those of the texture, in the first look's change too.
+    step = np.abs(np.diff(trial.actuator_force)).max()
+    assert step < 1.5 * np.abs(np.diff(still.actuator_force)).max()
+
+
+def test_for_the_assumed_grip_the_family_has_the_inverse(family: InverseFamily) -> None:
+    wanted = design_inverse(Plant(), RATE)
+    grip = np.array([TABLE_I.m_h, TABLE_I.b_u, TABLE_I.k_u])
+    assert family.taps(grip) == pytest.approx(wanted.taps, abs=1e-6 * np.abs(wanted.taps).max())
+
+
+@pytest.mark.parametrize("hand", HANDS)
+def test_for_another_grip_it_is_near_the_design_for_that(
+    family: InverseFamily, hand: HandleParameters
+) -> None:
+    plant = Plant(hand)
+    grip = np.array([hand.m_h, hand.b_u, hand.k_u])
+    ours = replace(design_inverse(plant, RATE), taps=family.taps(grip))
+    found, best = predict(ours, plant), predict(design_inverse(plant, RATE), plant)
+    nominal = predict(design_inverse(Plant(), RATE), plant)
+    assert found.nrmse_percent < best.nrmse_percent + 0.3 * (
+        nominal.nrmse_percent - best.nrmse_percent
+    )
+    # No landing takes more travel than there is.
+    assert found.landing_travel < 1.1 * 3.5e-3
+
+
+@pytest.mark.parametrize("measured", [math.nan, 0.0])
+def test_without_a_trusted_handle_it_goes_on_as_it_is(measured: float) -> None:
+    controller = AdaptiveController(AdaptiveParameters(), LOOP)
+    inverse = InverseController(InverseParameters(), LOOP)
+    for value in texture(2.0).tolist():
+        force = controller.force(value, measured)
+        assert force == pytest.approx(inverse.force(value, math.nan), abs=1e-9)
+        controller.applied(0.0)
+        controller.adapt()

@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import cmath
+import math
+
+import pytest
+
+from haptic_accel.core.control.compensation import build_controller
+from haptic_accel.core.control.controllers import Loop
+from haptic_accel.core.control.controllers.dynamic import DynamicController
+from haptic_accel.core.model import ApproximateModel
+
+RATE = 1000.0
+
+
+def pair(frequency: float, damping: float, at: float) -> complex:
+    """Return a complex pair's factor, one at zero frequency, at a frequency in Hz."""
+    ratio = at / frequency
+    return complex(1 - ratio**2, 2 * damping * ratio)
+
+
+def test_a_constant_acceleration_takes_unit_gain() -> None:
+    controller = build_controller("dynamic", Loop(RATE))
+    forces = [controller.force(2.0, 0.0) for _ in range(2000)]
+    assert forces[-1] == pytest.approx(2.0 * 1.0)
+
+
+def test_a_fast_change_takes_the_high_frequency_gain() -> None:
+    # The inverse of (15 x 20 / (9 x 12))^2; alternating samples are half the sampling rate,
+    # where the bilinear transform has the analog filter's infinite frequency.
+    controller = build_controller("dynamic", Loop(RATE))
+    forces = [controller.force((-1.0) ** index, 0.0) for index in range(2000)]
+    assert forces[-1] == pytest.approx(-0.1296, rel=1e-4)
+    assert forces[-2] == pytest.approx(0.1296, rel=1e-4)
+
+
+@pytest.mark.parametrize("frequency", [5.0, 10.0, 15.0, 20.0, 50.0, 100.0])
+def test_a_sine_takes_the_gain_and_phase_of_the_papers_model(frequency: float) -> None:
+    controller = build_controller("dynamic", Loop(RATE))
+    angle = 2 * math.pi * frequency / RATE
+    forces = [controller.force(math.cos(angle * index), 0.0) for index in range(3000)]
+    # A whole second, hence whole periods, once it has settled.
+    gain = sum(
+        2 / 1000 * force * cmath.exp(-1j * angle * index)
+        for index, force in enumerate(forces)
+        if index >= 2000
+    )
+    model = (
+        pair(9, 0.5, frequency)
+        * pair(12, 0.3, frequency)
+        / pair(15, 0.35, frequency)
+        / pair(20, 0.4, frequency)
+    )
+    assert gain == pytest.approx(1 / model, rel=5e-3)
+
+
+def test_the_measured_acceleration_is_not_used() -> None:
+    one, other = build_controller("dynamic", Loop(RATE)), build_controller("dynamic", Loop(RATE))
+    for index in range(100):
+        assert one.force(math.sin(index), 0.0) == other.force(math.sin(index), math.nan)
+
+
+def test_reset_forgets_the_past() -> None:
+    controller, fresh = (DynamicController(ApproximateModel(), Loop(RATE)) for _ in range(2))
+    for index in range(100):
+        controller.force(math.sin(index), 0.0)
+    controller.reset()
+    for index in range(100):
+        assert controller.force(float(index), 0.0) == fresh.force(float(index), 0.0)

@@ -1,0 +1,206 @@
+"""The feedback as a controller: its samples, the rig in its loop, and its way out and back."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.control.compensation import LARGEST_ACCELERATION
+from haptic_accel.core.control.controllers import CONTROLLERS, Loop
+from haptic_accel.core.control.controllers.feedback import (
+    FADING,
+    REGAINED,
+    FeedbackController,
+    FeedbackParameters,
+)
+from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
+from haptic_accel.core.control.feedback_design import GripRange
+from haptic_accel.core.control.inversion import Plant
+from haptic_accel.core.evaluation.metrics import evaluate
+from haptic_accel.core.identification import approximate_model
+from haptic_accel.core.model import FloatArray, HandleParameters
+from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.trial import RigParameters, run_trial
+
+RATE = 4000.0
+LOOP = Loop(RATE)
+NAN = math.nan
+CORNERS = GripRange().grips(HandleParameters())
+
+
+@functools.cache
+def built(feedforward: str = "inverse", rate: float = RATE) -> FeedbackController:
+    return FeedbackController(FeedbackParameters(feedforward=feedforward), Loop(rate))
+
+
+def fresh(feedforward: str = "inverse", rate: float = RATE) -> FeedbackController:
+    controller = built(feedforward, rate)
+    controller.reset()
+    return controller
+
+
+def texture(rate: float, seconds: float = 2.0) -> FloatArray:
+    """Noise from 50 to 150 Hz, 1.5 m/s^2 RMS."""
+    random = np.random.default_rng(1)
+    count = round(seconds * rate)
+    lines = np.fft.rfft(random.normal(size=count))
+    frequency = np.fft.rfftfreq(count, 1 / rate)
+    lines[(frequency < 50.0) | (frequency > 150.0)] = 0.0
+    values = np.fft.irfft(lines, count)
+    return np.asarray(1.5 * values / values.std())
+
+
+def test_it_is_registered() -> None:
+    assert CONTROLLERS["feedback"] is FeedbackController
+    assert FeedbackController.Parameters() == FeedbackParameters()
+    assert schema(FeedbackParameters).keys() > schema(InverseParameters).keys()
+
+
+def test_a_feedforward_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(ParameterError, match="^feedforward = "):
+        FeedbackParameters(feedforward="adaptive")
+
+
+@pytest.mark.parametrize("frequency", [25.0, 80.0, 300.0])
+def test_samples_make_the_loop_that_was_designed(frequency: float) -> None:
+    """A tone as measurement: the force is -K B times it, and one sample later in the loop."""
+    controller, plant = fresh("none"), Plant()
+    count = round(RATE)
+    angle = 2 * np.pi * frequency / RATE * np.arange(2 * count)
+    forces = [controller.force(0.0, value) for value in np.sin(angle)]
+    answer = 2j / count * np.dot(forces[count:], np.exp(-1j * angle[count:]))
+    at = np.array([frequency])
+    around = -answer * plant.response(at, RATE) * np.exp(-2j * np.pi * at / RATE)
+    assert around == pytest.approx(controller.design.loop(plant, at), rel=1e-4)
+
+
+@pytest.mark.parametrize("handle", CORNERS)
+@pytest.mark.parametrize("feedforward", ["inverse", "none"])
+def test_a_blow_dies_out_at_every_corner_grip(
+    feedforward: str, handle: HandleParameters, ideal_master: MasterRigParameters
+) -> None:
+    controller = fresh(feedforward)
+    rig = MasterRig(replace(ideal_master, handle=handle), RATE)
+    rig.disturb(handle_velocity=0.02)
+    struck = rig.energy()
+    before = 0.0
+    for index in range(round(0.6 * RATE)):
+        rig.advance(index / RATE)
+        rig.apply_actuator_force(controller.force(0.0, before))
+        before = rig.measure().acceleration
+    assert rig.energy() < 1e-4 * struck
+
+
+@pytest.mark.parametrize("handle", [CORNERS[0], CORNERS[1], CORNERS[4], CORNERS[7]])
+def test_it_follows_better_than_the_inverse_where_the_grip_is_another(
+    handle: HandleParameters, ideal_rig: RigParameters
+) -> None:
+    rig = replace(ideal_rig, master=replace(ideal_rig.master, handle=handle))
+    errors = []
+    for name in ("inverse", "feedback"):
+        trial = run_trial(name, rig, duration=1.5, rate=RATE, recording=texture(RATE))
+        desired, actual = trial.desired_acceleration, trial.actual_acceleration
+        errors.append(evaluate(desired, actual, RATE, 1 / RATE).nrmse_percent)
+    inverse, feedback = errors
+    if handle == HandleParameters():
+        assert feedback == pytest.approx(inverse, abs=0.5)
+    else:
+        assert feedback < 0.9 * inverse
+
+
+@pytest.mark.parametrize("feedforward", ["constant", "dynamic", "inverse"])
+def test_a_handle_that_does_as_foreseen_gets_the_feedforward_alone(feedforward: str) -> None:
+    """What the model said, or the desired acceleration two samples late, is no surprise."""
+    controller, alone = fresh(feedforward), CONTROLLERS[feedforward]
+    parameters = alone.Parameters()
+    if feedforward == "dynamic":
+        parameters = approximate_model(HandleParameters())
+    reference = alone(parameters, LOOP)
+    desired = texture(RATE, 0.25)
+    model = controller.design.model
+    sent = np.zeros(len(desired))
+    for tick, wanted in enumerate(desired):
+        if feedforward == "inverse":
+            past = sent[max(0, tick - 1 - len(model)) : max(0, tick - 1)]
+            measured = float(np.dot(model[: len(past)], past[::-1]))
+        else:
+            measured = desired[tick - 2] if tick > 1 else 0.0
+        sent[tick] = controller.force(wanted, measured)
+        assert sent[tick] == pytest.approx(reference.force(wanted, 0.0), abs=1e-9)
+
+
+def test_a_force_that_was_limited_is_no_surprise() -> None:
+    controller = fresh()
+    expected = InverseController(InverseParameters(), LOOP)
+    for wanted in texture(RATE, 0.1):
+        force = controller.force(wanted, 0.0)
+        controller.applied(0.0)
+        assert force == pytest.approx(expected.force(wanted, 0.0), abs=1e-12)
+
+
+def test_gravity_at_the_start_is_no_surprise() -> None:
+    controller = fresh()
+    assert all(controller.force(0.0, 9.81) == 0.0 for _ in range(100))
+
+
+def test_it_fades_out_without_measurement_and_comes_back() -> None:
+    controller, reference = fresh(), InverseController(InverseParameters(), LOOP)
+    measured = 5.0 * texture(RATE, 1.0)
+
+    def answer(tick: int, heard: float) -> float:
+        return controller.force(1.0, heard) - reference.force(1.0, 0.0)
+
+    with_feedback = [answer(tick, measured[tick]) for tick in range(800)]
+    assert max(map(abs, with_feedback)) > 0.1
+    assert controller.warning == ""
+    without = [answer(tick, NAN) for tick in range(800, 900)]
+    assert controller.warning == "feedback off: handle acceleration stale or saturated"
+    assert controller.status()["feedback off"] == "1"
+    assert controller.status()["feedback gain (N per m/s^2)"] == "0.000"
+    fading = round(FADING * RATE)
+    assert without[fading:] == pytest.approx(np.zeros(100 - fading), abs=1e-12)
+    regained = round(REGAINED * RATE)
+    waiting = [answer(tick, measured[tick]) for tick in range(900, 900 + regained - 1)]
+    assert waiting == pytest.approx(np.zeros(regained - 1), abs=1e-12)
+    assert controller.warning
+    back = [answer(tick, measured[tick]) for tick in range(900 + regained, 1800)]
+    assert controller.warning == ""
+    assert max(map(abs, back)) > 0.1
+    # No step on the way: nothing faster than what the feedback does by itself.
+    largest = max(np.abs(np.diff(with_feedback)))
+    assert max(np.abs(np.diff([*with_feedback, *without, *waiting, *back]))) < 1.5 * largest
+
+
+numbers = st.floats(-LARGEST_ACCELERATION, LARGEST_ACCELERATION)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.tuples(numbers, st.one_of(numbers, st.just(NAN))), max_size=60))
+def test_it_is_finite_whatever_is_measured_and_new_after_a_reset(
+    samples: list[tuple[float, float]],
+) -> None:
+    controller = fresh(rate=1000.0)
+    first = [controller.force(*sample) for sample in samples]
+    assert np.isfinite(first).all()
+    controller.reset()
+    assert [controller.force(*sample) for sample in samples] == first
+
+
+def test_never_heard_it_is_the_feedforward() -> None:
+    controller, reference = fresh(), InverseController(InverseParameters(), LOOP)
+    for wanted in texture(RATE, 0.05):
+        assert controller.force(wanted, NAN) == pytest.approx(reference.force(wanted, 0.0))
+
+
+def test_the_status_says_gain_and_margin() -> None:
+    status = fresh().status()
+    assert float(status["feedback margin"]) >= 0.5
+    assert float(status["feedback gain (N per m/s^2)"]) > 0.0
+    assert status["feedback off"] == "0"

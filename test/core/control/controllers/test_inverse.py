@@ -1,0 +1,221 @@
+"""The inverse as a controller: its parameters, its samples, and a rig that follows it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from haptic_accel.core.actuator.guard import LimitParameters
+from haptic_accel.core.control.compensation import LARGEST_ACCELERATION, build_controller
+from haptic_accel.core.control.controllers import CONTROLLERS, Loop
+from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
+from haptic_accel.core.control.filters import SampleFilter, high_pass
+from haptic_accel.core.control.inversion import Plant, design_inverse, measured_spectrum, predict
+from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY
+from haptic_accel.core.evaluation.metrics import evaluate
+from haptic_accel.core.model import AccelerometerParameters, FloatArray, StructureParameters
+from haptic_accel.core.parameters import ParameterError, from_flat, schema
+from haptic_accel.core.rig.exploration import ExplorationParameters
+from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRigParameters
+from haptic_accel.core.trial import RigParameters, Trial, run_trial
+
+RATE = 1000.0
+SILENT = AccelerometerParameters(noise_density=0.0, bits=32)
+STRUCTURE = StructureParameters(280.0, 0.127)
+STILL = ExplorationParameters(stroke_speed=0.0, press_depth=0.0, height=0.0)
+"""Without the hand's own motion, the handle does what the actuator makes it do."""
+
+UNLIMITED = LimitParameters(travel=0.1, continuous_force=100.0)
+
+
+def texture(rate: float, seconds: float = 4.0) -> FloatArray:
+    """Noise from 60 to 200 Hz, 1.5 m/s^2 RMS."""
+    random = np.random.default_rng(1)
+    count = round(seconds * rate)
+    lines = np.fft.rfft(random.normal(size=count))
+    frequency = np.fft.rfftfreq(count, 1 / rate)
+    lines[(frequency < 60.0) | (frequency > 200.0)] = 0.0
+    values = np.fft.irfft(lines, count)
+    return 1.5 * values / values.std()
+
+
+def follow(
+    controller: str,
+    rate: float = RATE,
+    structure: StructureParameters | None = None,
+    delay: float = 0.0,
+) -> tuple[Trial, Plant]:
+    structure = structure or StructureParameters()
+    master = MasterRigParameters(
+        structure=structure,
+        actuator=ActuatorParameters(delay=delay, bits=32),
+        accelerometer=SILENT,
+        exploration=STILL,
+    )
+    plant = Plant(structure=structure, delay=delay)
+    trial = run_trial(
+        controller,
+        RigParameters(master=master),
+        duration=3.0,
+        rate=rate,
+        recording=texture(rate),
+        controllers={"plant": plant, "limits": UNLIMITED},
+    )
+    return trial, plant
+
+
+def error(trial: Trial) -> float:
+    desired, actual = trial.desired_acceleration, trial.actual_acceleration
+    return evaluate(desired, actual, trial.rate, 1 / trial.rate).nrmse_percent
+
+
+def test_it_is_registered() -> None:
+    assert CONTROLLERS["inverse"] is InverseController
+    assert InverseController.Parameters() == InverseParameters()
+
+
+@pytest.mark.parametrize("rate", [1000.0, 4000.0])
+@pytest.mark.parametrize(
+    ("structure", "delay"), [(StructureParameters(), 0.0), (STRUCTURE, 225e-6)]
+)
+def test_a_rig_without_noise_follows_as_predicted(
+    rate: float, structure: StructureParameters, delay: float
+) -> None:
+    trial, plant = follow("inverse", rate, structure, delay)
+    plant = plant.coupled()
+    measured = measured_spectrum(trial.tool_acceleration, rate)
+    # Here the tool's sensor is silent, so that what is taken for its noise is none.
+    expected = predict(
+        InverseParameters().filter(Loop(rate, plant=plant)),
+        plant,
+        lambda f: measured(f) - SENSOR_DENSITY**2,
+    )
+    # The slave at the other end of the coupling is not quite at rest.
+    assert error(trial) == pytest.approx(expected.nrmse_percent, rel=0.15, abs=1.0)
+    assert np.std(trial.actuator_force) == pytest.approx(expected.force_rms, rel=0.05)
+    assert error(trial) < 20.0
+
+
+@pytest.mark.parametrize("rate", [1000.0, 4000.0])
+def test_it_is_far_better_than_the_papers_controllers(rate: float) -> None:
+    inverse = error(follow("inverse", rate)[0])
+    assert inverse < 0.5 * min(error(follow(name, rate)[0]) for name in ("constant", "dynamic"))
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0, 4000.0, 20000.0])
+def test_samples_give_what_the_filters_response_says(rate: float) -> None:
+    parameters = InverseParameters(memory=0.1)
+    loop = Loop(rate)
+    controller, inverse = InverseController(parameters, loop), parameters.filter(loop)
+    frequency = rate / 8
+    # What is desired has passed the high-pass; four seconds until it has settled, then whole
+    # periods.
+    passed = SampleFilter(high_pass(15.0, rate))
+    settle = 8 * round(rate / 2)
+    tone = [passed.sample(math.cos(math.pi / 4 * index)) for index in range(settle + 400)]
+    forces = [controller.force(value, 0.0) for value in tone]
+    turns = np.exp(-1j * math.pi / 4 * np.arange(settle, settle + 400))
+    gain = 2.0 / 400 * np.dot(np.asarray(forces[settle:]), turns)
+    high_passed_gain = signal.freqz_sos(high_pass(15.0, rate), [frequency], fs=rate)[1]
+    expected = inverse.response([frequency]) * high_passed_gain
+    assert gain == pytest.approx(complex(expected[0]), rel=1e-3)
+
+
+def test_the_measured_acceleration_is_not_used() -> None:
+    one, other = (build_controller("inverse", Loop(RATE)) for _ in range(2))
+    for index in range(300):
+        assert one.force(math.sin(index), 0.0) == other.force(math.sin(index), math.nan)
+
+
+def test_reset_forgets_the_past() -> None:
+    controller, fresh = (InverseController(InverseParameters(), Loop(RATE)) for _ in range(2))
+    for index in range(300):
+        controller.force(math.sin(index), 0.0)
+    controller.reset()
+    assert [controller.force(0.0, 0.0) for _ in range(300)] == [0.0] * 300
+    for index in range(300):
+        expected = fresh.force(float(index), 0.0)
+        # The ring stands elsewhere, and with it the order in which the products are added.
+        assert controller.force(float(index), 0.0) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from([1000.0, 4000.0]),
+    st.lists(st.floats(-LARGEST_ACCELERATION, LARGEST_ACCELERATION), max_size=50),
+)
+def test_any_acceleration_gives_a_finite_force_that_dies_away(
+    rate: float, desired: list[float]
+) -> None:
+    passed, controller = SampleFilter(high_pass(15.0, rate)), CONTROLLED[rate]
+    controller.reset()
+    forces = [controller.force(passed.sample(value), 0.0) for value in desired]
+    later = [controller.force(passed.sample(0.0), 0.0) for _ in range(round(4 * rate))]
+    assert np.isfinite(forces).all()
+    total = sum(map(abs, desired))
+    assert np.abs(later).max() <= 1.0 * total + 1e-9
+    assert np.abs(later[-100:]).max() <= 1e-5 * total + 1e-9
+
+
+CONTROLLED = {
+    rate: InverseController(InverseParameters(), Loop(rate)) for rate in (1000.0, 4000.0)
+}
+
+
+# Parameters
+
+
+def test_its_parameters_have_dotted_names() -> None:
+    names = set(schema(InverseParameters, "inverse."))
+    assert names == {
+        "inverse.granted_delay",
+        "inverse.travel_limit",
+        "inverse.texture.rise",
+        "inverse.memory",
+        "inverse.texture.fall",
+    }
+    given_values = {"inverse.texture.rise": 40.0, "inverse.granted_delay": 4}
+    built = from_flat(InverseParameters, given_values, "inverse.")
+    assert (built.texture.rise, built.granted_delay, built.memory) == (40.0, 4, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("granted_delay", -1, "must be a whole number, from 0 to 100"),
+        ("granted_delay", 1.5, "must be a whole number, from 0 to 100"),
+        ("travel_limit", 0.0, "must be from 1e-05 to 0.1 m"),
+        ("memory", 3.0, "must be from 0.05 to 0.4 s"),
+    ],
+)
+def test_impossible_parameters_are_refused(name: str, value: float, allowed: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{name} = {value}: {allowed}$"):
+        InverseParameters(**{name: value})  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match=f"^inverse.{name} = {value}: {allowed}$"):
+        from_flat(InverseParameters, {f"inverse.{name}": value}, "inverse.")
+
+
+def test_a_rate_too_low_for_the_high_pass_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"^rate = 25: must be above twice high_pass_freq"):
+        InverseController(InverseParameters(), Loop(25.0))
+
+
+def test_plant_and_high_pass_are_the_loops() -> None:
+    plant = Plant(structure=STRUCTURE, delay=2e-4)
+    found = InverseParameters().filter(Loop(RATE, 30.0, plant))
+    expected = design_inverse(plant, RATE, high_pass_frequency=30.0)
+    assert found.taps == pytest.approx(expected.taps)
+    assert found.high_pass_frequency == 30.0
+
+
+def test_its_metric_is_the_trials() -> None:
+    # What the handle did is compared as it is, but for what no texture has.
+    trial, _ = follow("inverse")
+    assert trial.actual_acceleration[100:-100] == pytest.approx(
+        trial.handle_acceleration[100:-100], abs=0.02 * np.std(trial.handle_acceleration)
+    )

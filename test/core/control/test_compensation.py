@@ -1,0 +1,523 @@
+"""High-pass, controller and limits as one: limits hold, no bad sample stays, no change is felt."""
+
+from __future__ import annotations
+
+import copy
+import math
+from functools import lru_cache
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from scipy import signal
+
+from haptic_accel.core.actuator.guard import PEAK_FORCE, LimitParameters
+from haptic_accel.core.control import compensation as module
+from haptic_accel.core.control.compensation import (
+    FADING,
+    LARGEST_ACCELERATION,
+    LISTENING,
+    Compensation,
+    CompensationParameters,
+    build_controller,
+    check_rate,
+)
+from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
+from haptic_accel.core.control.controllers.constant import ConstantParameters
+from haptic_accel.core.control.filters import high_pass, inverse_of
+from haptic_accel.core.control.inversion import Plant
+from haptic_accel.core.model import GRAVITY, ApproximateModel, FloatArray, HandleParameters
+from haptic_accel.core.parameters import Checked, ParameterError
+
+RATE = 1000.0
+NAMES = tuple(CONTROLLERS)
+PAIRS = list(permutations(NAMES, 2))
+
+UNLIMITED = LimitParameters(travel=0.1, continuous_force=100.0)
+"""Of travel and heat, for what is not about them."""
+
+STIFF = Plant(handle=HandleParameters(k_s=1e4, b_s=20.0))
+"""An actuator that no force moves far."""
+
+untimed = settings(deadline=None)
+controllers = st.sampled_from(NAMES)
+signals = arrays.arrays(np.float64, st.integers(1, 200), elements=st.floats(-20.0, 20.0))
+# Infinity, NaN and the largest numbers as often as ordinary ones, and steps of a hundred g.
+numbers = st.one_of(
+    st.floats(-50.0, 50.0),
+    st.floats(),
+    st.sampled_from([math.nan, math.inf, -math.inf, 1e308, -1e308, 0.0]),
+    st.sampled_from([100 * GRAVITY, -100 * GRAVITY, LARGEST_ACCELERATION, 5 * GRAVITY]),
+)
+peaks = st.one_of(st.just(0.0), st.floats(1e-3, 10.0))
+anything = st.lists(numbers, max_size=100)
+
+
+@lru_cache
+def built(controller: str, rate: float, soon: bool) -> Compensation:
+    """Build a compensation with all controllers, once: a design takes its time."""
+    with pytest.MonkeyPatch.context() as patch:
+        if soon:
+            patch.setattr(module, "LISTENING", 6 / rate)
+        return Compensation(CompensationParameters(controller), rate, prepared=NAMES)
+
+
+def compensation(controller: str, rate: float = RATE, *, soon: bool = False) -> Compensation:
+    """Return one that no other test has, where asked for one whose controllers listen briefly."""
+    return copy.deepcopy(built(controller, rate, soon))
+
+
+@lru_cache
+def designed(name: str) -> Controller:
+    return build_controller(name, Loop(RATE))
+
+
+def unlimited(controller: str, **parameters: float) -> Compensation:
+    around = CompensationParameters(controller, **parameters)
+    return Compensation(around, RATE, {"limits": UNLIMITED, "plant": STIFF})
+
+
+def forces(of: Compensation, tool_acceleration: list[float]) -> list[float]:
+    return [of.sample(value, 0.0)[1] for value in tool_acceleration]
+
+
+def texture(seconds: float) -> FloatArray:
+    """Return noise from 60 to 200 Hz, 1.5 m/s^2 RMS, under gravity."""
+    noise = np.random.default_rng(1).normal(size=round(seconds * RATE))
+    passed = signal.sosfilt(signal.butter(2, [60, 200], "bandpass", fs=RATE, output="sos"), noise)
+    return GRAVITY + 1.5 * passed / passed.std()
+
+
+# Ordinary samples
+
+
+@pytest.mark.parametrize("controller", ["none", "constant", "dynamic"])
+@pytest.mark.parametrize("rate", [1000.0, 4000.0])
+@untimed
+@given(values=signals)
+def test_samples_give_what_the_whole_signal_gives(
+    controller: str, rate: float, values: FloatArray
+) -> None:
+    desired = signal.sosfilt(high_pass(15.0, rate), values)
+    force = {
+        "none": np.zeros_like(values),
+        "constant": 0.128 * desired,
+        "dynamic": signal.sosfilt(inverse_of(ApproximateModel(), rate), desired),
+    }[controller]
+    stream = Compensation(CompensationParameters(controller), rate, {"limits": UNLIMITED})
+    output = np.array([stream.sample(value, 0.0) for value in values.tolist()])
+    assert output[:, 0] == pytest.approx(desired, abs=1e-9)
+    assert output[:, 1] == pytest.approx(np.clip(force, -PEAK_FORCE, PEAK_FORCE), abs=1e-9)
+    assert stream.rejected == 0
+
+
+def test_its_corner_can_be_chosen() -> None:
+    stream = Compensation(CompensationParameters("constant", high_pass_frequency=100.0), RATE)
+    # At the corner a Butterworth high-pass lets 1/sqrt(2) through.
+    output = [stream.sample(math.sin(2 * math.pi * 0.1 * index), 0.0)[0] for index in range(1000)]
+    assert np.std(output[500:]) == pytest.approx(0.5, rel=1e-3)
+
+
+def test_parameters_reach_the_controller_they_are_for() -> None:
+    heavy: dict[str, Checked] = {"constant": ConstantParameters(1.0)}
+    stream = Compensation(CompensationParameters("constant"), RATE, heavy)
+    desired, force = stream.sample(1.0, 0.0)
+    assert force == desired
+    stream = Compensation(CompensationParameters("none"), RATE, heavy)
+    assert stream.sample(1.0, 0.0)[1] == 0.0
+
+
+def test_reset_forgets_the_past() -> None:
+    used, fresh = compensation("dynamic"), compensation("dynamic")
+    forces(used, [1.0, -2.0, 3.0])
+    used.reset()
+    assert forces(used, [1.0, 2.0, 3.0]) == forces(fresh, [1.0, 2.0, 3.0])
+
+
+# The actuator's limits
+
+
+def test_a_force_beyond_the_peak_is_cut_and_counted() -> None:
+    stream = unlimited("constant")
+    # 6.6 N / 0.128 kg = 51.6 m/s^2, of which the first sample passes 88 %.
+    assert [stream.sample(50.0, 0.0)[1] < PEAK_FORCE, stream.saturated] == [True, 0]
+    stream.reset()
+    assert [stream.sample(100.0, 0.0)[1], stream.saturated] == [6.6, 1]
+    stream.reset()
+    assert [stream.sample(-100.0, 0.0)[1], stream.saturated] == [-6.6, 2]
+
+
+@untimed
+@given(arrays.arrays(np.float64, 50, elements=st.floats(-500.0, 500.0)), peaks)
+def test_exactly_the_forces_beyond_the_peak_are_cut(values: FloatArray, peak: float) -> None:
+    limited, free = unlimited("dynamic", peak_force=peak), unlimited("dynamic", peak_force=100.0)
+    cut = 0
+    for force, wanted in zip(
+        forces(limited, values.tolist()), forces(free, values.tolist()), strict=True
+    ):
+        assert abs(force) <= peak
+        assert force == pytest.approx(min(peak, max(-peak, wanted)))
+        cut += abs(wanted) > peak
+    assert limited.saturated == cut
+
+
+# Samples that are none
+
+
+@pytest.mark.parametrize("controller", NAMES)
+@untimed
+@given(data=st.data())
+def test_whatever_comes_in_the_force_is_finite_and_limited(
+    controller: str, data: st.DataObject
+) -> None:
+    stream = compensation(controller, soon=True)
+    moment = st.tuples(
+        numbers, st.one_of(st.none(), numbers), st.one_of(st.none(), st.none(), controllers)
+    )
+    for tool, handle, selected in data.draw(st.lists(moment, max_size=60)):
+        if selected:
+            stream.select(selected)
+        desired, force = stream.sample(tool, handle)
+        stream.adapt()
+        assert math.isfinite(desired)
+        assert abs(force) <= PEAK_FORCE
+    warning, values = stream.status()
+    assert isinstance(warning, str)
+    assert all(isinstance(value, str) for value in values.values())
+
+
+@pytest.mark.parametrize("controller", NAMES)
+def test_nor_does_any_long_stream_that_changes_controllers_all_the_time(controller: str) -> None:
+    random = np.random.default_rng(7)
+    stream = compensation(controller)
+    tools = random.standard_cauchy(20_000) * 10.0
+    tools[random.random(20_000) < 0.01] = math.nan
+    # A second of steps of a hundred g, a second of silence.
+    tools[5000:6000] = 100 * GRAVITY * np.sign(np.sin(np.arange(1000) / 20))
+    tools[7000:8000] = 0.0
+    handles = random.standard_cauchy(20_000) * 5.0
+    heat, weight = 0.0, 1e-4
+    for index, (tool, handle) in enumerate(zip(tools.tolist(), handles.tolist(), strict=True)):
+        if random.random() < 1 / 300:
+            stream.select(NAMES[random.integers(len(NAMES))])
+        desired, force = stream.sample(tool, None if index % 1000 < 50 else handle)
+        stream.adapt()
+        assert math.isfinite(desired)
+        assert abs(force) <= PEAK_FORCE
+        heat += weight * (force**2 - heat)
+    assert heat < 2.2**2 * 1.001
+    _, values = stream.status()
+    assert not any("nan" in value or "inf" in value for value in values.values())
+
+
+@pytest.mark.parametrize("controller", NAMES)
+def test_silence_stays_silent_with_or_without_a_handle(controller: str) -> None:
+    for handle in (None, 0.0):
+        stream = compensation(controller)
+        assert {stream.sample(0.0, handle) for _ in range(500)} == {(0.0, 0.0)}
+
+
+@pytest.mark.parametrize("controller", NAMES)
+def test_a_handle_that_is_missing_or_at_its_sensors_range_is_not_believed(controller: str) -> None:
+    streams = [compensation(controller) for _ in range(3)]
+    absent = (None, 5 * GRAVITY, -6 * GRAVITY)
+    values = texture(0.3).tolist()
+    outputs = [
+        [stream.sample(value, handle) for value in values]
+        for stream, handle in zip(streams, absent, strict=True)
+    ]
+    assert outputs[0] == outputs[1] == outputs[2]
+    assert [stream.untrusted for stream in streams] == [300] * 3
+    assert [stream.rejected for stream in streams] == [0] * 3
+
+
+@untimed
+@given(
+    controllers, st.lists(st.one_of(st.floats(-50.0, 50.0), st.sampled_from([math.nan, math.inf])))
+)
+def test_a_sample_that_is_not_finite_counts_as_zero(controller: str, values: list[float]) -> None:
+    stream, clean = compensation(controller), compensation(controller)
+    replaced = [value if math.isfinite(value) else 0.0 for value in values]
+    assert [stream.sample(v, 0.0) for v in values] == [clean.sample(v, 0.0) for v in replaced]
+    assert stream.rejected == sum(not math.isfinite(value) for value in values)
+
+
+def test_a_handle_acceleration_that_is_not_finite_is_counted_too() -> None:
+    stream = compensation("dynamic")
+    stream.sample(1.0, math.nan)
+    stream.sample(math.inf, -math.inf)
+    assert stream.rejected == 3
+
+
+@pytest.mark.parametrize("controller", ["none", "constant", "dynamic"])
+@pytest.mark.parametrize(
+    "absurd", [[1e308], [1e308, -1e308], [1e308] * 5, [1e300, math.nan, -1e300], [1e200] * 3]
+)
+def test_even_numbers_that_overflow_are_forgotten(controller: str, absurd: list[float]) -> None:
+    stream, fresh = compensation(controller), compensation(controller)
+    forces(stream, absurd)
+    # The slowest pole, 12 Hz with damping 0.3, takes 31 s from 1e308 down to 1.
+    forces(stream, [0.0] * 40_000)
+    for value in (1.0, -5.0, 10.0):
+        assert stream.sample(value, 0.0) == pytest.approx(fresh.sample(value, 0.0), abs=1e-6)
+
+
+# What is refused
+
+
+@pytest.mark.parametrize("rate", [0.0, -1000.0, 29.0, 30.0, math.nan])
+def test_a_rate_too_low_for_the_high_pass_is_refused(rate: float) -> None:
+    with pytest.raises(
+        ParameterError, match=r"^rate = \S+: must be above twice high_pass_frequency = 15 Hz$"
+    ):
+        compensation("dynamic", rate)
+    with pytest.raises(ParameterError, match="high_pass_frequency = 15 Hz$"):
+        check_rate(CompensationParameters(), rate)
+
+
+def test_a_rate_just_above_is_not() -> None:
+    check_rate(CompensationParameters(), 31.0)
+    assert compensation("dynamic", 31.0).sample(0.0, 0.0) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("controller", "magic"),
+        ("high_pass_frequency", 0.0),
+        ("high_pass_frequency", math.nan),
+        ("peak_force", -1.0),
+        ("peak_force", math.inf),
+    ],
+)
+def test_impossible_parameters_are_refused(field: str, value: float | str) -> None:
+    with pytest.raises(ParameterError, match=f"^{field} = {value!r}: must be "):
+        CompensationParameters(**{field: value})  # type: ignore[arg-type]
+
+
+# Controllers by name
+
+
+def test_the_papers_controllers_are_there() -> None:
+    assert set(CONTROLLERS) >= {"none", "constant", "dynamic"}
+    for name, controller in CONTROLLERS.items():
+        assert isinstance(designed(name), controller)
+
+
+def test_an_unknown_controller_is_refused_with_the_names_there_are() -> None:
+    with pytest.raises(
+        ParameterError,
+        match=f"^controller = 'dynamics': must be one of {', '.join(NAMES)}$",
+    ):
+        build_controller("dynamics", Loop(RATE))
+
+
+def test_an_absurd_sample_does_not_hold_the_actuator_at_its_limit() -> None:
+    stream = compensation("dynamic")
+    assert stream.sample(1e30, 0.0) == (0.0, 0.0)
+    assert stream.rejected == 1
+    assert stream.sample(0.0, 0.0) == (0.0, 0.0)
+
+
+# Another controller takes over
+
+LISTENED, FADED = round(LISTENING * RATE), round(FADING * RATE)
+BEFORE = 400
+"""Samples before another controller is selected."""
+
+
+class Recorded(Controller):
+    """A controller whose own forces are kept."""
+
+    def __init__(self, inner: Controller, loop: Loop) -> None:
+        self.inner = inner
+        self.forces: list[float] = []
+
+    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
+        self.forces.append(self.inner.force(desired_acceleration, measured_acceleration))
+        return self.forces[-1]
+
+    def applied(self, actuator_force: float) -> None:
+        self.inner.applied(actuator_force)
+
+    def reset(self) -> None:
+        self.inner.reset()
+
+
+@pytest.mark.parametrize(("one", "other"), PAIRS)
+def test_the_force_does_not_jump_when_another_takes_over(
+    one: str, other: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own: dict[str, Recorded] = {}
+
+    def recorded(name: str, loop: Loop, parameters: Checked | None = None) -> Controller:
+        own[name] = Recorded(copy.deepcopy(designed(name)), loop)
+        return own[name]
+
+    monkeypatch.setattr(module, "build_controller", recorded)
+    stream = Compensation(CompensationParameters(one), RATE, {"limits": UNLIMITED}, (other,))
+    values = texture(1.2).tolist()
+    found = forces(stream, values[:BEFORE])
+    stream.select(other)
+    assert stream.controller == other
+    found += forces(stream, values[BEFORE:])
+    assert stream.saturated == 0
+    at = BEFORE + LISTENED
+    assert found[:at] == own[one].forces[:at]
+    end = at + FADED
+    assert len(own[one].forces) == end
+    assert found[end - 1 :] == own[other].forces[end - 1 - BEFORE :]
+    leaving, coming = np.array(own[one].forces[at - 1 :]), np.array(own[other].forces)
+    coming = coming[LISTENED - 1 : LISTENED + FADED]
+    steps = np.maximum(np.abs(np.diff(leaving)), np.abs(np.diff(coming)))
+    apart = np.abs(coming - leaving)
+    allowed = steps + np.maximum(apart[1:], apart[:-1]) / FADED
+    assert (np.abs(np.diff(found[at - 1 : end])) <= allowed + 1e-12).all()
+    assert np.diff(found[at - 1 : end]).any() or one == other
+
+
+BEGUN = 3000
+"""Samples until the step of gravity at the very beginning is over, which none share."""
+
+
+@lru_cache
+def alone(controller: str) -> FloatArray:
+    """Return what a controller that was always there gives."""
+    stream = compensation(controller)
+    return np.array([stream.sample(value, 0.0) for value in texture(5.0).tolist()])
+
+
+@pytest.mark.parametrize(("one", "other"), PAIRS)
+def test_afterwards_it_is_as_if_the_other_had_always_been_there(one: str, other: str) -> None:
+    stream = compensation(one)
+    values = texture(5.0).tolist()
+    forces(stream, values[:BEGUN])
+    stream.select(other)
+    found = np.array([stream.sample(value, 0.0) for value in values[BEGUN:]])
+    expected = alone(other)[BEGUN:]
+    difference = np.abs(found - expected)[LISTENED + FADED :]
+    assert difference[:, 0].max() < 1e-3
+    # A filter that goes down to 1 Hz still knows a little of when it began to listen.
+    size = np.std(expected[:, 1])
+    assert difference[:, 1].max() <= 0.2 * size
+    assert difference[-200:, 1].max() <= 0.01 * size
+
+
+@pytest.mark.parametrize(("one", "other"), PAIRS)
+@pytest.mark.parametrize("heard", [0, 1, 300, LISTENED])
+def test_who_is_selected_back_while_the_other_listens_never_left(
+    one: str, other: str, heard: int
+) -> None:
+    stream, always = compensation(one), compensation(one)
+    values = texture(1.0).tolist()
+    stream.select(other)
+    found = forces(stream, values[:heard])
+    stream.select(one)
+    assert stream.controller == one
+    found += forces(stream, values[heard:])
+    assert found == forces(always, values)
+
+
+def test_who_is_selected_while_another_is_faded_in_waits_for_its_turn() -> None:
+    for last in ("none", "dynamic"):
+        stream = compensation("none")
+        stream.select("constant")
+        values = [math.sin(index) for index in range(4 * LISTENED)]
+        forces(stream, values[: LISTENED + 2])
+        stream.select(last)
+        assert stream.controller == last
+        fading = forces(stream, values[LISTENED + 2 : LISTENED + FADED])
+        constant = forces(compensation("constant"), values)
+        assert fading[-1] == pytest.approx(constant[LISTENED + FADED - 1], rel=1e-6)
+        listening = forces(stream, values[LISTENED + FADED : 2 * LISTENED])
+        assert listening == pytest.approx(constant[LISTENED + FADED : 2 * LISTENED], rel=1e-6)
+        later = forces(stream, values[2 * LISTENED :])
+        final = forces(compensation(last), values)
+        assert later[-100:] == pytest.approx(final[-100:], abs=1e-6)
+        # Who takes back its word while it waits need not wait.
+    stream = compensation("none")
+    stream.select("constant")
+    forces(stream, values[: LISTENED + 2])
+    stream.select("none")
+    stream.select("constant")
+    found = forces(stream, values[LISTENED + 2 :])
+    assert found[-100:] == pytest.approx(constant[-100:], rel=1e-6)
+
+
+def test_a_third_may_be_selected_while_the_second_listens() -> None:
+    stream = compensation("none")
+    values = [math.sin(index) for index in range(1000)]
+    stream.select("dynamic")
+    forces(stream, values[:100])
+    stream.select("constant")
+    assert not any(forces(stream, values[100 : 100 + LISTENED]))
+    found = forces(stream, values[100 + LISTENED :])
+    assert found[FADED:] == pytest.approx(
+        forces(compensation("constant"), values)[100 + LISTENED + FADED :], rel=1e-6
+    )
+
+
+def test_the_one_in_use_may_be_selected_again() -> None:
+    stream, always = compensation("dynamic"), compensation("dynamic")
+    values = texture(0.2).tolist()
+    found = forces(stream, values[:100])
+    stream.select("dynamic")
+    assert found + forces(stream, values[100:]) == forces(always, values)
+
+
+def test_a_name_that_is_none_cannot_be_selected_and_changes_nothing() -> None:
+    stream = compensation("constant")
+    with pytest.raises(
+        ParameterError,
+        match=f"^controller = 'magic': must be one of {', '.join(NAMES)}$",
+    ):
+        stream.select("magic")
+    assert stream.controller == "constant"
+    assert stream.sample(1.0, 0.0)[1] > 0.0
+
+
+def test_gravity_is_no_blow_to_who_begins_to_listen() -> None:
+    for name in NAMES:
+        stream = compensation("none")
+        forces(stream, [GRAVITY] * 1000)
+        stream.select(name)
+        assert np.abs(forces(stream, [GRAVITY] * 2000)).max() < 1e-3
+
+
+# What diagnostics show
+
+
+def test_the_status_says_who_is_in_use_and_what_was_limited() -> None:
+    stream = compensation("constant")
+    warning, values = stream.status()
+    assert warning == ""
+    assert values["controller"] == "constant"
+    assert set(values) >= {
+        "controller",
+        "saturated",
+        "limited by heat",
+        "limited by travel",
+        "heat (%)",
+        "travel (mm)",
+        "rejected",
+        "handle not trusted",
+    }
+    stream.sample(100.0, None)
+    stream.sample(math.nan, 0.0)
+    values = stream.status()[1]
+    assert [values[name] for name in ("saturated", "rejected", "handle not trusted")] == ["1"] * 3
+    assert float(values["travel (mm)"]) < 0.0
+    assert values["heat (%)"] == "0.1"
+    stream.select("dynamic")
+    assert stream.status()[1]["controller"] == "dynamic"
+
+
+def test_a_reset_does_not_cool_the_coil() -> None:
+    stream = unlimited("constant")
+    forces(stream, [100.0, -100.0] * 100)
+    warm = stream.guard.heat
+    stream.reset()
+    assert stream.guard.heat == warm > 0.0

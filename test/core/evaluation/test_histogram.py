@@ -1,0 +1,117 @@
+"""Quantiles of durations against numpy's."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.evaluation.histogram import LONGEST, SHORTEST, DurationHistogram
+
+untimed = settings(deadline=None)
+counted_apart = st.floats(SHORTEST, LONGEST)
+
+
+def filled(durations: list[float]) -> DurationHistogram:
+    histogram = DurationHistogram()
+    for duration in durations:
+        histogram.add(duration)
+    return histogram
+
+
+@untimed
+@given(st.lists(counted_apart, min_size=1, max_size=300), st.floats(0.0, 1.0))
+def test_quantile_is_within_one_percent(durations: list[float], q: float) -> None:
+    exact = np.quantile(durations, q, method="inverted_cdf")
+    assert filled(durations).quantile(q) == pytest.approx(exact, rel=0.01)
+
+
+@untimed
+@given(st.lists(counted_apart, min_size=1), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_quantile_never_falls(durations: list[float], p: float, q: float) -> None:
+    histogram = filled(durations)
+    assert histogram.quantile(min(p, q)) <= histogram.quantile(max(p, q)) <= histogram.maximum
+
+
+@untimed
+@given(st.lists(st.floats(allow_nan=False), min_size=1))
+def test_count_and_maximum_are_exact_for_any_numbers(durations: list[float]) -> None:
+    histogram = filled(durations)
+    assert histogram.count == len(durations)
+    assert histogram.maximum == max(durations)
+    assert histogram.quantile(1.0) == max(durations)
+
+
+def test_known_percentiles() -> None:
+    histogram = filled([n * 1.0e-5 for n in range(1, 1001)])
+    assert histogram.quantile(0.5) == pytest.approx(5.0e-3, rel=0.01)
+    assert histogram.quantile(0.99) == pytest.approx(9.9e-3, rel=0.01)
+    assert histogram.quantile(0.0) == pytest.approx(1.0e-5, rel=0.01)
+
+
+def test_the_shortest_are_kept_together() -> None:
+    histogram = filled([-1.0, 0.0, 1.0e-9, 0.5])
+    assert histogram.count == 4
+    assert histogram.quantile(0.75) <= SHORTEST
+    assert histogram.quantile(0.76) == 0.5
+
+
+def test_the_longest_are_kept_together() -> None:
+    histogram = filled([0.5, 1.0e3, 1.0e4])
+    assert histogram.count == 3
+    assert histogram.quantile(0.6) >= LONGEST
+    assert histogram.maximum == 1.0e4
+    assert filled([math.inf]).maximum == math.inf
+
+
+def test_empty_has_no_quantile_and_no_maximum() -> None:
+    histogram = DurationHistogram()
+    assert histogram.count == 0
+    assert math.isnan(histogram.maximum)
+    assert math.isnan(histogram.quantile(0.5))
+
+
+def test_reset_forgets_everything() -> None:
+    histogram = filled([1.0, 2.0])
+    histogram.reset()
+    assert histogram.count == 0
+    assert math.isnan(histogram.maximum)
+    histogram.add(1.0e-3)
+    assert histogram.quantile(0.5) == pytest.approx(1.0e-3, rel=0.01)
+
+
+def test_nan_is_refused_and_not_counted() -> None:
+    histogram = filled([1.0])
+    with pytest.raises(ValueError, match="seconds = nan"):
+        histogram.add(math.nan)
+    assert histogram.count == 1
+    assert histogram.maximum == 1.0
+
+
+@pytest.mark.parametrize("q", [-0.1, 1.1, math.nan])
+def test_quantile_out_of_range_is_refused(q: float) -> None:
+    with pytest.raises(ValueError, match=r"^q = "):
+        filled([1.0]).quantile(q)
+
+
+def test_memory_does_not_grow() -> None:
+    histogram = filled([1.0e-3])
+    before = sys.getsizeof(histogram._counts)
+    for duration in np.random.default_rng(0).lognormal(-7.0, 3.0, 10_000):
+        histogram.add(float(duration))
+    assert sys.getsizeof(histogram._counts) == before
+
+
+def test_the_summary_has_every_reported_quantile_and_the_maximum() -> None:
+    histogram = DurationHistogram()
+    for microseconds in range(1, 1001):
+        histogram.add(microseconds * 1e-6)
+    summary = histogram.summary()
+    assert list(summary) == ["p50", "p90", "p99", "p99_9", "max"]
+    assert summary["p50"] == pytest.approx(500e-6, rel=0.01)
+    assert summary["p99_9"] == pytest.approx(999e-6, rel=0.01)
+    assert summary["max"] == 1000 * 1e-6

@@ -1,0 +1,107 @@
+"""Intervals and tests against numbers that tables and scipy have."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from haptic_accel.core.evaluation.statistics import (
+    FEWEST_RANKED,
+    FEWEST_TESTED,
+    mean_interval,
+    nrmse_interval,
+    paired_difference,
+)
+
+# Student's own example, 1908: additional hours of sleep from two drugs, ten patients.
+SLEEP = (
+    [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0],
+    [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4],
+)
+
+
+def test_students_sleep() -> None:
+    found = paired_difference(*SLEEP)
+    assert found.n == 10
+    assert found.mean.value == pytest.approx(1.58)
+    assert (found.mean.low, found.mean.high) == pytest.approx((0.7001142, 2.4598858))
+    assert found.t == pytest.approx(4.062128, rel=1e-6)
+    assert found.p_t == pytest.approx(0.00283289, rel=1e-5)
+    assert found.effect == pytest.approx(4.062128 / math.sqrt(10), rel=1e-6)
+    expected = stats.wilcoxon(np.subtract(SLEEP[1], SLEEP[0])).pvalue
+    assert found.p_wilcoxon == pytest.approx(expected)
+    assert "10 pairs" in found.verdict
+
+
+@pytest.mark.parametrize("n", range(FEWEST_TESTED))
+def test_few_pairs_have_no_probability(n: int) -> None:
+    found = paired_difference(SLEEP[0][:n], SLEEP[1][:n])
+    assert math.isnan(found.p_t)
+    assert math.isnan(found.p_wilcoxon)
+    assert "too few" in found.verdict or "no pair" in found.verdict
+
+
+def test_wilcoxon_waits_for_enough_pairs() -> None:
+    fewer = FEWEST_RANKED - 1
+    found = paired_difference(SLEEP[0][:fewer], SLEEP[1][:fewer])
+    assert math.isfinite(found.p_t)
+    assert math.isnan(found.p_wilcoxon)
+    assert f"needs {FEWEST_RANKED} pairs" in found.verdict
+
+
+def test_equal_differences_are_not_tested() -> None:
+    found = paired_difference([1.0, 2.0, 3.0], [1.1, 2.1, 3.1])
+    assert found.mean.value == pytest.approx(0.1)
+    assert math.isnan(found.p_t)
+    assert "scatter" in found.verdict
+
+
+def test_sides_must_be_pairs() -> None:
+    with pytest.raises(ValueError, match="pairs"):
+        paired_difference([1.0], [])
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30))
+def test_a_mean_lies_within_its_interval(values: list[float]) -> None:
+    found = mean_interval(values)
+    assert found.low <= found.value <= found.high
+    assert found.n == len(values)
+
+
+def test_a_mean_leaves_out_what_is_no_number() -> None:
+    assert mean_interval([1.0, math.nan, 3.0]).value == 2.0
+    assert mean_interval([math.nan]).n == 0
+    assert math.isnan(mean_interval([5.0]).low)
+
+
+def test_95_of_100_intervals_hold_the_true_mean() -> None:
+    generator = np.random.default_rng(3)
+    intervals = [mean_interval(generator.normal(7.0, 2.0, 5).tolist()) for _ in range(2000)]
+    held = np.mean([interval.low <= 7.0 <= interval.high for interval in intervals])
+    assert held == pytest.approx(0.95, abs=0.015)
+
+
+def test_the_bootstrap_holds_the_true_error() -> None:
+    generator = np.random.default_rng(4)
+    held = []
+    for _ in range(40):
+        desired = generator.normal(size=4000)
+        actual = desired + 0.5 * generator.normal(size=4000)
+        found = nrmse_interval(desired, actual, 200.0)
+        assert found.low <= found.value <= found.high
+        assert "20 pieces" in found.method
+        held.append(found.low <= 0.5 <= found.high)
+    assert np.mean(held) > 0.8
+
+
+def test_a_short_trial_has_no_interval() -> None:
+    found = nrmse_interval(np.ones(2000), 0.5 * np.ones(2000), 1000.0)
+    assert found.value == 0.5
+    assert math.isnan(found.low)
+    assert "too few" in found.method
+    assert math.isnan(nrmse_interval(np.zeros(10), np.ones(10), 1000.0).value)

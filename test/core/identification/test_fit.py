@@ -1,0 +1,277 @@
+"""Fits to the simulated rig, which knows nothing of them, and to many seeds of noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.identification import (
+    DEFAULT_FREE,
+    MOUNT,
+    FrequencyResponse,
+    HandleFit,
+    SweepParameters,
+    approximate_model,
+    dft_ratio,
+    fit_handle,
+    kept_repeats,
+    magnitude_error,
+    run_identification,
+    sampled_response,
+    sweep,
+)
+from haptic_accel.core.model import (
+    ApproximateModel,
+    ComplexArray,
+    FloatArray,
+    HandleParameters,
+    StructureParameters,
+)
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+
+RATE = 1000.0
+SWEEP = SweepParameters()
+FREQUENCY = np.linspace(10.0, 450.0, 45)
+NOISE = 0.07  # m/s^2, that of the paper's accelerometer
+TABLE_I = HandleParameters()
+
+
+def measured(rig: MasterRigParameters, seed: int = 0, rate: float = RATE) -> FrequencyResponse:
+    (trial,) = run_identification(rig, SWEEP, rate, seed)
+    force, acceleration = (
+        kept_repeats(values, SWEEP, rate)
+        for values in (trial.actuator_force, trial.handle_acceleration)
+    )
+    return dft_ratio(force, acceleration, rate, SWEEP.band)
+
+
+def errors(fit: HandleFit, true: HandleParameters) -> dict[str, float]:
+    """Relative error of each fitted parameter of the handle."""
+    names = fit.standard_errors.keys() - {"delay"}
+    return {name: getattr(fit.handle, name) / getattr(true, name) - 1 for name in names}
+
+
+# The model of what samples see
+
+
+def by_aliases(frequency: FloatArray, rate: float, delay: float) -> ComplexArray:
+    """Sum eq. (1) and (2), solved by themselves, behind hold, delay and low-pass over aliases."""
+    p = TABLE_I
+    total = np.zeros(len(frequency), dtype=complex)
+    for turn in range(-2000, 2001):
+        alias = frequency + turn * rate
+        s = 2j * np.pi * alias
+        spring = p.k_s + p.b_s * s
+        motion = np.array(
+            [
+                [p.m_a * s**2 + spring, -spring],
+                [-spring, p.m_h * s**2 + spring + p.k_u + p.b_u * s],
+            ]
+        )
+        y_h = np.linalg.solve(np.moveaxis(motion, -1, 0), np.array([[-1.0], [1.0]]))[:, 1, 0]
+        hold = np.sinc(alias / rate) * np.exp(-1j * np.pi * alias / rate)
+        total += hold * s**2 * y_h / (1 + 1j * alias / 500.0) * np.exp(-s * delay)
+    return total
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1.0e-3, 2.4e-3, -0.2e-3])
+def test_samples_see_the_sum_of_all_aliases(delay: float) -> None:
+    expected = by_aliases(FREQUENCY, RATE, delay)
+    response = sampled_response(TABLE_I, FREQUENCY, RATE, delay)
+    assert np.abs(response / expected - 1).max() < 1e-3  # the sum's own remainder
+
+
+def test_the_rig_is_what_the_model_says(ideal_master: MasterRigParameters) -> None:
+    for rate in (1000.0, 2000.0):
+        estimate = measured(ideal_master, rate=rate)
+        expected = sampled_response(TABLE_I, estimate.frequency, rate)
+        assert np.abs(estimate.response / expected - 1).max() < 1e-5
+
+
+def test_without_a_hold_it_is_the_continuous_system() -> None:
+    held = sampled_response(TABLE_I, FREQUENCY, 1e6, 0.5e-6)
+    smooth = sampled_response(TABLE_I, FREQUENCY, RATE, 1e-6, hold=False)
+    assert held == pytest.approx(smooth, rel=1e-3)
+
+
+# Recovery of the rig's parameters
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_table_i_comes_back(seed: int) -> None:
+    fit = fit_handle(measured(MasterRigParameters(), seed))
+    assert max(map(abs, errors(fit, TABLE_I).values())) < 0.02
+    assert abs(fit.delay) < 20e-6
+    assert fit.residual == pytest.approx(1.0, abs=0.2)
+    assert (fit.handle.m_a, fit.handle.k_s) == (TABLE_I.m_a, TABLE_I.k_s)
+    assert fit.band == pytest.approx(SWEEP.band)
+
+
+@pytest.mark.parametrize(
+    "hand",
+    [
+        {"b_s": 2.5, "m_h": 0.2, "k_u": 3500.0, "b_u": 12.0},
+        {"b_s": 3.5, "m_h": 0.08, "k_u": 700.0, "b_u": 5.0},
+        {"m_h": 0.25, "k_u": 600.0, "b_u": 30.0},
+    ],
+)
+def test_another_hand_comes_back_too(hand: dict[str, float]) -> None:
+    true = replace(TABLE_I, **hand)
+    fit = fit_handle(measured(MasterRigParameters(handle=true)))
+    assert max(map(abs, errors(fit, true).values())) < 0.03
+    assert abs(fit.delay) < 20e-6
+
+
+def test_pooled_recordings_are_more_certain() -> None:
+    responses = [measured(MasterRigParameters(), seed) for seed in range(4)]
+    one, pooled = (
+        fit_handle(responses[0], free=("k_u", "b_u")),
+        fit_handle(responses, free=("k_u", "b_u")),
+    )
+    for name, error in pooled.standard_errors.items():
+        assert error == pytest.approx(one.standard_errors[name] / 2, rel=0.3)
+    assert max(map(abs, errors(pooled, TABLE_I).values())) < 0.005
+
+
+def test_mass_and_spring_of_the_actuator_can_be_free() -> None:
+    estimate = measured(MasterRigParameters())
+    fit = fit_handle(estimate, free=("m_a", "b_s", "m_h", "k_u", "b_u"))
+    assert set(fit.standard_errors) == {"m_a", "b_s", "m_h", "k_u", "b_u"}
+    for name, error in errors(fit, TABLE_I).items():
+        assert abs(error) < 4 * fit.standard_errors[name] / getattr(TABLE_I, name)
+
+
+def test_a_delay_may_be_known() -> None:
+    estimate = noisy_response(np.random.default_rng(0), 1.3e-3)
+    fit = fit_handle(estimate, free=("m_h", "b_u"), delay=1.3e-3)
+    assert fit.delay == 1.3e-3
+    assert max(map(abs, errors(fit, TABLE_I).values())) < 0.01
+    assert np.abs(fit.response(FREQUENCY, RATE)).shape == FREQUENCY.shape
+
+
+# Bias and standard errors
+
+
+FORCE = np.tile(sweep(SWEEP, RATE), 2)
+
+
+def noisy_response(random: np.random.Generator, delay: float) -> FrequencyResponse:
+    """Return an estimate from Table I's settled answer to the sweep, and white noise."""
+    lines = np.fft.rfftfreq(2000, 1 / RATE)
+    spectrum = np.fft.rfft(FORCE[:2000])
+    spectrum[1:-1] *= sampled_response(TABLE_I, lines[1:-1], RATE, delay)
+    spectrum[[0, -1]] = 0.0
+    clean = np.tile(np.fft.irfft(spectrum), 2)
+    noise = random.normal(0.0, NOISE, len(clean))
+    return dft_ratio(FORCE, clean + noise, RATE, SWEEP.band)
+
+
+@pytest.mark.parametrize("delay", [1.3e-3])
+def test_estimates_are_unbiased_and_their_errors_honest(delay: float) -> None:
+    scaled = []
+    for seed in range(20):
+        fit = fit_handle(noisy_response(np.random.default_rng(seed), delay))
+        found, true = asdict(fit.handle) | {"delay": fit.delay}, asdict(TABLE_I) | {"delay": delay}
+        scaled.append([(found[n] - true[n]) / e for n, e in fit.standard_errors.items()])
+    # Twenty seeds: a mean beyond 0.75 is 3.4 of its standard deviations.
+    assert np.abs(np.mean(scaled, axis=0)).max() < 0.75
+    assert np.mean(np.abs(scaled) < 2) > 0.85
+    assert (np.std(scaled, axis=0) > 0.5).all()  # nor are they too large
+
+
+def test_a_model_that_lacks_something_shows_in_the_residual() -> None:
+    estimate = measured(MasterRigParameters())
+    assert fit_handle(estimate, hold=False).residual > 3.0
+    assert fit_handle(estimate, low_pass_frequency=5000.0).residual > 3.0
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"free": ()}, r"^free = \(\): must hold at least one parameter$"),
+        (
+            {"free": ("m",)},
+            "^free = 'm': must be among m_a, k_s, b_s, m_h, k_u, b_u, mount_frequency,"
+            " mount_damping, delay$",
+        ),
+        ({"free": ("m_h", "m_h")}, "^free = m_h, m_h: must hold each parameter once$"),
+        (
+            {"free": ("m_a", "k_s", "b_s", "m_h", "k_u", "b_u")},
+            "^free = all six parameters of the handle: must be at most five",
+        ),
+        ({"delay": 0.5}, "^delay = 0.5: must be from -0.001 to 0.01 s$"),
+        ({"low_pass_frequency": 0.0}, "^low_pass_frequency = 0.0: must be above 0 Hz$"),
+        ({"known": HandleParameters(b_s=0.0)}, "^b_s = 0: must be above 0 to be the start of a"),
+        ({"band": (300.0, 400.0)}, "^responses: 0 lines from 300 to 400 Hz with some coherence"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(arguments: dict[str, object], message: str) -> None:
+    estimate = noisy_response(np.random.default_rng(0), 0.0)
+    with pytest.raises(ParameterError, match=message):
+        fit_handle(estimate, **arguments)  # type: ignore[arg-type]
+
+
+# The paper's kind of model
+
+
+def test_on_table_i_it_is_closer_than_the_papers_numbers() -> None:
+    model = approximate_model(TABLE_I)
+    # The paper's own is 0.48 dB off.
+    assert magnitude_error(model, TABLE_I) < 0.01 < magnitude_error(ApproximateModel(), TABLE_I)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(0.07, 0.3), st.floats(500.0, 4000.0), st.floats(5.0, 30.0))
+def test_it_is_close_for_any_hand(m_h: float, k_u: float, b_u: float) -> None:
+    hand = replace(TABLE_I, m_h=m_h, k_u=k_u, b_u=b_u)
+    assert magnitude_error(approximate_model(hand), hand) < 0.5
+
+
+def test_phase_can_count_at_the_cost_of_magnitude() -> None:
+    frequency = np.geomspace(15.0, 200.0, 100)
+    handle = sampled_response(TABLE_I, frequency, RATE, low_pass_frequency=1e9, hold=False)
+
+    def error(weight: float) -> float:
+        model = approximate_model(TABLE_I, phase_weight=weight).model()
+        return float(np.sqrt(np.mean(np.abs(model.response(frequency) / handle - 1) ** 2)))
+
+    assert error(0.3) < 0.8 * error(0.0)
+
+
+def test_what_cannot_be_approximated_is_refused() -> None:
+    with pytest.raises(ParameterError, match="^band = 200 to 15 Hz: must rise from above 0$"):
+        approximate_model(TABLE_I, (200.0, 15.0))
+    with pytest.raises(ParameterError, match="^phase_weight = nan: must be from 0 to 100$"):
+        approximate_model(TABLE_I, phase_weight=math.nan)
+
+
+@pytest.mark.parametrize("frequency", [180.0, 300.0])
+def test_the_accelerometers_mount_is_found_with_the_handle(frequency: float) -> None:
+    mount = StructureParameters(frequency=frequency, damping=0.13)
+    rig = MasterRigParameters(structure=mount)
+    parameters = SweepParameters(end_frequency=450.0)
+    (trial,) = run_identification(rig, parameters, RATE, seed=4)
+    response = dft_ratio(
+        kept_repeats(trial.actuator_force, parameters, RATE),
+        kept_repeats(trial.handle_acceleration, parameters, RATE),
+        RATE,
+        parameters.band,
+    )
+    start = StructureParameters(frequency=250.0, damping=0.2)
+    found = fit_handle(response, free=(*DEFAULT_FREE, *MOUNT), mount=start)
+    assert found.mount.frequency == pytest.approx(frequency, rel=0.01)
+    assert found.mount.damping == pytest.approx(0.13, rel=0.02)
+    assert found.handle.m_h == pytest.approx(0.128, rel=0.02)
+    assert found.handle.k_u == pytest.approx(1500.0, rel=0.02)
+    assert found.delay == pytest.approx(0.0, abs=20e-6)
+    # Without the mode nothing fits.
+    assert fit_handle(response).residual > 10 * found.residual

@@ -1,0 +1,269 @@
+"""Recorded arms behind the interface of all devices: bags, CSV and WAV files."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import struct
+import wave
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bag_maker import START, write_bag
+from haptic_accel.bags.recorded import read_bag
+from haptic_accel.core import topics
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import Topic
+from haptic_accel.core.track import FADE, QUIET
+from haptic_accel.devices import MASTERS, SLAVES, Device
+from haptic_accel.devices.playback.device import (
+    ReplayMaster,
+    ReplayParameters,
+    ReplaySlave,
+    bag_rate,
+    start_offset,
+)
+
+RATE = 1000.0
+PERIOD = 1 / RATE
+SAMPLES = 600
+TAIL = round((FADE + QUIET) * RATE)
+
+Rows = dict[Topic, np.ndarray]
+
+
+def rows(samples: int = SAMPLES) -> Rows:
+    """Return what both arms gave: each signal different, each sample different."""
+    random = np.random.default_rng(4)
+    signals = (*topics.SLAVE_SIGNALS, topics.MASTER_POSITION, topics.MASTER_VELOCITY)
+    return {
+        topic: random.normal(size=(samples, 3)) for topic in (*signals, topics.HANDLE_ACCELERATION)
+    }
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    return write_bag(tmp_path / "bag", rows(), RATE)
+
+
+def opened(kind: type[Device], bag: Path, rate: float = RATE, **fields: Any) -> Device:
+    device = kind(ReplayParameters(str(bag), **fields), rate, 0)
+    device.open()
+    device.write(0.0, arm_force=(0.0, 0.0, 0.0))
+    return device
+
+
+def play(device: Device, samples: int = SAMPLES, rate: float = RATE) -> list[Any]:
+    return [device.read(100.0 + index / rate) for index in range(samples)]
+
+
+def test_both_sides_can_be_replayed() -> None:
+    assert MASTERS["replay"] is ReplayMaster
+    assert SLAVES["replay"] is ReplaySlave
+
+
+@pytest.mark.parametrize(
+    ("kind", "signals"),
+    [
+        (ReplaySlave, topics.SLAVE_SIGNALS),
+        (
+            ReplayMaster,
+            (topics.HANDLE_ACCELERATION, topics.MASTER_POSITION, topics.MASTER_VELOCITY),
+        ),
+    ],
+)
+def test_every_sample_of_the_bag_comes_back_bit_by_bit(
+    bag: Path, kind: type[Device], signals: tuple[Topic, ...]
+) -> None:
+    acceleration, position, velocity = (rows()[topic] for topic in signals)
+    for index, sample in enumerate(play(opened(kind, bag))):
+        assert sample.acceleration == acceleration[index, 2]
+        assert sample.position == tuple(position[index])
+        assert sample.velocity == tuple(velocity[index])
+
+
+def test_lost_samples_hold_the_one_before_and_are_counted_and_told(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", rows(), RATE, lost={100, 101, 300})
+    device = opened(ReplaySlave, bag)
+    played = play(device)
+    expected = rows()[topics.TOOL_ACCELERATION][99, 2]
+    assert played[100].acceleration == played[101].acceleration == expected
+    assert device.status()["samples_lost_in_recording"] == 3
+    assert "3 samples are missing" in device.remark
+
+
+def test_it_plays_from_where_the_arms_were_coupled(tmp_path: Path) -> None:
+    forces = np.zeros((SAMPLES, 3))
+    forces[250:] = 0.2
+    coupled = {place for place in range(SAMPLES) if place < 200}
+    bag = write_bag(
+        tmp_path / "bag",
+        rows() | {topics.SLAVE_ARM_FORCE: forces},
+        RATE,
+        lost_of={topics.SLAVE_ARM_FORCE: coupled},
+    )
+    tool = rows()[topics.TOOL_ACCELERATION]
+    assert play(opened(ReplaySlave, bag))[0].acceleration == tool[200, 2]
+    assert play(opened(ReplaySlave, bag, start=0.1))[0].acceleration == tool[300, 2]
+    assert start_offset(read_bag(bag), 0.1) == pytest.approx(0.3)
+
+
+def test_it_ends_after_its_rest_and_not_when_looped(bag: Path) -> None:
+    once, looped = opened(ReplaySlave, bag), opened(ReplaySlave, bag, loop=True)
+    play(once, SAMPLES + TAIL - 1)
+    assert not once.ended
+    last = play(once, SAMPLES + TAIL)[-1]
+    assert once.ended
+    assert last.acceleration == np.median(rows()[topics.TOOL_ACCELERATION][:, 2])
+    assert last.velocity == (0.0, 0.0, 0.0)
+    turn = SAMPLES - round(FADE * RATE)
+    played = play(looped, 2 * turn)
+    assert played[:turn] == played[turn:]
+    assert not looped.ended
+
+
+def test_forces_do_nothing_and_are_counted(bag: Path) -> None:
+    quiet, pushed = opened(ReplayMaster, bag), opened(ReplayMaster, bag)
+    pushed.write(0.0, arm_force=(3.0, 0.0, 0.0), actuator_force=6.0)
+    assert play(pushed) == play(quiet)
+    pushed.close()
+    assert pushed.status()["arm_forces_ignored"] == 2
+    assert pushed.status()["actuator_forces_ignored"] == 1
+
+
+@pytest.mark.parametrize(("rate", "speed"), [(500.0, 1.0), (2000.0, 1.0), (1000.0, 2.0)])
+def test_another_rate_or_speed_is_told(bag: Path, rate: float, speed: float) -> None:
+    device = opened(ReplaySlave, bag, rate, speed=speed)
+    assert ("resampled from 1000 to" in device.remark) == (rate != RATE)
+    assert ("2 times the speed" in device.remark) == (speed != 1.0)
+    length = round(SAMPLES / RATE / speed * rate)
+    play(device, length + round((FADE + QUIET) * rate) - 1, rate)
+    assert not device.ended
+    play(device, length + round((FADE + QUIET) * rate), rate)
+    assert device.ended
+
+
+def test_the_bag_s_own_word_on_its_rate_counts(tmp_path: Path) -> None:
+    said = {"haptic_accel.arguments": json.dumps({"rate": 999.0})}
+    bag = write_bag(tmp_path / "bag", rows(), RATE, custom=said)
+    assert bag_rate(read_bag(bag)) == 999.0
+    assert bag_rate(read_bag(write_bag(tmp_path / "other", rows(), RATE))) == RATE
+
+
+def test_a_file_of_a_bag_will_do_and_so_will_a_bag_without_motion(
+    tmp_path: Path, bag: Path
+) -> None:
+    (file,) = bag.glob("*.mcap")
+    assert play(opened(ReplaySlave, file)) == play(opened(ReplaySlave, bag))
+    only = {topics.TOOL_ACCELERATION: rows()[topics.TOOL_ACCELERATION]}
+    still = opened(ReplaySlave, write_bag(tmp_path / "still", only, RATE))
+    assert {sample.position for sample in play(still)} == {(0.0, 0.0, 0.0)}
+    assert "arm stands still" in still.remark
+
+
+def test_csv_and_wav_files_are_played_too(tmp_path: Path) -> None:
+    tone = np.sin(2 * np.pi * 40.0 * np.arange(1500) / 1000.0)
+    table = tmp_path / "tone.csv"
+    table.write_text("z\n" + "\n".join(f"{value:.9f}" for value in tone))
+    sound = tmp_path / "tone.wav"
+    with wave.open(str(sound), "wb") as file:
+        file.setparams((1, 2, 1000, 0, "NONE", ""))
+        file.writeframes(struct.pack("<1500h", *(tone * 668.0).astype(int)))
+    for parameters in (
+        ReplayParameters(str(table), rate=1000.0, column="z"),
+        ReplayParameters(str(sound)),
+    ):
+        device = ReplaySlave(parameters, RATE, 0)
+        device.write(0.0, arm_force=(0.0, 0.0, 0.0))
+        played = [sample.acceleration for sample in play(device, 1500)]
+        assert played == pytest.approx(tone, abs=2e-3)
+
+
+def no_file(path: Path) -> Path:
+    return path.with_name("nowhere")
+
+
+def no_tool(path: Path) -> Path:
+    only = {topics.MASTER_POSITION: rows()[topics.MASTER_POSITION]}
+    return write_bag(path.with_name("no_tool"), only, RATE)
+
+
+def no_rate(path: Path) -> Path:
+    return write_bag(path.with_name("one"), rows(1), RATE)
+
+
+def too_short(path: Path) -> Path:
+    return write_bag(path.with_name("short"), rows(50), RATE)
+
+
+def empty_folder(path: Path) -> Path:
+    path.with_name("empty").mkdir()
+    return path.with_name("empty")
+
+
+@pytest.mark.parametrize(
+    ("make", "named"),
+    [
+        (no_file, "nowhere: no such bag or file"),
+        (no_tool, "has no message of slave/tool/acceleration"),
+        (no_rate, "rate not found"),
+        (too_short, "start = 0"),
+        (empty_folder, "must be a bag"),
+    ],
+)
+def test_what_cannot_be_replayed_is_refused_in_one_line(
+    bag: Path, make: Callable[[Path], Path], named: str
+) -> None:
+    with pytest.raises(ParameterError, match=named) as caught:
+        opened(ReplaySlave, make(bag))
+    assert "\n" not in str(caught.value)
+
+
+def test_nothing_to_play_is_refused_by_name() -> None:
+    with pytest.raises(ParameterError, match="replay.file = ''"):
+        ReplaySlave(ReplayParameters(), RATE, 0)
+
+
+def test_what_is_too_short_at_a_speed_is_refused(bag: Path) -> None:
+    with pytest.raises(ParameterError, match="speed = 10"):
+        opened(ReplaySlave, bag, speed=10.0)
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.05, 11.0, -1.0])
+def test_speeds_out_of_range_are_refused(speed: float) -> None:
+    with pytest.raises(ParameterError, match="speed = .*from 0.1 to 10"):
+        ReplayParameters("bag", speed=speed)
+
+
+def test_a_bag_that_was_cut_off_is_played_as_far_as_it_is_whole(tmp_path: Path, bag: Path) -> None:
+    cut = shutil.copytree(bag, tmp_path / "cut")
+    (cut / "metadata.yaml").unlink()
+    (file,) = cut.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    try:
+        played = opened(ReplaySlave, cut)
+    except ParameterError as error:
+        # One chunk holds all of so short a bag: then there is nothing left.
+        assert "\n" not in str(error)
+    else:
+        assert play(played)[0].acceleration == rows()[topics.TOOL_ACCELERATION][0, 2]
+
+
+def test_a_force_between_a_tick_s_time_and_a_late_tick_shifts_no_sample(bag: Path) -> None:
+    prompt, late = opened(ReplaySlave, bag), opened(ReplaySlave, bag)
+    expected = play(prompt)
+    for index, sample in enumerate(expected):
+        late.write(100.0 + (index + 0.9) * PERIOD, arm_force=(0.1, 0.0, 0.0))
+        assert late.read(100.0 + index * PERIOD) == sample
+
+
+def test_stamps_and_not_arrivals_count(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", rows(), RATE, delay=lambda place: place * 777_000)
+    assert play(opened(ReplaySlave, bag)) == play(
+        opened(ReplaySlave, write_bag(tmp_path / "prompt", rows(), RATE))
+    )
+    assert read_bag(bag).signals[topics.TOOL_ACCELERATION.name].stamps[0] == START

@@ -1,0 +1,521 @@
+"""Reading, resampling and looping of recorded accelerations."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from scipy.io import wavfile
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.resampling import crossfaded, resampled
+from haptic_accel.devices.playback import files as recording
+from haptic_accel.devices.playback.files import FULL_SCALE, FloatArray, read_recording
+
+REAL = Path(__file__).parents[4] / "shared" / "data"
+
+# One folder serves all examples of a test: each writes its files anew.
+untimed = settings(
+    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200
+)
+
+
+def tone(frequency: float, rate: float, seconds: float = 3.0) -> FloatArray:
+    return np.sin(2 * np.pi * frequency * np.arange(round(rate * seconds)) / rate)
+
+
+def inner(samples: FloatArray) -> FloatArray:
+    """Return the middle half, away from where the signal begins and ends at once."""
+    return samples[len(samples) // 4 : -len(samples) // 4]
+
+
+def write_csv(
+    path: Path, columns: dict[str, FloatArray], delimiter: str = ",", end: str = "\n"
+) -> Path:
+    rows = [delimiter.join(columns)]
+    rows += [delimiter.join(map(repr, map(float, row))) for row in zip(*columns.values())]  # noqa: B905
+    path.write_text(end.join(rows) + end, newline="")
+    return path
+
+
+def refusal(path: Path | str, *arguments: object, **options: object) -> str:
+    """Return the one line that a file or a parameter is refused with."""
+    with pytest.raises(ParameterError) as raised:
+        read_recording(path, *arguments, **options)
+    message = str(raised.value)
+    assert message.isprintable()
+    assert len(message) < 1500
+    return message
+
+
+# Resampling
+
+RATES = [(10_000, 1000), (44_100, 1000), (48_000, 5000), (1000, 4000), (800, 1000), (3000, 2000)]
+
+
+@pytest.mark.parametrize(("before", "after"), RATES)
+@pytest.mark.parametrize("fraction", [0.01, 0.2, 0.5, 0.85])
+def test_a_tone_in_the_pass_band_keeps_amplitude_and_phase(
+    before: int, after: int, fraction: float
+) -> None:
+    frequency = fraction * min(before, after) / 2
+    result = resampled(tone(frequency, before), before, after)
+    assert inner(result) == pytest.approx(inner(tone(frequency, after)), abs=1e-3)
+
+
+@pytest.mark.parametrize(("before", "after"), [pair for pair in RATES if pair[0] > pair[1]])
+@pytest.mark.parametrize("fraction", [1.001, 1.1, 1.37])
+def test_a_tone_above_the_new_nyquist_frequency_is_gone(
+    before: int, after: int, fraction: float
+) -> None:
+    result = resampled(tone(fraction * after / 2, before), before, after)
+    assert np.abs(inner(result)).max() < 10 ** (-60 / 20)
+
+
+@pytest.mark.parametrize("fraction", [0.3, 0.85])
+def test_a_higher_rate_brings_no_image(fraction: float) -> None:
+    result = resampled(tone(fraction * 500.0, 1000), 1000, 4000)
+    spectrum = np.abs(np.fft.rfft(result * np.blackman(len(result))))
+    frequency = np.fft.rfftfreq(len(result), 1 / 4000)
+    assert spectrum[frequency > 501.0].max() < 10 ** (-60 / 20) * spectrum.max()
+
+
+@pytest.mark.parametrize(("before", "after"), RATES)
+def test_length_follows_the_ratio(before: int, after: int) -> None:
+    samples = tone(5.0, before, seconds=1.7)
+    assert len(resampled(samples, before, after)) == math.ceil(len(samples) * after / before)
+
+
+def test_equal_rates_change_nothing() -> None:
+    samples = np.random.default_rng(0).normal(size=500)
+    result = resampled(samples, 1000.0, 1000.0)
+    assert np.array_equal(result, samples)
+    assert result is not samples
+
+
+@pytest.mark.parametrize(("before", "after"), RATES)
+def test_an_offset_and_a_drift_stay_to_the_very_ends(before: int, after: int) -> None:
+    drift = np.linspace(9.0, 11.0, 2 * before, endpoint=False)
+    expected = np.linspace(9.0, 11.0, 2 * after, endpoint=False)
+    assert resampled(drift, before, after) == pytest.approx(expected, abs=1e-2)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(10.0, 1e4), st.floats(10.0, 1e4))
+def test_any_two_rates_give_about_the_right_length(before: float, after: float) -> None:
+    result = resampled(np.ones(300), before, after)
+    assert len(result) == pytest.approx(300 * after / before, rel=2e-4, abs=1.0)
+    assert result == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, 1e7, math.nan, math.inf])
+def test_unfit_rates_are_refused(rate: float) -> None:
+    with pytest.raises(ParameterError, match=r"^recording_rate = .*: must be from 10 to 1e"):
+        resampled(np.ones(9), rate, 1000.0)
+    with pytest.raises(ParameterError, match=r"^rate = .*: must be from 10 to 1e"):
+        resampled(np.ones(9), 1000.0, rate)
+    with pytest.raises(ParameterError, match=r"^rate = "):
+        crossfaded(np.ones(9), rate)
+
+
+# CSV
+
+
+@pytest.mark.parametrize(("delimiter", "end"), [(",", "\n"), (";", "\r\n"), ("\t", "\r")])
+def test_csv_of_usual_kinds(tmp_path: Path, delimiter: str, end: str) -> None:
+    columns = {"speed": np.zeros(1000), "accel": tone(30.0, 1000.0, 1.0)}
+    path = write_csv(tmp_path / "a.csv", columns, delimiter, end)
+    assert np.array_equal(read_recording(path, 1000.0, 1000.0), columns["accel"])
+
+
+def test_csv_as_spreadsheets_write_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(b'\xef\xbb\xbf\r\n"accel", "x, y"\r\n' + b"1.5,2\r\n\r\n" * 100 + b"\r\n")
+    assert read_recording(path, 100.0, 100.0).tolist() == [1.5] * 100
+
+
+def test_csv_is_resampled(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "a.csv", {"accel": tone(30.0, 10_000)})
+    result = read_recording(path, 10_000, 1000)
+    assert len(result) == 3000
+    assert inner(result) == pytest.approx(inner(tone(30.0, 1000)), abs=1e-3)
+
+
+def test_default_column_is_the_first_of_the_known_names(tmp_path: Path) -> None:
+    columns = {"a": np.full(100, 4.0), "accel": np.full(100, 2.0), "acc": np.full(100, 3.0)}
+    path = write_csv(tmp_path / "a.csv", columns)
+    assert read_recording(path, 100.0, 100.0)[0] == 2.0
+    assert read_recording(path, 100.0, 100.0, "")[0] == 2.0
+    assert read_recording(path, 100.0, 100.0, "acc")[0] == 3.0
+
+
+def test_missing_column_lists_those_there_are(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "a.csv", {"speed": np.zeros(100), "force": np.zeros(100)})
+    message = refusal(path, 100.0, 100.0)
+    assert "acceleration or accel or acc or a: no such column" in message
+    assert message.endswith("there are speed, force")
+    assert "column = z: no such column" in refusal(path, 100.0, 100.0, "z")
+
+
+def test_column_that_is_there_twice_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("accel,accel\n" + "1,2\n" * 100)
+    assert "accel: is there more than once" in refusal(path, 100.0, 100.0)
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e7", "", "abc", "1,5", "0x10"])
+def test_what_is_no_acceleration_is_refused_with_its_line(tmp_path: Path, value: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("speed;accel\n" + "0;1\n" * 50 + f"0;{value}\n" + "0;1\n" * 50)
+    message = refusal(path, 100.0, 100.0)
+    assert message.startswith(f"{path}: line 52: accel = {value!r}: must be a number")
+
+
+def test_only_the_wanted_column_must_be_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("note,accel\n" + "start,1\n" * 100)
+    assert read_recording(path, 100.0, 100.0).tolist() == [1.0] * 100
+
+
+@pytest.mark.parametrize("row", ["1", "1,2,3"])
+def test_ragged_row_is_refused_with_its_line(tmp_path: Path, row: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("accel,speed\n1,2\n" + f"{row}\n" + "1,2\n" * 100)
+    message = refusal(path, 100.0, 100.0)
+    assert message.startswith(f"{path}: line 3: {row.count(',') + 1} values, must be 2")
+
+
+def test_open_quote_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text('accel,speed\n1,"2\n' + "1,2\n" * 100)
+    assert "line " in refusal(path, 100.0, 100.0)
+
+
+def test_recording_shorter_than_a_second_is_refused(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "a.csv", {"accel": np.zeros(999)})
+    message = refusal(path, 1000.0, 100.0)
+    assert message == f"{path}: 999 samples at 1000 Hz last 0.999 s, must be at least 1 s"
+    assert len(read_recording(path, 999.0, 999.0)) == 999
+
+
+def test_header_alone_is_too_short(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("accel\n")
+    assert "0 samples" in refusal(path, 1000.0, 1000.0)
+
+
+def test_csv_needs_its_rate(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "a.csv", {"accel": np.zeros(999)})
+    message = refusal(path, 0.0, 1000.0)
+    assert message.startswith("recording_rate = 0: must be given for a CSV file")
+
+
+@pytest.mark.parametrize("rate", [-1.0, 1.0, 1e7, math.nan, math.inf])
+def test_rates_out_of_range_are_refused(tmp_path: Path, rate: float) -> None:
+    path = write_csv(tmp_path / "a.csv", {"accel": np.zeros(999)})
+    assert refusal(path, rate, 100.0).startswith(f"recording_rate = {rate}: must be from 10 to")
+    assert refusal(path, 100.0, rate).startswith(f"rate = {rate}: must be from 10 to")
+
+
+def test_a_result_too_long_is_refused_before_it_is_made(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "a.csv", {"accel": np.zeros(1000)})
+    message = refusal(path, 10.0, 1e6)
+    assert message == f"{path}: 100 s are 1e+08 samples at 1e+06 Hz, must be at most 20000000"
+
+
+# WAV
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "int32"])
+def test_full_scale_of_integer_samples(tmp_path: Path, dtype: str) -> None:
+    limits = np.iinfo(dtype)
+    middle = 128 if dtype == "uint8" else 0
+    samples = np.array([limits.min, middle, middle + limits.max // 4] * 400, dtype=dtype)
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 1000, samples)
+    found = read_recording(path, 0.0, 1000.0)
+    assert found[0] == pytest.approx(-FULL_SCALE)
+    assert found[1] == 0.0
+    expected = (limits.max // 4) / (limits.max - middle + 1)
+    assert found[2] == pytest.approx(expected * FULL_SCALE)
+    assert read_recording(path, 0.0, 1000.0, full_scale=2.0)[0] == pytest.approx(-2.0)
+
+
+def test_full_scale_is_the_range_of_the_papers_accelerometer() -> None:
+    assert pytest.approx(49.03, abs=0.01) == FULL_SCALE
+
+
+def test_24_bit_samples(tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    header = bytearray(44)
+    wavfile.write(buffer := io.BytesIO(), 1000, np.zeros(1, dtype=np.int16))
+    header[:] = buffer.getvalue()[:44]
+    data = b"\x00\x00\x80" * 1000 + b"\x00\x00\x40" * 1000
+    fields = {4: len(data) + 36, 28: 3000, 40: len(data)}
+    for offset, value in fields.items():
+        header[offset : offset + 4] = value.to_bytes(4, "little")
+    header[32:36] = b"\x03\x00\x18\x00"
+    path.write_bytes(header + data)
+    found = read_recording(path, 0.0, 1000.0, full_scale=10.0)
+    assert found[0] == pytest.approx(-10.0)
+    assert found[-1] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_floating_point_samples_are_acceleration(tmp_path: Path, dtype: str) -> None:
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 1000, np.full(2000, -12.5, dtype=dtype))
+    assert read_recording(path, 1000.0, 1000.0).tolist() == [-12.5] * 2000
+
+
+def test_wav_is_resampled_from_its_own_rate(tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 44_100, tone(100.0, 44_100))
+    result = read_recording(path, 0.0, 1000.0)
+    assert inner(result) == pytest.approx(inner(tone(100.0, 1000)), abs=1e-3)
+
+
+def test_wav_is_known_by_its_first_bytes(tmp_path: Path) -> None:
+    path = tmp_path / "recording"
+    wavfile.write(path, 1000, np.ones(1000))
+    assert read_recording(path, 0.0, 1000.0).tolist() == [1.0] * 1000
+
+
+def test_channel_of_a_wav(tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 1000, np.tile([1.0, 2.0, 3.0], (1000, 1)))
+    assert read_recording(path, 0.0, 1000.0)[0] == 1.0
+    assert read_recording(path, 0.0, 1000.0, "3")[0] == 3.0
+    assert refusal(path, 0.0, 1000.0, "4").endswith("no such channel; there are 1, 2, 3")
+    assert "column = accel: no such channel" in refusal(path, 0.0, 1000.0, "accel")
+
+
+def test_wav_of_another_rate_than_said_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 8000, np.ones(8000))
+    message = refusal(path, 10_000.0, 1000.0)
+    assert message == f"recording_rate = 10000: must be 0 or 8000 Hz as {path} says"
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e7])
+def test_wav_that_holds_no_acceleration_is_refused(tmp_path: Path, value: float) -> None:
+    samples = np.zeros(1000)
+    samples[7] = value
+    wavfile.write(tmp_path / "a.wav", 1000, samples)
+    assert f"sample 7 = {value:g}: must be" in refusal(tmp_path / "a.wav", 0.0, 1000.0)
+
+
+def test_wav_cut_off_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 1000, np.zeros(2000, dtype=np.int16))
+    path.write_bytes(path.read_bytes()[:3000])
+    assert "is cut off after 3000 bytes, its header says 4044" in refusal(path, 0.0, 1000.0)
+
+
+@pytest.mark.parametrize("content", [b"RIFX", b"not a wav", b"RIFF\x04\0\0\0WAVE"])
+def test_malformed_wav_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "a.wav"
+    path.write_bytes(content)
+    assert "is not a WAV file" in refusal(path, 0.0, 1000.0)
+
+
+@pytest.mark.parametrize("length", [0, 999])
+def test_short_wav_is_refused(tmp_path: Path, length: int) -> None:
+    wavfile.write(tmp_path / "a.wav", 1000, np.zeros(length))
+    assert "must be at least 1 s" in refusal(tmp_path / "a.wav", 0.0, 1000.0)
+
+
+@pytest.mark.parametrize("full_scale", [0.0, -1.0, math.nan, math.inf])
+def test_unfit_full_scale_is_refused(tmp_path: Path, full_scale: float) -> None:
+    wavfile.write(tmp_path / "a.wav", 1000, np.zeros(1000))
+    message = refusal(tmp_path / "a.wav", 0.0, 1000.0, full_scale=full_scale)
+    assert message.startswith("full_scale = ")
+
+
+# Files
+
+
+def test_missing_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "none.csv"
+    assert refusal(path, 1000.0, 1000.0).startswith(f"{path}: No such file")
+
+
+def test_no_name_is_refused() -> None:
+    assert refusal("", 1000.0, 1000.0).startswith("recording = ''")
+
+
+@pytest.mark.parametrize("name", ["a\0b", "a\nb", "x" * 5000])
+def test_impossible_names_are_refused(name: str) -> None:
+    refusal(name, 1000.0, 1000.0)
+
+
+def test_folder_is_refused(tmp_path: Path) -> None:
+    message = refusal(tmp_path, 1000.0, 1000.0)
+    assert message == f"{tmp_path}: is a folder, must be a CSV or WAV file"
+
+
+def test_pipe_is_refused_without_waiting_for_it(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    assert "is not a regular file" in refusal(tmp_path / "pipe", 1000.0, 1000.0)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_unreadable_file_is_refused(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "a.csv", {"accel": np.zeros(1000)})
+    path.chmod(0)
+    assert refusal(path, 1000.0, 1000.0).startswith(f"{path}: Permission denied")
+
+
+def test_empty_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").touch()
+    assert "is empty" in refusal(tmp_path / "a.csv", 1000.0, 1000.0)
+
+
+def test_huge_file_is_refused_unread(tmp_path: Path) -> None:
+    with (tmp_path / "a.csv").open("wb") as file:
+        file.truncate(recording.MOST_BYTES + 1)
+    assert "more than 500000000" in refusal(tmp_path / "a.csv", 1000.0, 1000.0)
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00a", b"\x89PNG\r\n", b"accel\n1\n\0\n"])
+def test_binary_file_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.csv").write_bytes(content)
+    assert "is not text" in refusal(tmp_path / "a.csv", 1000.0, 1000.0)
+
+
+def gives_an_array_or_one_line(path: Path, rate: float) -> None:
+    try:
+        samples = read_recording(path, rate, 20.0)
+    except ParameterError:
+        refusal(path, rate, 20.0)
+        return
+    assert samples.ndim == 1
+    assert len(samples) >= 20
+    assert np.all(np.isfinite(samples))
+
+
+@untimed
+@given(st.binary(max_size=400))
+def test_any_bytes(tmp_path: Path, content: bytes) -> None:
+    for name in ("a.csv", "a.wav"):
+        (tmp_path / name).write_bytes(content)
+        gives_an_array_or_one_line(tmp_path / name, 10.0)
+
+
+numbers = st.floats().map(repr) | st.integers().map(str) | st.text(max_size=5)
+
+
+@untimed
+@given(st.text(max_size=200) | st.lists(numbers, max_size=40).map("\n".join))
+def test_any_text(tmp_path: Path, text: str) -> None:
+    for content in (text, "accel\n" + text, "accel,b\n1,2\n" + text):
+        path = tmp_path / "a.csv"
+        path.write_bytes(content.encode("utf-8", "surrogatepass"))
+        gives_an_array_or_one_line(path, 10.0)
+
+
+@untimed
+@given(st.lists(st.floats(-1e6, 1e6), min_size=10, max_size=60))
+def test_any_numbers_are_read_exactly(tmp_path: Path, values: list[float]) -> None:
+    path = write_csv(tmp_path / "a.csv", {"b": np.array(values), "a": np.array(values)})
+    assert read_recording(path, 10.0, 10.0).tolist() == values
+
+
+@untimed
+@given(
+    st.sampled_from(["uint8", "int16", "int32", "float32", "float64"]),
+    st.integers(1, 3),
+    st.dictionaries(st.integers(0, 59), st.integers(0, 255), max_size=4),
+)
+def test_any_damage_to_a_wav(
+    tmp_path: Path, dtype: str, channels: int, damage: dict[int, int]
+) -> None:
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 20, np.ones((60, channels), dtype=dtype))
+    content = bytearray(path.read_bytes())
+    for offset, value in damage.items():
+        content[offset] = value
+    path.write_bytes(content)
+    gives_an_array_or_one_line(path, 0.0)
+
+
+# Loops
+
+
+def seam(loop: FloatArray) -> float:
+    """Size of the step from the last sample back to the first."""
+    return float(abs(loop[0] - loop[-1]))
+
+
+def test_a_loop_of_texture_has_no_click() -> None:
+    texture = np.convolve(np.random.default_rng(3).normal(size=2100), np.ones(8), "valid")
+    texture += np.linspace(-20.0, 20.0, len(texture))
+    loop = crossfaded(texture, 1000.0)
+    assert seam(texture) > np.abs(np.diff(texture)).max()
+    assert seam(loop) <= np.abs(np.diff(loop)).max()
+    assert len(loop) == len(texture) - 50
+
+
+def test_a_loop_continues_as_the_original_did() -> None:
+    original = tone(3.3, 1000.0) + 9.8
+    loop = crossfaded(original, 1000.0, 0.1)
+    assert np.array_equal(loop[:-100], original[100:-100])
+    assert loop[-1] == pytest.approx(original[99])
+
+
+def test_a_loop_keeps_offset_and_power() -> None:
+    noise = np.random.default_rng(0).normal(9.8, 1.0, 200_000)
+    loop = crossfaded(noise, 1000.0, seconds=99.0)
+    assert len(loop) == 101_000
+    assert loop.mean() == pytest.approx(9.8, abs=0.02)
+    assert loop.std() == pytest.approx(1.0, rel=0.02)
+
+
+@untimed
+@given(
+    arrays.arrays(np.float64, st.integers(2, 200), elements=st.floats(-1e6, 1e6)),
+    st.floats(0.001, 0.1),
+)
+def test_the_seam_is_a_step_that_the_original_has(samples: FloatArray, seconds: float) -> None:
+    seconds = min(seconds, (len(samples) - 1) // 2 / 1000.0)
+    loop = crossfaded(samples, 1000.0, seconds)
+    assert np.all(np.isfinite(loop))
+    assert seam(loop) <= np.abs(np.diff(samples)).max() + 1e-6
+
+
+def test_no_fade_changes_nothing() -> None:
+    samples = tone(3.3, 1000.0)
+    assert np.array_equal(crossfaded(samples, 1000.0, 0.0), samples)
+
+
+@pytest.mark.parametrize("seconds", [-0.1, 0.5, math.nan, math.inf])
+def test_a_fade_of_half_or_more_is_refused(seconds: float) -> None:
+    with pytest.raises(ParameterError, match=r"^seconds = .*: must be from 0 to 0\.499 s$"):
+        crossfaded(np.ones(1000), 1000.0, seconds)
+
+
+# Real recordings: dragging over wood and leather, taken to be sampled at 10 kHz
+
+
+@pytest.mark.parametrize("surface", ["wood", "leather"])
+def test_real_recording(surface: str) -> None:
+    path = REAL / f"{surface}.csv"
+    if not path.exists():
+        pytest.skip(f"{path} is absent")
+    original = read_recording(path, 10_000, 10_000, "accel")
+    result = read_recording(path, 10_000, 1000)
+    assert len(original) == 18_999
+    assert len(result) == 1900
+    assert 0.5 < result.std() <= original.std()
+    below = np.fft.rfftfreq(len(original), 1e-4) < 450.0
+    power = np.abs(np.fft.rfft(original - original.mean())) ** 2
+    assert result.var() >= 0.97 * original.var() * power[below].sum() / power.sum()
+    loop = crossfaded(result, 1000)
+    assert seam(loop) <= np.abs(np.diff(loop)).max()

@@ -1,0 +1,246 @@
+"""The device's side of the protocol: what it obeys, and when a current may flow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.devices.serial.protocol import (
+    FULL_SCALE,
+    VERSION,
+    Arm,
+    Configuration,
+    Configure,
+    Decoder,
+    Disarm,
+    Encoder,
+    Error,
+    ErrorCode,
+    Frame,
+    FrameType,
+    Identify,
+    Identity,
+    Message,
+    Samples,
+    SetCurrent,
+    State,
+    Status,
+    encode,
+    read_message,
+)
+from haptic_accel.emulators.serial_board import CLOCKS, STATUS_PERIOD, TIMEOUT, Board
+
+HANDLE = Identity((1, 0, 0), 0b111, 10_000, 49.0, 2.75, "handle")
+TOOL = Identity((1, 0, 0), 0b100, 4000, 49.0, 0.0, "tool")
+M = TypeVar("M")
+
+
+class Host:
+    """Talks to a board, without a port."""
+
+    def __init__(self, identity: Identity = HANDLE) -> None:
+        self.now = CLOCKS - 10_000  # begins anew soon
+        self.heard: list[Message] = []
+        self.clocks: list[int] = []
+        self.room = True
+        self._encoder, self._decoder = Encoder(), Decoder()
+        self.board = Board(identity, self._take)
+
+    def _take(self, data: bytes) -> bool:
+        if self.room:
+            for frame in self._decoder.feed(data):
+                self.heard.append(read_message(frame))
+                self.clocks.append(frame.clock)
+        return self.room
+
+    def say(self, *messages: Message) -> None:
+        for message in messages:
+            self.board.receive(self._encoder.encode(message, 0), self.now)
+
+    def wait(self, microseconds: int) -> None:
+        for _ in range(microseconds // 1000):
+            self.now = (self.now + 1000) % CLOCKS
+            self.board.tick(self.now)
+
+    def sample(self, number: int) -> None:
+        for index in range(number):
+            self.now = (self.now + 250) % CLOCKS
+            self.board.sample((index, -index, 100 + index), self.now)
+
+    def all(self, kind: type[M]) -> list[M]:
+        return [message for message in self.heard if isinstance(message, kind)]
+
+
+def armed() -> Host:
+    host = Host()
+    host.say(Arm(), SetCurrent(1000))
+    assert host.board.current == 1000
+    return host
+
+
+def test_it_says_nothing_before_it_is_spoken_to() -> None:
+    host = Host()
+    host.board.receive(b"AT\r\n\0", host.now)
+    host.wait(5 * STATUS_PERIOD)
+    assert host.heard == []
+    host.say(Identify())
+    assert host.heard == [HANDLE]
+    host.wait(2 * STATUS_PERIOD)
+    assert len(host.all(Status)) == 2
+
+
+def test_set_points_are_refused_until_it_is_armed() -> None:
+    host = Host()
+    host.say(SetCurrent(1000))
+    assert host.board.current == 0
+    host.say(Arm(), SetCurrent(1000), Disarm(), SetCurrent(500))
+    assert host.board.current == 0
+    assert host.all(Status)[-1].refused == 1
+
+
+def test_the_current_is_zero_after_5_ms_of_silence_and_comes_back() -> None:
+    host = armed()
+    host.wait(TIMEOUT)
+    assert host.board.current == 1000
+    host.wait(1000)
+    assert (host.board.current, host.board.state) == (0, State.TIMED_OUT)
+    assert host.all(Status)[-1].timeouts == 1
+    host.say(SetCurrent(-7))
+    assert (host.board.current, host.board.state) == (-7, State.ARMED)
+
+
+def test_only_set_points_count_against_silence() -> None:
+    host = armed()
+    for _ in range(TIMEOUT // 1000 + 1):
+        host.say(Identify())
+        host.board.receive(b"noise\0", host.now)
+        host.wait(1000)
+    assert host.board.current == 0
+
+
+def test_the_current_is_within_full_scale() -> None:
+    host = armed()
+    host.say(SetCurrent(-FULL_SCALE - 1))
+    assert host.board.current == -FULL_SCALE
+
+
+def test_a_fault_takes_the_current_off_until_it_is_disarmed_and_armed() -> None:
+    host = armed()
+    host.board.fault(True, host.now)
+    host.say(SetCurrent(5), Arm(), Disarm())
+    assert (host.board.current, host.board.state) == (0, State.FAULT)
+    assert [error.code for error in host.all(Error)] == [ErrorCode.FAULT, ErrorCode.FAULT]
+    host.board.fault(False, host.now)
+    host.say(SetCurrent(5), Arm())
+    assert host.board.state is State.FAULT
+    host.say(Disarm(), Arm(), SetCurrent(5))
+    assert host.board.current == 5
+
+
+def test_a_host_that_goes_leaves_no_current_and_no_samples() -> None:
+    host = armed()
+    host.say(Configure(1000, 4, 1))
+    host.board.disconnect()
+    assert (host.board.current, host.board.state) == (0, State.DISARMED)
+    heard = len(host.heard)
+    host.sample(10)
+    host.wait(STATUS_PERIOD)
+    assert len(host.heard) == heard
+
+
+def test_samples_carry_their_count_their_axes_and_the_time_of_the_first() -> None:
+    host = Host()
+    host.say(Configure(4000, 0b101, 3))
+    assert host.all(Configuration)[-1] == Configuration(4000, 0b101, 3)
+    begin = host.now
+    host.sample(7)
+    first, second = host.all(Samples)
+    assert first == Samples(0, 0b101, (0, 100, 1, 101, 2, 102))
+    assert (second.index, second.counts[0]) == (3, 3)
+    clocks = [(clock - begin) % CLOCKS for clock in host.clocks[-2:]]
+    assert clocks == [250, 1000]
+
+
+def test_samples_begin_anew_when_configured_and_end_with_a_rate_of_zero() -> None:
+    host = Host()
+    host.say(Configure(1000, 4, 2))
+    host.sample(3)
+    host.say(Configure(1000, 4, 2))
+    host.sample(2)
+    assert [samples.index for samples in host.all(Samples)] == [0, 0]
+    host.say(Configure(0, 7, 9))
+    host.sample(5)
+    assert len(host.all(Samples)) == 2
+    assert host.all(Configuration)[-1] == Configuration(0, 0, 0)
+
+
+def test_what_the_port_has_no_room_for_is_counted_and_missing_by_its_numbers() -> None:
+    host = Host()
+    host.say(Configure(1000, 4, 1))
+    host.room = False
+    host.sample(5)
+    host.room = True
+    host.sample(1)
+    assert host.all(Samples)[-1].index == 5
+    host.wait(STATUS_PERIOD)
+    assert host.all(Status)[-1].unsent == 5
+
+
+@pytest.mark.parametrize(
+    ("identity", "frame", "code"),
+    [
+        (HANDLE, Frame(VERSION + 1, FrameType.ARM, 9, 0, b""), ErrorCode.VERSION),
+        (HANDLE, Frame(VERSION, 0x7F, 9, 0, b""), ErrorCode.TYPE),
+        (HANDLE, Frame(VERSION, FrameType.STATUS, 9, 0, b""), ErrorCode.TYPE),
+        (HANDLE, Frame(VERSION, FrameType.ARM, 9, 0, b"x"), ErrorCode.LENGTH),
+        (HANDLE, Frame(VERSION, FrameType.SET_CURRENT, 9, 0, b"x"), ErrorCode.LENGTH),
+        (TOOL, Frame(VERSION, FrameType.ARM, 9, 0, b""), ErrorCode.NO_ACTUATOR),
+        (TOOL, Frame(VERSION, FrameType.SET_CURRENT, 9, 0, b"\1\0"), ErrorCode.NO_ACTUATOR),
+        *[
+            (TOOL, Frame(VERSION, FrameType.CONFIGURE, 9, 0, asked.pack()), ErrorCode.VALUE)
+            for asked in (
+                Configure(4001, 4, 1),
+                Configure(49, 4, 1),
+                Configure(1000, 0, 1),
+                Configure(1000, 5, 1),
+                Configure(1000, 4, 0),
+                Configure(1000, 4, 118),
+            )
+        ],
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_reason(
+    identity: Identity, frame: Frame, code: ErrorCode
+) -> None:
+    host = Host(identity)
+    host.board.receive(encode(frame), host.now)
+    assert host.heard == [Error(code, frame.type, 9)]
+    assert (host.board.state, host.board.configuration.rate) == (State.DISARMED, 0)
+
+
+bytes_sent = st.one_of(
+    st.binary(max_size=300),
+    st.builds(
+        lambda kind, payload: encode(Frame(VERSION, kind, 0, 0, payload)),
+        st.sampled_from(FrameType),
+        st.binary(max_size=6),
+    ),
+    st.builds(lambda counts: Encoder().encode(SetCurrent(counts), 0), st.integers(-32768, 32767)),
+    st.just(Encoder().encode(Arm(), 0)),
+)
+
+
+@settings(max_examples=40)
+@given(st.lists(st.tuples(bytes_sent, st.integers(0, 8)), max_size=30))
+def test_whatever_comes_the_current_is_lawful(steps: Sequence[tuple[bytes, int]]) -> None:
+    host = Host()
+    for data, milliseconds in steps:
+        host.board.receive(data, host.now)
+        host.wait(milliseconds * 1000)
+        assert abs(host.board.current) <= FULL_SCALE
+        assert host.board.current == 0 or host.board.state is State.ARMED
+        assert host.board.current == 0 or milliseconds * 1000 <= TIMEOUT

@@ -1,0 +1,61 @@
+"""The adapter's end of slcan."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.devices.can.protocol import Frame
+from haptic_accel.emulators.slcan import SlcanAdapter, frame_line, parse_frame_line
+
+ids = st.integers(0, 0x7FF)
+frames = st.builds(Frame, ids, st.binary(max_size=8), remote=st.just(False)) | st.builds(
+    Frame, ids, st.just(b""), remote=st.just(True)
+)
+
+
+@given(frames)
+def test_a_frame_comes_back(frame: Frame) -> None:
+    line = frame_line(frame)
+    assert line.endswith(b"\r")
+    assert parse_frame_line(line[:-1]) == frame
+
+
+def test_lines_are_those_of_the_manual() -> None:
+    assert (
+        frame_line(Frame(0x100, bytes.fromhex("0011223344556677"))) == b"t10080011223344556677\r"
+    )
+    assert frame_line(Frame(0x7, b"", remote=True)) == b"r0070\r"
+
+
+@given(st.binary(max_size=40))
+def test_no_line_is_too_strange(line: bytes) -> None:
+    frame = parse_frame_line(line)
+    if frame is not None:
+        assert 0 <= frame.id <= 0x7FF
+        assert len(frame.data) <= 8
+
+
+@given(st.lists(st.binary(max_size=60), max_size=20), st.lists(frames, min_size=1, max_size=5))
+def test_frames_are_found_after_any_bytes_however_cut(
+    garbage: list[bytes], wanted: list[Frame]
+) -> None:
+    adapter = SlcanAdapter()
+    for piece in garbage:
+        adapter.take(piece)
+    adapter.take(b"\rO\r")
+    stream = b"".join(map(frame_line, wanted))
+    found = [frame for byte in stream for frame in adapter.take(bytes([byte]))[0]]
+    assert found == wanted
+
+
+def test_frames_pass_only_while_it_is_open() -> None:
+    adapter = SlcanAdapter()
+    line = frame_line(Frame(0x21))
+    assert adapter.take(line) == ([], b"\a")
+    assert adapter.take(b"S8\rO\r" + line) == ([Frame(0x21)], b"\r\r\r")
+    assert adapter.take(b"C\r" + line) == ([], b"\r\a")
+
+
+def test_it_says_who_it_is() -> None:
+    assert SlcanAdapter().take(b"V\rN\rF\r?\r")[1] == b"V1013\rNHAPT\rF00\r\a"

@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.arguments import GraphArguments, described, parse_arguments
+
+
+def test_no_words_are_the_defaults() -> None:
+    assert parse_arguments([]) == GraphArguments()
+    assert GraphArguments().rate == 1000.0
+    assert GraphArguments().record is True
+
+
+def test_words_have_their_types() -> None:
+    arguments = parse_arguments(
+        ["rate:=4000", "seed:=7", "record:=False", "bag:=12", "surface:=a:=b"]
+    )
+    assert arguments.rate == 4000.0
+    assert arguments.seed == 7
+    assert arguments.record is False
+    assert arguments.bag == "12"
+    assert arguments.surface == "a:=b"
+
+
+def test_every_argument_is_described_with_its_default() -> None:
+    names = [name for name, _, _ in described()]
+    listed = ["controller", "surface", "master", "slave", "rate", "duration", "record"]
+    listed += ["bag", "config", "seed"]
+    assert set(listed) <= set(names)
+    texts = {name: text for name, _, text in described()}
+    assert "[Hz]" in texts["rate"]
+    assert "none, constant, dynamic" in texts["controller"]
+    # What is shown as a default can be given as a word.
+    words = [f"{name}:={default}" for name, default, _ in described()]
+    assert parse_arguments(words) == GraphArguments()
+
+
+@given(st.lists(st.text(), max_size=4))
+def test_any_words_are_read_or_refused_in_one_line(words: list[str]) -> None:
+    try:
+        parse_arguments(words)
+    except ParameterError as error:
+        assert "\n" not in str(error).replace("\\n", "")
+
+
+@given(st.sampled_from(["rate", "seed", "duration", "recording_rate"]), st.text())
+def test_any_value_of_a_number_is_read_or_refused_by_name(key: str, value: str) -> None:
+    try:
+        arguments = parse_arguments([f"{key}:={value}"])
+    except ParameterError as error:
+        assert key in str(error)
+    else:
+        assert getattr(arguments, key) == float(value)

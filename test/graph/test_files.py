@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.model import HandleParameters
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.files import (
+    config_folder,
+    read_parameter_file,
+    rig_file,
+    surface_file,
+)
+from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
+
+
+@pytest.mark.parametrize("rig", ["ideal", "paper"])
+def test_a_rig_says_what_the_devices_know(rig: str) -> None:
+    values = read_parameter_file(rig_file(rig))
+    _, masters = node_parameters("master_device", values["master_device"])
+    _, slaves = node_parameters("slave_device", values["slave_device"])
+    # Table I in both.
+    assert masters["simulated"].handle == HandleParameters()
+    assert (masters["simulated"].structure.frequency > 0) == (rig == "paper")
+    assert (slaves["simulated"].accelerometer.noise_density > 0) == (rig == "paper")
+
+
+def test_a_rig_there_is_none_of_is_refused_with_those_there_are() -> None:
+    with pytest.raises(ParameterError, match=r"rig = 'mine'.*ideal, paper.*\.yaml"):
+        rig_file("mine")
+
+
+def test_the_default_file_says_what_the_code_does() -> None:
+    values = read_parameter_file(config_folder() / "teleop.yaml")
+    for executable in NODES:
+        schema = node_schema(executable)
+        for name, value in values[executable].items():
+            default = schema[name][0]
+            expected = default if isinstance(default, str) else pytest.approx(default, rel=1e-3)
+            assert value == expected, name
+
+
+@pytest.mark.parametrize("surface", ["plywood", "text", "vinyl", "recording"])
+def test_every_surface_has_its_own_name_and_is_allowed(surface: str) -> None:
+    values = read_parameter_file(surface_file(surface))
+    _, slaves = node_parameters("slave_device", values["slave_device"])
+    assert slaves["simulated"].surface.name == surface
+
+
+def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:
+    mine = tmp_path / "cork.yaml"
+    mine.write_text("slave_device: {ros__parameters: {simulated: {surface: {name: cork}}}}")
+    assert surface_file(str(mine)) == mine
+    with pytest.raises(ParameterError, match="plywood"):
+        surface_file("cork")
+
+
+def test_wildcards_reach_the_nodes_that_have_the_parameter(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("/**: {ros__parameters: {rate: 500.0}}")
+    values = read_parameter_file(file)
+    assert values["master_device"] == values["compensator"] == {"rate": 500.0}
+    assert values["coupler"] == {}
+
+
+def test_namespaces_before_a_node_are_understood(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("/bench/coupler: {ros__parameters: {k_m: 300}}")
+    assert read_parameter_file(file)["coupler"] == {"k_m": 300}
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
+def test_any_file_is_read_or_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_bytes(content)
+    try:
+        read_parameter_file(file)
+    except ParameterError as error:
+        assert len(str(error).splitlines()) == 1
+        assert "mine.yaml" in str(error)
+
+
+names = st.sampled_from(["coupler", "/**", "compensator", "x", "ros__parameters", "k_m"])
+trees = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.floats(), st.text(max_size=5)),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=2), st.dictionaries(names, inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(trees)
+def test_any_structure_is_read_or_refused(tmp_path: Path, tree: object) -> None:
+    import yaml
+
+    file = tmp_path / "mine.yaml"
+    file.write_text(yaml.safe_dump(tree))
+    try:
+        read_parameter_file(file)
+    except ParameterError as error:
+        assert len(str(error).splitlines()) == 1

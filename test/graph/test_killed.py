@@ -1,0 +1,75 @@
+"""Each process of a graph killed while forces flow: the others are left without force."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+
+import pytest
+
+from haptic_accel.core.topics import ACTUATOR_FORCE, MASTER_ARM_FORCE, SLAVE_ARM_FORCE, Topic
+from observing import Observer
+from running import Command
+
+Start = Callable[..., Command]
+
+NODES = {
+    "slave_device": [],
+    "master_device": [],
+    "compensator": ["--ros-args", "-p", "controller:=constant"],
+    "coupler": ["--ros-args", "-p", "compensated:=true"],
+}
+
+FORCES: tuple[Topic, ...] = (MASTER_ARM_FORCE, SLAVE_ARM_FORCE, ACTUATOR_FORCE)
+
+KILLED = {
+    "compensator": {"master_device": ["actuator force"]},
+    "coupler": {"master_device": ["arm force"], "slave_device": ["arm force"]},
+    "slave_device": {"master_device": ["arm force", "actuator force"]},
+    "master_device": {"slave_device": ["arm force"]},
+}
+"""Per process the forces that it leaves without a sender."""
+
+
+REPORTS = 5
+"""Diagnostics of a device, the first of which may be of the moment before."""
+
+
+def silenced(observer: Observer, device: str, forces: list[str]) -> bool:
+    """Tell whether a device has noted silence and is without these forces."""
+    for _ in range(REPORTS):
+        values = observer.status(device)
+        held = [float(values[f"{force} held (N)"]) for force in forces]
+        if not any(held):
+            return all(int(values[f"{force} timeouts"]) >= 1 for force in forces)
+    return False
+
+
+@pytest.fixture
+def graph(start: Start) -> dict[str, Command]:
+    """Start the four nodes that make forces."""
+    return {name: start("-m", f"haptic_accel.nodes.{name}", *NODES[name]) for name in NODES}
+
+
+def test_forces_whose_sender_was_killed_are_taken_off(
+    graph: dict[str, Command], start: Start, observer: Observer
+) -> None:
+    for killed, left in KILLED.items():
+        graph["coupler"].wait_for("engaged")
+        observer.collect(FORCES, 200)
+        os.kill(graph[killed].process.pid, signal.SIGKILL)
+        graph[killed].end()
+        for device, forces in left.items():
+            assert silenced(observer, device, forces), (killed, device, forces)
+        if killed == "master_device":
+            continue
+        # All that is left, anew: who couples must not have been engaged before.
+        for name in {killed, "coupler"}:
+            if name != killed:
+                graph[name].end(signal.SIGINT)
+            graph[name] = start("-m", f"haptic_accel.nodes.{name}", *NODES[name])
+        for device in left:
+            graph[device].lines.clear()
+    for name in ("slave_device", "compensator", "coupler"):
+        assert graph[name].end(signal.SIGINT) == 0, graph[name].text

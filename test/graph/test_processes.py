@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.graph.node_parameters import node_schema
+from haptic_accel.graph.processes import (
+    graph,
+    graph_parameters,
+    identification_graph,
+    rig_parameters,
+    scope_process,
+)
+
+TELEOPERATION = {"recorder", "master_device", "slave_device", "coupler", "compensator"}
+
+
+def test_five_processes_whose_parameters_they_have() -> None:
+    processes = graph(GraphArguments())
+    assert {process.executable for process in processes} == TELEOPERATION
+    for process in processes:
+        assert list(process.parameters) == [process.executable]
+        for node, values in process.parameters.items():
+            assert set(values) <= set(node_schema(node))
+        assert all(path.is_file() for path in process.parameter_files)
+
+
+def test_composed_is_one_process_and_a_recorder() -> None:
+    recorder, composed = graph(GraphArguments(composed=True))
+    assert (recorder.executable, composed.executable) == ("recorder", "composed")
+    assert set(composed.parameters) == TELEOPERATION - {"recorder"}
+
+
+def test_an_identification_has_three_and_knows_the_simulated_actuator(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(
+        "master_device: {ros__parameters: {simulated: {handle: {m_a: 0.03, k_s: 400.0}}}}\n"
+        "identifier: {ros__parameters: {suspension: {k_s: 500.0}, rest: 2.0}}"
+    )
+    arguments = IdentifyArguments(config=str(mine), trials=2, end_frequency=300.0, grip="hook")
+    processes = {p.executable: p.parameters for p in identification_graph(arguments)}
+    assert set(processes) == {"recorder", "master_device", "identifier"}
+    values = processes["identifier"]["identifier"]
+    assert set(values) <= set(node_schema("identifier"))
+    assert values["suspension.m_a"] == 0.03
+    assert values["suspension.k_s"] == 500.0  # what the user measured goes first
+    assert (values["trials"], values["end_frequency"], values["rest"]) == (2, 300.0, 2.0)
+    assert processes["master_device"]["master_device"]["simulated.grip.posture"] == "hook"
+
+
+def test_a_sweep_beyond_half_the_rate_is_refused() -> None:
+    with pytest.raises(ParameterError, match="end_frequency = 300"):
+        identification_graph(IdentifyArguments(end_frequency=300.0, rate=500.0))
+
+
+@pytest.mark.parametrize("composed", [False, True])
+def test_a_scope_is_added_last_and_the_graph_can_do_without_it(composed: bool) -> None:
+    arguments = GraphArguments(
+        scope=True, scope_port=0, scope_host="0.0.0.0", scope_control=True, composed=composed
+    )
+    *others, scope = graph(arguments)
+    assert scope.executable == "scope"
+    assert scope.optional
+    assert scope.parameters == {"scope": {"host": "0.0.0.0", "port": 0, "control": True}}
+    assert not any(process.optional for process in others)
+    assert {"scope"}.isdisjoint(node for process in others for node in process.parameters)
+
+
+def test_a_namespace_is_a_process_argument() -> None:
+    words = scope_process({"port": 0}, namespace="/left").ros_arguments
+    assert words[1:] == ["-p", "port:=0", "-r", "__ns:=/left"]
+
+
+def test_no_recorder_when_not_recording() -> None:
+    executables = [process.executable for process in graph(GraphArguments(record=False))]
+    assert "recorder" not in executables
+    assert len(executables) == 4
+
+
+def test_arguments_go_over_the_users_file_and_that_over_the_defaults(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(
+        "coupler: {ros__parameters: {k_m: 300.0}}\n"
+        "compensator: {ros__parameters: {rate: 2000.0, peak_force: 1.0}}"
+    )
+    values = graph_parameters(GraphArguments(config=str(mine), rate=500.0))
+    assert values["coupler"]["k_m"] == 300.0
+    assert values["coupler"]["k_sl"] == 250.0
+    assert values["compensator"]["rate"] == 500.0
+    assert values["compensator"]["peak_force"] == 1.0
+
+
+def test_the_rig_is_made_of_the_same_parameters(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("master_device: {ros__parameters: {simulated: {handle: {m_h: 0.2}}}}")
+    rig = rig_parameters(graph_parameters(GraphArguments(surface="vinyl", config=str(mine))))
+    assert rig.master.handle.m_h == 0.2
+    assert rig.slave.surface.name == "vinyl"
+
+
+def test_a_rate_too_low_for_the_high_pass_is_refused_before_anything_starts(
+    tmp_path: Path,
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("compensator: {ros__parameters: {high_pass_frequency: 60.0}}")
+    with pytest.raises(ParameterError, match="high_pass_frequency"):
+        graph(GraphArguments(config=str(mine), rate=100.0))

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import itertools
+import signal
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.graph import supervisor
+from haptic_accel.graph.processes import Process
+from haptic_accel.graph.supervisor import Supervisor, command
+
+
+@pytest.fixture
+def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let processes run Python scripts, which stand for nodes, by their executable's name."""
+    monkeypatch.setattr(
+        supervisor,
+        "command",
+        lambda process: [sys.executable, "-c", process.parameters["script"][""]],
+    )
+
+
+def script(name: str, text: str) -> Process:
+    return Process(name, (), {"script": {"": text}})
+
+
+WAIT = "import signal, sys; signal.signal(signal.SIGINT, lambda *_: sys.exit(0)); {}signal.pause()"
+PATIENT = WAIT.format("print('up', flush=True); ")
+
+
+@pytest.mark.usefixtures("scripts")
+def test_the_first_end_ends_all_with_its_status_and_last_lines() -> None:
+    dying = script("dying", "print('oh'); print('no'); raise SystemExit(3)")
+    outcome = Supervisor([script("patient", PATIENT), dying]).run()
+    assert (outcome.first, outcome.status) == ("dying", 3)
+    assert outcome.last_lines["dying"] == ["oh", "no"]
+    assert outcome.failed == {"dying": 3}
+
+
+@pytest.mark.usefixtures("scripts")
+def test_the_graph_goes_on_without_what_is_optional_and_says_so() -> None:
+    said: list[tuple[str, str]] = []
+    told = threading.Event()
+
+    def hear(name: str, line: str) -> None:
+        said.append((name, line))
+        if "goes on" in line:
+            told.set()
+
+    looking = replace(script("looking", "raise SystemExit(3)"), optional=True)
+    outcome = Supervisor([script("patient", PATIENT), looking], on_line=hear).run(told.is_set)
+    assert ("looking", "ended with status 3; the graph goes on without it") in said
+    assert outcome.first == ""
+    assert outcome.statuses == {"patient": 0}
+    assert outcome.failed == {}
+
+
+@pytest.mark.usefixtures("scripts")
+def test_a_request_to_stop_lets_processes_end_by_themselves() -> None:
+    up = threading.Event()
+    graph = Supervisor([script("patient", PATIENT)], on_line=lambda *_: up.set())
+    outcome = graph.run(up.is_set)
+    assert outcome.first == ""
+    assert outcome.statuses == {"patient": 0}
+    assert outcome.failed == {}
+
+
+@pytest.mark.usefixtures("scripts")
+def test_a_signal_at_any_instant_leaves_it_looking(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervisor, "LOOK_PERIOD", 0.001)
+    before = signal.signal(signal.SIGUSR1, lambda *_: None)
+    looks = itertools.count()
+    over = threading.Event()
+
+    def interrupt() -> None:
+        while not over.wait(0.0003):
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
+
+    interrupting = threading.Thread(target=interrupt)
+    interrupting.start()
+    try:
+        outcome = Supervisor([script("patient", PATIENT)]).run(lambda: next(looks) > 1000)
+    finally:
+        over.set()
+        interrupting.join()
+        signal.signal(signal.SIGUSR1, before)
+    assert outcome.first == ""
+
+
+@pytest.mark.usefixtures("scripts")
+def test_who_does_not_listen_is_killed_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    patience = ((signal.SIGINT, 0.2), (signal.SIGTERM, 0.2), (signal.SIGKILL, 20.0))
+    monkeypatch.setattr(supervisor, "PATIENCE", patience)
+    deaf = (
+        "import signal\n"
+        "for s in (signal.SIGINT, signal.SIGTERM): signal.signal(s, signal.SIG_IGN)\n"
+        "print('up', flush=True)\n"
+        "while True: signal.pause()"
+    )
+    up = threading.Event()
+    outcome = Supervisor([script("deaf", deaf)], on_line=lambda *_: up.set()).run(up.is_set)
+    assert outcome.failed == {"deaf": -signal.SIGKILL}
+
+
+@pytest.mark.usefixtures("scripts")
+def test_only_the_last_lines_are_kept() -> None:
+    outcome = Supervisor([script("chatty", "for i in range(1000): print(i)")]).run()
+    assert outcome.last_lines["chatty"] == [str(i) for i in range(980, 1000)]
+
+
+@given(st.text(st.characters(codec="utf-8", exclude_characters="\0")))
+def test_any_text_reaches_ros_as_that_text(text: str) -> None:
+    words = command(Process("recorder", (Path("a b.yaml"),), {"recorder": {"bag": text}}))
+    assert words[words.index("--params-file") + 1] == "a b.yaml"
+    name, _, value = words[-1].partition(":=")
+    assert (name, yaml.safe_load(value)) == ("recorder:bag", text)
