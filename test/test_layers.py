@@ -1,0 +1,239 @@
+"""The rules of which part of the package may import which, read from the syntax trees.
+
+Every import counts: those inside functions and those for type checkers alone, too.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+PACKAGE = "haptic_accel"
+SOURCE = Path(__file__).resolve().parents[1] / PACKAGE
+
+BELOW: dict[str, set[str]] = {
+    "core": set(),
+    "pages": {"core"},
+    "scope": {"core", "pages"},
+    "bags": {"core"},
+    "devices": {"core", "bags"},
+    "emulators": {"core", "bags", "devices"},
+    "graph": {"core", "bags", "devices"},
+    "nodes": {"core", "bags", "devices", "emulators", "graph", "scope", "pages"},
+    "analysis": {"core", "bags", "graph", "pages"},
+    "cli": {
+        *("core", "bags", "devices", "emulators", "graph"),
+        *("nodes", "scope", "pages", "analysis"),
+    },
+}
+"""The folders that each folder of the package may import, besides itself."""
+
+RIG = "haptic_accel.core.rig"
+RIG_USERS = {"haptic_accel.devices.simulated", "haptic_accel.core.trial"}
+"""The virtual rig is a leaf: everything else reaches it through these two."""
+
+ROS = {
+    *("rclpy", "launch", "launch_ros", "ament_index_python"),
+    *("builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs"),
+    *("rcl_interfaces", "std_msgs", "std_srvs"),
+}
+ROS_USERS: dict[str, set[str]] = {
+    # Commands that call services and publish on topics of a running graph.
+    "haptic_accel.cli.calling": ROS,
+    "haptic_accel.cli.control": {"std_srvs"},
+    "haptic_accel.cli.estop": {"rclpy", "std_msgs", "std_srvs"},
+    "haptic_accel.cli.record": {"std_srvs"},
+    # Launch files.
+    "haptic_accel.graph.launching": {"launch", "launch_ros"},
+    # Folders of an installed ROS 2, which both do without where there is none.
+    "haptic_accel.graph.files": {"ament_index_python"},
+    "haptic_accel.bags.definitions": {"ament_index_python"},
+}
+"""Modules outside ``nodes`` that import something of ROS 2, and what."""
+
+KNOWN: set[tuple[str, str]] = {
+    ("haptic_accel.cli.doctor", "rclpy"),
+    ("haptic_accel.cli.emulate_can", "haptic_accel.core.rig.master_rig"),
+    ("haptic_accel.cli.emulate_can", "haptic_accel.core.rig.slave_rig"),
+    ("haptic_accel.cli.identify", "haptic_accel.core.rig.master_rig"),
+    ("haptic_accel.cli.udp_floor", "geometry_msgs.msg"),
+    ("haptic_accel.cli.udp_floor", "rclpy.serialization"),
+    ("haptic_accel.core.identification.sweep", "haptic_accel.core.rig.master_rig"),
+    ("haptic_accel.devices.playback.device", "haptic_accel.devices.simulated"),
+    ("haptic_accel.emulators.can_arm", "haptic_accel.core.rig.interface"),
+    ("haptic_accel.emulators.serial_rig", "haptic_accel.core.rig.interface"),
+    ("haptic_accel.emulators.serial_rig", "haptic_accel.core.rig.master_rig"),
+    ("haptic_accel.emulators.serial_rig", "haptic_accel.core.rig.slave_rig"),
+}
+"""Imports (importer, imported) that break a rule for now; one that no longer does must go."""
+
+Import = tuple[str, str]
+
+
+def names() -> dict[str, Path]:
+    """Return the modules of the package with their files."""
+    found = {}
+    for path in SOURCE.rglob("*.py"):
+        parts = path.relative_to(SOURCE.parent).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+MODULES = names()
+FOLDERS = sorted({name.rpartition(".")[0] for name in MODULES} - {""})
+
+
+def imported_by(module: str) -> Iterator[str]:
+    """Yield what a module imports, as modules of the package or names of other packages."""
+    path = MODULES[module]
+    here = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                above = here.split(".")[: len(here.split(".")) - node.level + 1]
+                base = ".".join([*above, *filter(None, [base])])
+            for alias in node.names:
+                inner = f"{base}.{alias.name}"
+                yield inner if inner in MODULES else base
+
+
+@cache
+def imports() -> frozenset[Import]:
+    return frozenset((module, name) for module in MODULES for name in imported_by(module))
+
+
+def inside() -> Iterator[Import]:
+    """Yield the imports of one module of the package by another."""
+    return (pair for pair in imports() if pair[1] in MODULES and pair[0] != pair[1])
+
+
+def within(module: str, folder: str) -> bool:
+    return module == folder or module.startswith(folder + ".")
+
+
+def room(module: str) -> str:
+    """Return the folder of the package that a module is in, empty for the package itself."""
+    return module.split(".")[1] if "." in module else ""
+
+
+def broken() -> set[Import]:
+    """Return the imports that the rules do not allow."""
+    found = set()
+    for importer, imported in imports():
+        top = imported.split(".")[0]
+        if top == PACKAGE:
+            allowed = BELOW.get(room(importer), set()) | {room(importer)}
+            upward = bool(room(imported)) and room(imported) not in allowed
+            rig = within(imported, RIG) and not within(importer, RIG)
+            if upward or (rig and importer not in RIG_USERS):
+                found.add((importer, imported))
+        elif top in ROS - ROS_USERS.get(importer, set()) and room(importer) != "nodes":
+            found.add((importer, imported))
+    return found
+
+
+def circles(graph: Mapping[str, Iterable[str]]) -> list[list[str]]:
+    """Return one path along each arrow that leads back to where the search came from."""
+    found: list[list[str]] = []
+    done: set[str] = set()
+
+    def visit(place: str, path: list[str]) -> None:
+        if place in path:
+            found.append([*path[path.index(place) :], place])
+        elif place not in done:
+            for other in sorted(graph.get(place, ())):
+                visit(other, [*path, place])
+            done.add(place)
+
+    for place in sorted(graph):
+        visit(place, [])
+    return found
+
+
+def arrows(folder: str, exempt: Iterable[Import] = KNOWN) -> dict[str, set[str]]:
+    """Return which files and folders directly in a folder import which others there."""
+    depth = folder.count(".") + 2
+    graph: dict[str, set[str]] = {}
+    for importer, imported in set(inside()) - set(exempt):
+        if within(importer, folder) and within(imported, folder):
+            ends = [".".join(module.split(".")[:depth]) for module in (importer, imported)]
+            if ends[0] != ends[1] and folder not in ends:
+                graph.setdefault(ends[0], set()).add(ends[1])
+    return graph
+
+
+def test_every_folder_has_its_rule() -> None:
+    assert {room(module) for module in MODULES} - {""} == set(BELOW)
+
+
+def test_imports_point_down() -> None:
+    assert sorted(broken() - KNOWN) == []
+
+
+def closes_a_circle(pair: Import) -> bool:
+    return pair[0] in MODULES and any(
+        circles(arrows(folder, KNOWN - {pair})) for folder in FOLDERS if within(pair[0], folder)
+    )
+
+
+def test_no_exception_is_out_of_date() -> None:
+    needed = {pair for pair in KNOWN if pair in broken() or closes_a_circle(pair)}
+    assert sorted(KNOWN - needed) == [], "remove these from KNOWN"
+    used = {(importer, imported.split(".")[0]) for importer, imported in imports()}
+    unused = {
+        module
+        for module, packages in ROS_USERS.items()
+        if not any((module, package) in used for package in packages)
+    }
+    assert unused == set(), "remove these from ROS_USERS"
+
+
+def test_modules_do_not_import_each_other_in_circles() -> None:
+    graph: dict[str, set[str]] = {}
+    for importer, imported in inside():
+        graph.setdefault(importer, set()).add(imported)
+    assert circles(graph) == []
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_files_and_folders_of_a_folder_make_no_circle(folder: str) -> None:
+    assert circles(arrows(folder)) == []
+
+
+def loaded_by(statements: str) -> set[str]:
+    """Return the modules that a fresh Python has loaded after it ran some statements."""
+    script = (
+        f"import json, os, sys; before = dict(os.environ)\n{statements}\n"
+        "assert dict(os.environ) == before, 'the environment was changed'\n"
+        "print(json.dumps(sorted(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+def test_reading_bags_needs_neither_ros_nor_nodes_and_leaves_the_environment() -> None:
+    rooms = {"core", "bags", "analysis"}
+    wanted = sorted(module for module in MODULES if room(module) in rooms)
+    loaded = loaded_by(f"import {', '.join(wanted)}")
+    assert {name for name in loaded if within(name, f"{PACKAGE}.nodes")} == set()
+    assert {name for name in loaded if name.split(".")[0] in ROS} == set()
+
+
+def test_the_package_alone_loads_nothing_else() -> None:
+    loaded = loaded_by(f"import {PACKAGE}")
+    heavy = {"numpy", "scipy", "pandas", "matplotlib", "rosbags", "importlib.metadata"}
+    assert loaded & heavy == set()
+    assert {name for name in loaded if within(name, PACKAGE)} == {PACKAGE}
