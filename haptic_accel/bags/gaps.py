@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.sampling import NANOSECONDS, missing_samples
 
 STAMP = slice(4, 12)
 """Where a serialised message with a header has its stamp: behind the encapsulation, s and ns,
 four bytes each (CDR, little endian)."""
-
-LONGEST_STEP = 1.5
-"""Largest step between stamps of successive samples, periods."""
 
 ENOUGH = 20
 """Stamps from which a topic's period is known."""
@@ -19,9 +16,6 @@ ENOUGH = 20
 
 class StampGaps:
     """Counts samples missing between the stamps of one topic.
-
-    A step of more than `LONGEST_STEP` times the median step is taken for samples that were not
-    taken or were lost on the way.
 
     Attributes
     ----------
@@ -42,11 +36,7 @@ class StampGaps:
         if len(self._stamps) < ENOUGH:
             return
         whole, rest = np.frombuffer(b"".join(self._stamps), "<u4").reshape(-1, 2).T
-        steps = np.diff(whole.astype(np.int64) * NANOSECONDS + rest)
-        period = float(np.median(steps))
-        if period > 0:
-            long = steps[steps > LONGEST_STEP * period]
-            self.missing += int(np.sum(np.rint(long / period) - 1))
+        self.missing += missing_samples(whole.astype(np.int64) * NANOSECONDS + rest)
         del self._stamps[:-1]
 
     def forget(self) -> None:

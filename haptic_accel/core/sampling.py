@@ -1,4 +1,8 @@
-"""Stamped samples on the sampling grid that their stamps lie on."""
+"""Stamped samples: their rate, the sampling grid they lie on, gaps, and when arms are coupled.
+
+Everything that reads stamps asks here, so that a bag has one rate, one grid and one beginning,
+whoever looks at it. Stamps are nanoseconds of system time.
+"""
 
 from __future__ import annotations
 
@@ -6,46 +10,150 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
 
 NANOSECONDS = 1_000_000_000
+"""Nanoseconds in a second."""
 
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
+Stamped = tuple[IntArray, FloatArray]
+"""Stamps in ns, shape (n,), and vectors, shape (n, 3), in the order of arrival."""
+
+SAME_RATE = 0.1
+"""Largest relative difference at which a measured and a stated rate count as the same."""
+
+WHOLE_RATE = 1e-3
+"""Largest relative difference at which a measured rate counts as a whole number of Hz."""
+
+SPARSE = 10.0
+"""Grid points per sample above which stamps count as lying on no grid."""
+
+LONGEST_STEP = 1.5
+"""Step between successive stamps, in periods, above which samples are missing between them."""
+
+RELEASED = 0.1
+"""Duration of silence, or of zero force, after which arms count as uncoupled, s.
+
+It is the default time-out of the coupler.
+"""
+
+
+def half_period(rate: float) -> float:
+    """Return half a sampling period, ns: the largest distance from a sample's own grid point.
+
+    A stamp farther away belongs to another sample; a message that takes longer is late.
+
+    Examples
+    --------
+    >>> half_period(1000.0)
+    500000.0
+    """
+    return NANOSECONDS / rate / 2
+
+
+def same_rate(found: float, stated: float) -> bool:
+    """Return whether a measured rate agrees with a stated one within `SAME_RATE`.
+
+    Examples
+    --------
+    >>> same_rate(995.0, 1000.0), same_rate(500.0, 1000.0)
+    (True, False)
+    """
+    return abs(found - stated) <= SAME_RATE * stated
+
+
+def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
+    """Return the rate of the sampling grid that stamps lie on, Hz.
+
+    Parameters
+    ----------
+    stamps : ndarray of int64, shape (n,)
+        ns; some may be missing.
+    stated : float, optional
+        Expected rate, Hz: returned if the stamps agree with it within `SAME_RATE`.
+
+    Returns
+    -------
+    float
+        A whole number if the stamps are within `WHOLE_RATE` of one.
+
+    Raises
+    ------
+    ParameterError
+        There are fewer than two different stamps, or they lie on no grid.
+
+    Examples
+    --------
+    >>> stamps = np.array([0, 1_000_100, 1_999_900, 4_000_000])
+    >>> sampling_rate(stamps)
+    1000.0
+    """
+    steps = np.diff(np.unique(stamps))
+    if not len(steps):
+        raise ParameterError("rate not found: must have stamps that advance")
+    duration = float(steps.sum())
+    typical = float(np.median(steps))
+    if duration > SPARSE * typical * len(stamps):
+        raise ParameterError(
+            f"rate not found: {len(stamps)} samples in {duration / NANOSECONDS:.5g} s lie on no"
+            " grid"
+        )
+    # Stamps that are far apart on the grid tell the period better than neighbours do.
+    found = NANOSECONDS / (duration / max(1.0, float(np.rint(steps / typical).sum())))
+    if stated is not None and same_rate(found, stated):
+        return stated
+    whole = float(round(found))
+    return whole if whole and abs(found - whole) <= WHOLE_RATE * whole else found
+
 
 def places(stamps: IntArray, start: int, rate: float) -> IntArray:
-    """Return on which sample of a grid each stamp lies.
+    """Return the index of the grid point nearest to each stamp.
 
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
         ns.
     start : int
-        Of the grid, ns.
+        Start of the grid, ns.
     rate : float
         Samples per second of the grid.
+
+    Examples
+    --------
+    >>> places(np.array([2_000_000, 3_100_000, 4_900_000]), 2_000_000, 1000.0)
+    array([0, 1, 3])
     """
     return np.round((stamps - start) * (rate / NANOSECONDS)).astype(np.int64)
 
 
 def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArray, BoolArray]:
-    """Put samples at their places; one that is missing has the value of the one before.
+    """Put samples on a grid; a missing sample repeats the one before.
 
     Parameters
     ----------
     where : ndarray of int64, shape (n,)
-        Place of each sample; those outside the grid are not used.
-    values : ndarray, shape (n,)
-        At least one lies on the grid.
+        Grid index of each sample; samples outside the grid are not used.
+    values : ndarray, shape (n, ...)
+        Samples, of which at least one lies on the grid.
     length : int
-        Of the grid.
+        Number of grid points.
 
     Returns
     -------
-    held : ndarray, shape (length,)
-        Before the first sample, its value.
+    held : ndarray, shape (length, ...)
+        Values; before the first sample, that sample's value.
     seen : ndarray of bool, shape (length,)
-        Which samples are there.
+        True at grid points that have a sample.
+
+    Examples
+    --------
+    >>> held, seen = on_grid(np.array([0, 1, 3]), np.array([0.1, 0.2, 0.4]), 4)
+    >>> held
+    array([0.1, 0.2, 0.2, 0.4])
+    >>> seen
+    array([ True,  True, False,  True])
     """
     within = (where >= 0) & (where < length)
     source = np.full(length, -1)
@@ -53,3 +161,68 @@ def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArra
     seen = source >= 0
     source = np.maximum(np.maximum.accumulate(source), int(np.argmax(within)))
     return np.asarray(values[source]), seen
+
+
+def missing_samples(stamps: IntArray) -> int:
+    """Return the number of samples missing between successive stamps.
+
+    Samples are missing where a step is longer than `LONGEST_STEP` times the median step: they
+    were not taken, or were lost on the way.
+
+    Parameters
+    ----------
+    stamps : ndarray of int64, shape (n,)
+        ns, in order; n at least 2.
+
+    Examples
+    --------
+    >>> missing_samples(np.array([0, 1, 2, 5, 6]) * 1_000_000)
+    2
+    """
+    steps = np.diff(stamps)
+    period = float(np.median(steps))
+    if period <= 0:
+        return 0
+    return int(np.sum(np.rint(steps[steps > LONGEST_STEP * period] / period) - 1))
+
+
+def coupled_stretches(stamps: IntArray, forces: FloatArray) -> list[tuple[int, int]]:
+    """Return the first and last stamp of each stretch in which an arm was coupled, ns.
+
+    A coupler sends forces at every sample while it is engaged, and single zeros when it lets
+    go. So a stretch begins with the first force after a silence, which may be zero until
+    encoders see the first motion, and ends with the last force that is not zero before
+    `RELEASED` seconds of silence or zeros.
+
+    Parameters
+    ----------
+    stamps : ndarray of int64, shape (n,)
+        ns.
+    forces : ndarray, shape (n, 3)
+        Forces on the arm's motors, N.
+
+    Returns
+    -------
+    list of tuple of int
+        Empty if the arm was never coupled.
+
+    Examples
+    --------
+    >>> stamps = np.array([0, 1, 2, 3, 900]) * 1_000_000
+    >>> forces = np.array([[0.0] * 3, [0.1] * 3, [0.1] * 3, [0.0] * 3, [0.0] * 3])
+    >>> coupled_stretches(stamps, forces)
+    [(0, 2000000)]
+    """
+    order = np.argsort(stamps, kind="stable")
+    stamps, acting = stamps[order], np.flatnonzero(forces[order].any(axis=1))
+    if not len(acting):
+        return []
+    longest = RELEASED * NANOSECONDS
+    ends = np.flatnonzero(np.diff(stamps[acting]) > longest)
+    firsts = acting[np.append(0, ends + 1)]
+    lasts = acting[np.append(ends, len(acting) - 1)]
+    after_silence = np.append(0, np.flatnonzero(np.diff(stamps) > longest) + 1)
+    begins = after_silence[np.searchsorted(after_silence, firsts, side="right") - 1]
+    # After zeros that followed a stretch without a silence, only the first force that acts tells.
+    begins = np.where(begins > np.append(-1, lasts[:-1]), begins, firsts)
+    return list(zip(stamps[begins].tolist(), stamps[lasts].tolist(), strict=True))

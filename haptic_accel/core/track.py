@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,10 +9,14 @@ import numpy as np
 from haptic_accel.core.model import ZERO, FloatArray, Sample, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import MOST_SAMPLES, crossfaded, resampled
-from haptic_accel.core.sampling import NANOSECONDS, BoolArray, IntArray, on_grid
-
-Stamped = tuple[IntArray, FloatArray]
-"""Times in ns, shape (n,), and vectors, shape (n, 3), in the order in which they came."""
+from haptic_accel.core.sampling import (
+    NANOSECONDS,
+    BoolArray,
+    IntArray,
+    Stamped,
+    half_period,
+    on_grid,
+)
 
 SHORTEST = 0.2
 """A track must last this long, s: four of the fades of a loop."""
@@ -23,15 +26,6 @@ FADE = 0.05
 
 QUIET = 0.3
 """How long it then stays at rest, s: ten times what the paper's high-pass remembers."""
-
-WHOLE_RATE = 1e-3
-"""By how much of itself a rate that was found may be off a whole number of Hz."""
-
-SAME_RATE = 0.1
-"""By how much of itself a rate that was found may be off the one that is stated."""
-
-BREAK = 0.1
-"""Silence of the arms' forces between two couplings, s."""
 
 AXES = 3
 ALONG_ACTUATOR = 2
@@ -75,61 +69,6 @@ class Track:
         return float(np.median(self.acceleration))
 
 
-def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
-    """Find the rate of a grid that stamps lie on.
-
-    Parameters
-    ----------
-    stamps : ndarray of int, shape (n,)
-        ns; some may be missing.
-    stated : float, optional
-        What the rate should be, Hz: taken if the stamps agree with it within `SAME_RATE`.
-
-    Returns
-    -------
-    float
-        Hz; a whole number where the stamps are within `WHOLE_RATE` of one.
-
-    Raises
-    ------
-    ParameterError
-        There are fewer than two stamps, or they do not advance.
-    """
-    steps = np.diff(np.unique(stamps))
-    if not len(steps):
-        raise ParameterError("rate not found: must have stamps that advance")
-    typical = float(np.median(steps))
-    # What lies on the grid far apart tells the period better than neighbours do.
-    period = float(steps.sum()) / max(1.0, float(np.rint(steps / typical).sum()))
-    found = NANOSECONDS / period
-    if stated is not None and math.isclose(found, stated, rel_tol=SAME_RATE):
-        return stated
-    whole = float(round(found))
-    return whole if whole and abs(found - whole) <= WHOLE_RATE * whole else found
-
-
-def coupled_from(force: Stamped) -> int | None:
-    """Return the stamp of an arm's first force since the arms were coupled, ns.
-
-    Parameters
-    ----------
-    force : Stamped
-        Forces of an arm's motors; those of letting go are single zeros.
-
-    Returns
-    -------
-    int or None
-        None where the arms never were.
-    """
-    stamps, values = force
-    acting = np.flatnonzero(values.any(axis=1))
-    if not len(acting):
-        return None
-    before = stamps[: int(acting[0]) + 1]
-    breaks = np.flatnonzero(np.diff(before) > BREAK * NANOSECONDS)
-    return int(before[int(breaks[-1]) + 1 if len(breaks) else 0])
-
-
 def gridded(
     acceleration: Stamped,
     position: Stamped | None,
@@ -162,7 +101,7 @@ def gridded(
     period = NANOSECONDS / rate
     stamps = np.unique(_whole(acceleration)[0])
     if start is not None:
-        stamps = stamps[stamps >= start - period / 2]
+        stamps = stamps[stamps >= start - half_period(rate)]
     if not len(stamps):
         raise ParameterError("no acceleration is left")
     places = np.concatenate([[0], np.cumsum(np.rint(np.diff(stamps) / period))]).astype(np.int64)

@@ -17,13 +17,11 @@ from haptic_accel.core.track import (
     Stamped,
     Track,
     at_rest,
-    coupled_from,
     cut,
     gridded,
     looped,
     played_at,
     quieted,
-    sampling_rate,
 )
 from haptic_accel.core.trial import run_trial
 
@@ -106,42 +104,6 @@ def test_stamps_too_far_apart_are_refused() -> None:
     far = np.array([START, START + 10**18])
     with pytest.raises(ParameterError, match="must be at most"):
         gridded((far, np.zeros((2, 3))), None, None, RATE)
-
-
-@given(
-    st.sampled_from([100.0, 400.0, 1000.0, 3000.0, 4000.0]),
-    st.integers(0, 5),
-)
-def test_the_rate_is_found_in_spite_of_jitter_and_loss(rate: float, seed: int) -> None:
-    random = np.random.default_rng(seed)
-    places = np.flatnonzero(random.random(2000) > 0.1)
-    noise = random.uniform(-0.1, 0.1, len(places))
-    stamps = START + np.rint((places + noise) * 1e9 / rate).astype(np.int64)
-    assert sampling_rate(stamps) == rate
-
-
-def test_a_rate_that_is_stated_is_taken_where_the_stamps_agree() -> None:
-    stamps = START + np.arange(500, dtype=np.int64) * 3_003_003
-    assert sampling_rate(stamps, 333.0) == 333.0
-    assert sampling_rate(stamps, 1000.0) == 333.0
-    odd = START + np.arange(500, dtype=np.int64) * 2_994_012
-    assert sampling_rate(odd) == pytest.approx(334.0)
-
-
-@pytest.mark.parametrize("stamps", [[], [5], [5, 5, 5]])
-def test_no_rate_is_found_where_stamps_do_not_advance(stamps: list[int]) -> None:
-    with pytest.raises(ParameterError, match="rate not found"):
-        sampling_rate(np.array(stamps, dtype=np.int64))
-
-
-def test_arms_are_coupled_from_the_first_force_of_the_first_stretch_that_has_any() -> None:
-    let_go = np.zeros((1, 3))
-    stretch = np.zeros((50, 3))
-    stretch[20:] = 0.3  # encoders take a while to see that the hand has moved
-    stamps = np.concatenate([stamps_at([0]), stamps_at(np.arange(500, 550)), stamps_at([900])])
-    values = np.concatenate([let_go, stretch, let_go])
-    assert coupled_from((stamps, values)) == START + 500 * PERIOD
-    assert coupled_from((stamps[:1], let_go)) is None
 
 
 # Changes of a track

@@ -8,21 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core import topics
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
-from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.sampling import NANOSECONDS, Stamped, coupled_stretches, sampling_rate
 from haptic_accel.core.topics import Topic
 from haptic_accel.core.track import (
     SHORTEST,
     ReplayRig,
-    Stamped,
     Track,
     at_rest,
-    coupled_from,
     cut,
     gridded,
     looped,
     played_at,
     quieted,
-    sampling_rate,
 )
 from haptic_accel.devices.playback.files import read_recording
 from haptic_accel.devices.simulated import SimulatedDevice
@@ -240,9 +237,9 @@ def _coupled(bag: Recorded) -> int | None:
     ]
     for topic in (topics.SLAVE_ARM_FORCE, topics.MASTER_ARM_FORCE):
         forces = _stamped(bag, topic)
-        coupled = coupled_from(forces) if forces else None
-        if coupled is not None:
-            return max(coupled, *firsts)
+        stretches = coupled_stretches(*forces) if forces else []
+        if stretches:
+            return max(stretches[0][0], *firsts)
     return max(firsts)
 
 
