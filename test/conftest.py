@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
-from running import Command, nodes_of
+from running import Command, nodes_of, use_domain
 
 if TYPE_CHECKING:
     from observing import Observer
@@ -41,8 +41,7 @@ for _ in range(os.getpid() % len(DOMAINS)):
 def domain(monkeypatch: pytest.MonkeyPatch) -> int:
     """Give a test, and every process it starts, a ROS domain of its own on this machine."""
     number = next(_DOMAIN)
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    use_domain(monkeypatch, number)
     return number
 
 
@@ -82,18 +81,11 @@ def observer(domain: int) -> Iterator[Observer]:
 
 
 @pytest.fixture
-def ask(
-    domain: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, str]]:
+def ask(domain: int, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
     """Call a verb's function in this process, quicker than a command: ``ask(VERB, *WORDS)``.
 
     Gives its exit status and what it wrote.
     """
-    from haptic_accel.nodes.scheduling import MIDDLEWARE
-
-    for variable, value in MIDDLEWARE.items():
-        # The verb would set it too, and leave it behind.
-        monkeypatch.setenv(variable, value)
 
     def asked(verb: Callable[[list[str]], int], *words: str) -> tuple[int, str]:
         capsys.readouterr()

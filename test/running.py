@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
@@ -10,6 +11,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pytest
 
 PATIENCE = 60.0
 """How long an event may take on a busy machine before it counts as not coming, s."""
@@ -76,6 +81,18 @@ class Command:
         with self._news:
             self._ended = True
             self._news.notify_all()
+
+
+def use_domain(environment: pytest.MonkeyPatch, domain: int) -> None:
+    """Give this process, and all that it starts, a ROS domain with the users' defaults."""
+    # Only who talks to a graph needs what this imports.
+    from haptic_accel.nodes.middleware import VARIABLES, middleware_defaults
+
+    for variable in VARIABLES:
+        environment.delenv(variable, raising=False)
+    environment.setenv("ROS_DOMAIN_ID", str(domain))
+    for variable, value in middleware_defaults(os.environ).items():
+        environment.setenv(variable, value)
 
 
 def processes_of(domain: int) -> Iterator[tuple[int, list[str]]]:

@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter
 from rclpy.validate_namespace import validate_namespace
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.nodes.scheduling import MIDDLEWARE
+from haptic_accel.nodes.middleware import middleware_defaults
 
 PATIENCE = 5.0
 """How long a node may take to be found, and to answer, s."""
@@ -103,8 +103,7 @@ def connected(namespace: str) -> Iterator[Caller]:
         raise ParameterError(
             f"namespace = {namespace!r}: must be letters, digits and _, with / between"
         ) from None
-    for variable, value in MIDDLEWARE.items():
-        os.environ.setdefault(variable, value)
+    os.environ.update(middleware_defaults(os.environ))
     rclpy.init(args=[])
     node = rclpy.create_node(f"haptic_accel_caller_{os.getpid()}", namespace=absolute)
     try:

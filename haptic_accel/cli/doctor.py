@@ -32,6 +32,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, EXECUTOR, FAILED, SUPERVISOR
 from haptic_accel.core.topics import SIGNALS, TOOL_ACCELERATION, VECTORS, Topic
 from haptic_accel.graph.files import config_folder
+from haptic_accel.nodes.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE, VARIABLES
 
 if TYPE_CHECKING:
     from haptic_accel.nodes.scheduling import SupervisedNode
@@ -150,7 +151,7 @@ def node_findings(facts: Mapping[str, Any]) -> Iterator[Finding]:
     yield timer_slack(facts["timer_slack"])
     yield middleware(facts["middleware"])
     if "fastrtps" in facts["middleware"]:
-        yield profile(facts["distribution"], environment, config_folder() / "fastdds.xml")
+        yield profile(facts["distribution"], environment, config_folder())
     yield discovery_range(environment)
     yield domain(environment["ROS_DOMAIN_ID"])
     yield other_graph(facts["published"])
@@ -281,22 +282,32 @@ def middleware(name: str) -> Finding:
 
 
 def profile(distribution: str, environment: Mapping[str, str], ours: Path) -> Finding:
-    """Judge the file that Fast DDS reads; its version 3, from Kilted on, renamed the variable."""
+    """Judge the file that Fast DDS reads; its version 3, from Kilted on, renamed the variable.
+
+    Those in the folder `ours` are this package's.
+    """
     product = "FASTRTPS" if distribution == "jazzy" else "FASTDDS"
     variable = f"{product}_DEFAULT_PROFILES_FILE"
     file = Path(environment[variable])
     if not file.is_file():
         return Finding("profile", "problem", f"{file}: no such file", f"unset {variable}")
-    whose = "this package's" if file == ours else f"set by {variable} in place of this package's"
+    whose = (
+        "this package's"
+        if file.parent == ours
+        else f"set by {variable} in place of this package's"
+    )
     return Finding("profile", "ok", f"{file} ({whose})")
 
 
 def discovery_range(environment: Mapping[str, str]) -> Finding:
     """Judge how far nodes look for each other."""
-    name, variable = "discovery range", "ROS_AUTOMATIC_DISCOVERY_RANGE"
+    name, variable = "discovery range", DISCOVERY_RANGE
     reach = environment[variable].upper() or "SUBNET"
     if reach == "LOCALHOST" or environment["ROS_LOCALHOST_ONLY"] == "1":
-        return Finding(name, "ok", "LOCALHOST: this machine")
+        found = "LOCALHOST: this machine, with shared memory, which can hold up publishing"
+        return Finding(name, "warning", found, f"unset {variable} and ROS_LOCALHOST_ONLY")
+    if reach == "SYSTEM_DEFAULT" and str(LOOPBACK_PROFILE) in environment.values():
+        return Finding(name, "ok", "this machine, without shared memory")
     if reach == "OFF":
         return Finding(name, "problem", "OFF: no node finds another", f"unset {variable}")
     found = f"{reach}: nodes of other machines take part, and their traffic comes here"
@@ -462,7 +473,7 @@ def _described(node: SupervisedNode) -> dict[str, Any]:
         re.fullmatch(r"ros[-_](\w+)[-_]rclpy", d.name or "") for d in metadata.distributions()
     ]
     chosen = scheduling.EXECUTORS[os.environ.get(EXECUTOR, "events")]
-    variables = (*scheduling.MIDDLEWARE, "ROS_DOMAIN_ID", "ROS_LOCALHOST_ONLY")
+    variables = (*VARIABLES, "ROS_DOMAIN_ID", "ROS_LOCALHOST_ONLY")
     return {
         "distribution": next((w[1] for w in wheels if w), os.environ.get("ROS_DISTRO", "")),
         "rclpy": f"{metadata.version('rclpy')} in {Path(rclpy.__file__).parent}",

@@ -35,7 +35,7 @@ from haptic_accel.core.process import (
 )
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
-from haptic_accel.graph.files import config_folder
+from haptic_accel.nodes.middleware import middleware_defaults
 
 try:
     from rclpy.executors import EventsExecutor  # ROS 2 Lyrical and newer
@@ -45,14 +45,6 @@ except ImportError:
 EXECUTORS = {"events": EventsExecutor, "default": SingleThreadedExecutor}
 """The second is a yardstick: several times slower."""
 
-
-MIDDLEWARE = {
-    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    "FASTRTPS_DEFAULT_PROFILES_FILE": str(config_folder() / "fastdds.xml"),
-    "FASTDDS_DEFAULT_PROFILES_FILE": str(config_folder() / "fastdds.xml"),
-}
-"""Our defaults where the environment says nothing: a graph stays on its machine, and its nodes
-find each other quickly (Fast DDS 2 of Jazzy and 3 of Kilted name the file differently)."""
 
 LOOK_ROUND = 0.25
 """Period in s at which signals and the parent are looked after while no message comes.
@@ -244,8 +236,7 @@ def run(name: str, *builds: Build, realtime: bool = True) -> None:
     realtime : bool
         Whether to ask for real-time priority.
     """
-    for variable, value in MIDDLEWARE.items():
-        os.environ.setdefault(variable, value)
+    os.environ.update(middleware_defaults(os.environ))
     sharpen_timers()
     # This is the one place where signals are handled: rclpy installs none, no node does.
     signals: list[int] = []

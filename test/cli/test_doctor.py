@@ -14,6 +14,7 @@ from haptic_accel.cli import doctor
 from haptic_accel.cli.doctor import Finding
 from haptic_accel.core.topics import ACTUATOR_FORCE, TOOL_ACCELERATION
 from haptic_accel.nodes.interface import message_type, quality
+from haptic_accel.nodes.middleware import middleware_defaults
 from running import Command
 
 Start = Callable[..., Command]
@@ -83,9 +84,9 @@ def test_what_is_found_has_a_level_and_a_mend(
 @pytest.mark.parametrize(
     ("reach", "localhost_only", "level"),
     [
-        ("LOCALHOST", "", "ok"),
-        ("localhost", "0", "ok"),
-        ("SUBNET", "1", "ok"),
+        ("LOCALHOST", "", "warning"),
+        ("localhost", "0", "warning"),
+        ("SUBNET", "1", "warning"),
         ("SUBNET", "", "warning"),
         ("", "", "warning"),
         ("SYSTEM_DEFAULT", "0", "warning"),
@@ -99,6 +100,13 @@ def test_discovery_beyond_the_machine_is_a_choice_and_none_a_mistake(
     assert doctor.discovery_range(environment).level == level
 
 
+def test_the_packages_own_range_and_profile_are_well() -> None:
+    environment = {"ROS_LOCALHOST_ONLY": "", **middleware_defaults({})}
+    assert doctor.discovery_range(environment).level == "ok"
+    seen = doctor.discovery_range({**environment, "ROS_LOCALHOST_ONLY": "1"})
+    assert "shared memory" in seen.found
+
+
 @pytest.mark.parametrize(
     ("distribution", "variable"),
     [
@@ -110,14 +118,15 @@ def test_discovery_beyond_the_machine_is_a_choice_and_none_a_mistake(
 def test_the_profile_is_the_one_that_this_fast_dds_reads(
     tmp_path: Path, distribution: str, variable: str
 ) -> None:
-    ours, mine = tmp_path / "fastdds.xml", tmp_path / "mine.xml"
+    ours, mine = tmp_path / "config" / "fastdds.xml", tmp_path / "mine.xml"
+    ours.parent.mkdir()
     ours.touch()
     mine.touch()
     both = dict.fromkeys(("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"), ours)
     environment = {name: str(path) for name, path in both.items()}
 
     def profile(path: Path) -> Finding:
-        return doctor.profile(distribution, {**environment, variable: str(path)}, ours)
+        return doctor.profile(distribution, {**environment, variable: str(path)}, ours.parent)
 
     assert "this package's)" in profile(ours).found
     assert profile(mine).level == "ok"

@@ -15,7 +15,7 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
-from running import Command, nodes_of, wait_until
+from running import Command, nodes_of, use_domain, wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -109,8 +109,7 @@ def page() -> Iterator[Page]:
 @pytest.fixture(scope="module")
 def shared(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
     with pytest.MonkeyPatch.context() as environment:
-        environment.setenv("ROS_DOMAIN_ID", str(DOMAIN))
-        environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        use_domain(environment, DOMAIN)
         made = Shared(tmp_path_factory.mktemp("scope"), page)
         yield made
         made.graph.end(signal.SIGINT)

@@ -1,0 +1,39 @@
+"""Default settings of the middleware: a graph stays on its machine, without shared memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from haptic_accel.graph.files import config_folder
+
+DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+
+STATIC_PEERS = "ROS_STATIC_PEERS"
+
+PROFILES_FILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Variables that name Fast DDS' profile: in version 2 of Jazzy, and in version 3 of Kilted."""
+
+VARIABLES = (DISCOVERY_RANGE, STATIC_PEERS, *PROFILES_FILES)
+
+LOOPBACK_PROFILE = config_folder() / "fastdds.xml"
+"""Profile whose sockets are bound to 127.0.0.1."""
+
+NETWORK_PROFILE = config_folder() / "fastdds_network.xml"
+"""Profile that leaves the discovery range to the environment."""
+
+
+def middleware_defaults(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables to add to an environment; what it names already is kept.
+
+    The range LOCALHOST would keep a graph on its machine too, but adds shared memory, which
+    held up all publishing of a process when another joined. It remains the default beside a
+    profile of the user's own, which may bind its sockets anywhere.
+    """
+    own_profile = any(name in environment for name in PROFILES_FILES)
+    local = not any(name in environment for name in VARIABLES)
+    profile = str(LOOPBACK_PROFILE if local else NETWORK_PROFILE)
+    defaults = {
+        DISCOVERY_RANGE: "SYSTEM_DEFAULT" if local else "LOCALHOST",
+        **({} if own_profile else dict.fromkeys(PROFILES_FILES, profile)),
+    }
+    return {name: value for name, value in defaults.items() if name not in environment}

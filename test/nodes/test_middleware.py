@@ -1,0 +1,100 @@
+"""Where the sockets of a graph's nodes are, and what the user's environment changes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.nodes.middleware import (
+    DISCOVERY_RANGE,
+    LOOPBACK_PROFILE,
+    NETWORK_PROFILE,
+    PROFILES_FILES,
+    STATIC_PEERS,
+    VARIABLES,
+    middleware_defaults,
+)
+from observing import Observer
+from running import Command
+
+LOOPBACK = "0100007F"
+"""127.0.0.1 as /proc/net/udp shows it."""
+
+
+def test_a_graph_stays_on_its_machine_by_default() -> None:
+    assert middleware_defaults({}) == {
+        DISCOVERY_RANGE: "SYSTEM_DEFAULT",
+        **dict.fromkeys(PROFILES_FILES, str(LOOPBACK_PROFILE)),
+    }
+    assert LOOPBACK_PROFILE.is_file()
+    assert NETWORK_PROFILE.is_file()
+
+
+def test_a_node_that_another_started_adds_nothing() -> None:
+    assert middleware_defaults(middleware_defaults({})) == {}
+
+
+def test_a_range_of_the_users_is_kept_and_no_socket_is_bound_to_the_machine() -> None:
+    defaults = middleware_defaults({DISCOVERY_RANGE: "SUBNET"})
+    assert defaults == dict.fromkeys(PROFILES_FILES, str(NETWORK_PROFILE))
+
+
+def test_static_peers_are_looked_for_beside_this_machine() -> None:
+    defaults = middleware_defaults({STATIC_PEERS: "192.168.1.7"})
+    assert defaults.pop(DISCOVERY_RANGE) == "LOCALHOST"
+    assert defaults == dict.fromkeys(PROFILES_FILES, str(NETWORK_PROFILE))
+
+
+@pytest.mark.parametrize("variable", PROFILES_FILES)
+def test_a_profile_of_the_users_is_kept(variable: str) -> None:
+    assert middleware_defaults({variable: "mine.xml"}) == {DISCOVERY_RANGE: "LOCALHOST"}
+    assert middleware_defaults({variable: "mine.xml", DISCOVERY_RANGE: "SUBNET"}) == {}
+
+
+def udp_addresses(pid: int) -> set[str]:
+    """Return the local addresses of a process' UDP sockets, as /proc shows them."""
+    links = [str(path.readlink()) for path in Path(f"/proc/{pid}/fd").iterdir()]
+    inodes = {found[1] for link in links if (found := re.fullmatch(r"socket:\[(\d+)\]", link))}
+    rows = [
+        line.split()
+        for family in ("udp", "udp6")
+        for line in Path(f"/proc/{pid}/net/{family}").read_text().splitlines()[1:]
+    ]
+    return {row[1].split(":")[0] for row in rows if row[9] in inodes}
+
+
+def test_every_socket_is_bound_to_the_machine_and_no_memory_is_shared(
+    start: Callable[..., Command], observer: Observer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for variable in VARIABLES:
+        monkeypatch.delenv(variable, raising=False)
+    command = start("-m", "haptic_accel.nodes.coupler")
+    observer.status("coupler")
+    pid = command.process.pid
+    assert udp_addresses(pid) == {LOOPBACK}
+    assert "/dev/shm/fast" not in Path(f"/proc/{pid}/maps").read_text()
+    threads = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/comm")]
+    assert not [name for name in threads if "shm" in name]
+
+
+@pytest.mark.parametrize("reach", ["LOCALHOST", "SUBNET"])
+def test_plain_ros_nodes_find_the_graph(
+    start: Callable[..., Command],
+    observer: Observer,
+    domain: int,
+    monkeypatch: pytest.MonkeyPatch,
+    reach: str,
+) -> None:
+    start("-m", "haptic_accel.nodes.coupler")
+    observer.status("coupler")
+    for variable in PROFILES_FILES:
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv(DISCOVERY_RANGE, reach)
+    plain = Observer(domain)
+    try:
+        plain.status("coupler")
+    finally:
+        plain.close()
