@@ -114,4 +114,4 @@ def test_silence_and_zeros_both_end_a_stretch() -> None:
         ((a - START) // PERIOD, (b - START) // PERIOD)
         for a, b in coupled_stretches(stamps, acting)
     ]
-    assert found == [[0, 399], [600, 799], [1000, 1199]]
+    assert found == [(0, 399), (600, 799), (1000, 1199)]
