@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 
 # Before numpy is loaded: threads of BLAS that spin for each other on a busy machine take ten times
 # as long as one thread alone.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import settings
 
-from running import Command, nodes_of, use_domain
+from running import (
+    Command,
+    MachineStoodStillError,
+    StallWatch,
+    reserved_domain,
+    use_domain,
+)
 
 if TYPE_CHECKING:
     from observing import Observer
@@ -26,23 +30,86 @@ if TYPE_CHECKING:
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
 
-_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-_WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+RERUN_REASONS = ("^MachineStoodStillError: ", "samples are missing")
+"""Failures after which a live test is run once more: the machine was not there for the graph."""
 
-DOMAINS = range(1 + _WORKER, 101, _WORKERS)
-"""ROS domains whose ports stay below those that Linux hands out; each worker has its own."""
+MOST_RERUNS = 3
+"""Reruns in one session above which the session fails."""
 
-_DOMAIN = itertools.cycle(DOMAINS)
-for _ in range(os.getpid() % len(DOMAINS)):
-    next(_DOMAIN)
+LONGEST_STALL = 0.3
+"""Time for which a machine may run nothing before a live test's failure is put down to it, s."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--slow", action="store_true", help="run the tests marked slow, too")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark what has a ROS domain of its own as live; leave out what is slow unless asked for."""
+    for item in items:
+        if "domain" in getattr(item, "fixturenames", ()) and not item.get_closest_marker("quiet"):
+            item.add_marker("live")
+        if item.get_closest_marker("live") and config.pluginmanager.hasplugin("rerunfailures"):
+            item.add_marker(pytest.mark.flaky(reruns=1, only_rerun=list(RERUN_REASONS)))
+    if config.getoption("--slow"):
+        return
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    if slow and len(slow) < len(items):
+        config.hook.pytest_deselected(items=slow)
+        items[:] = [item for item in items if item not in slow]
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
+    yield from _with_stalls_named(item)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    yield from _with_stalls_named(item)
+
+
+def _with_stalls_named(item: pytest.Item) -> Iterator[None]:
+    """Blame a live test's failure on the machine where that stood still meanwhile."""
+    if not item.get_closest_marker("live"):
+        yield
+        return
+    with StallWatch() as watch:
+        outcome: Any = yield
+    failed = outcome.excinfo and issubclass(outcome.excinfo[0], (Exception, pytest.fail.Exception))
+    if failed and watch.longest > LONGEST_STALL:
+        error = MachineStoodStillError(f"for {watch.longest:.2f} s")
+        error.__cause__ = outcome.excinfo[1]
+        outcome.force_exception(error)
+
+
+def _reruns(config: pytest.Config) -> list[Any]:
+    reporter: Any = config.pluginmanager.getplugin("terminalreporter")
+    return list(reporter.stats.get("rerun", [])) if reporter else []
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    if session.exitstatus == pytest.ExitCode.OK and len(_reruns(session.config)) > MOST_RERUNS:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    reruns = _reruns(config)
+    if not reruns:
+        return
+    terminalreporter.section(f"{len(reruns)} run again, {MOST_RERUNS} are allowed")
+    for report in reruns:
+        crash = getattr(report.longrepr, "reprcrash", None)
+        terminalreporter.write_line(f"{report.nodeid}: {crash.message if crash else ''}")
 
 
 @pytest.fixture
-def domain(monkeypatch: pytest.MonkeyPatch) -> int:
+def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """Give a test, and every process it starts, a ROS domain of its own on this machine."""
-    number = next(_DOMAIN)
-    use_domain(monkeypatch, number)
-    return number
+    with reserved_domain() as number:
+        use_domain(monkeypatch, number)
+        yield number
 
 
 @pytest.fixture
@@ -59,8 +126,6 @@ def start(tmp_path: Path, domain: int) -> Iterator[Callable[..., Command]]:
         if command.process.poll() is None:
             command.process.kill()
         command.end()
-    for pid in nodes_of(domain).values():
-        os.kill(pid, signal.SIGKILL)
 
 
 @pytest.fixture

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import random
 import re
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +21,10 @@ if TYPE_CHECKING:
     import pytest
 
 PATIENCE = 60.0
-"""How long an event may take on a busy machine before it counts as not coming, s."""
+"""Time after which an event counts as not coming, on a busy machine too, s."""
+
+DOMAINS = range(1, 101)
+"""ROS domains whose ports stay below those that Linux hands out."""
 
 
 class Command:
@@ -93,6 +100,70 @@ def use_domain(environment: pytest.MonkeyPatch, domain: int) -> None:
     environment.setenv("ROS_DOMAIN_ID", str(domain))
     for variable, value in middleware_defaults(os.environ).items():
         environment.setenv(variable, value)
+
+
+class MachineStoodStillError(Exception):
+    """The machine ran nothing for so long that a graph could not keep its deadlines."""
+
+
+class StallWatch:
+    """Measures for how long a thread that only sleeps is not run.
+
+    Attributes
+    ----------
+    longest : float
+        Longest time beyond the sleep asked for, s.
+    """
+
+    PERIOD = 0.01
+
+    def __init__(self) -> None:
+        self.longest = 0.0
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> StallWatch:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        before, over = time.monotonic(), False
+        while not over:
+            over = self._over.wait(self.PERIOD)
+            now = time.monotonic()
+            self.longest = max(self.longest, now - before - self.PERIOD)
+            before = now
+
+
+@contextmanager
+def reserved_domain() -> Iterator[int]:
+    """Give a ROS domain that no other test on this machine has, also none of another suite.
+
+    A lock on a file is released by the kernel however its owner ends. A domain in which
+    something runs without a lock is left alone. Nodes that are left at the end are killed.
+    """
+    folder = Path(tempfile.gettempdir()) / f"haptic_accel-domains-{os.getuid()}"
+    folder.mkdir(exist_ok=True)
+    for number in random.Random(os.urandom(8)).sample(DOMAINS, len(DOMAINS)):
+        with (folder / str(number)).open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            if any(processes_of(number)):
+                continue
+            try:
+                yield number
+            finally:
+                for pid in nodes_of(number).values():
+                    with suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
+            return
+    raise AssertionError("no ROS domain is free")
 
 
 def processes_of(domain: int) -> Iterator[tuple[int, list[str]]]:

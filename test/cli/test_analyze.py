@@ -123,6 +123,7 @@ def test_the_page_needs_nothing_but_itself(report: Path) -> None:
         assert heading in page
 
 
+@pytest.mark.quiet
 def test_what_a_person_reads(
     bags: Path, tmp_path: Path, haptic_accel: Callable[..., Command]
 ) -> None:

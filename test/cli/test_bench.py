@@ -63,6 +63,7 @@ def test_sweep_draws_rates_and_pairs(haptic_accel: Start, tmp_path: Path) -> Non
         (["sweep", "--rates", "100,fast"], "rates"),
     ],
 )
+@pytest.mark.quiet
 def test_wrong_arguments_have_status_2(haptic_accel: Start, words: list[str], named: str) -> None:
     command = haptic_accel("bench", *words)
     assert command.end() == 2, command.text

@@ -12,6 +12,7 @@ Start = Callable[..., Command]
 
 
 @pytest.mark.parametrize("controller", ["inverse", "feedback", "adaptive"])
+@pytest.mark.quiet
 def test_it_prints_and_saves_what_a_design_will_do(
     haptic_accel: Start, tmp_path: Path, controller: str
 ) -> None:
@@ -30,6 +31,7 @@ def test_it_prints_and_saves_what_a_design_will_do(
     assert ("margin" in command.text) == (controller == "feedback")
 
 
+@pytest.mark.quiet
 def test_what_is_felt_can_be_a_recording(haptic_accel: Start, tmp_path: Path) -> None:
     rows = "\n".join(str((-1) ** (index // 5)) for index in range(2000))  # 100 Hz
     (tmp_path / "drag.csv").write_text(f"acceleration\n{rows}\n")
@@ -50,6 +52,7 @@ def test_what_is_felt_can_be_a_recording(haptic_accel: Start, tmp_path: Path) ->
         (["--json", "no/such/folder.json"], "json"),
     ],
 )
+@pytest.mark.quiet
 def test_what_cannot_be_is_refused_in_one_line(
     haptic_accel: Start, words: list[str], named: str
 ) -> None:

@@ -235,6 +235,7 @@ def test_doctor_reports_another_graph_and_measures(
         assert 0 < us["p50"] <= us["p99"] <= us["p99_9"] <= us["max"], name
 
 
+@pytest.mark.quiet
 def test_a_ros_that_cannot_be_used_is_named_with_its_reason(
     haptic_accel: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -252,6 +253,7 @@ def test_a_ros_that_cannot_be_used_is_named_with_its_reason(
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan", "inf", "1e9"])
+@pytest.mark.quiet
 def test_a_length_that_is_not_allowed_ends_in_one_line(haptic_accel: Start, seconds: str) -> None:
     command = haptic_accel("doctor", f"--seconds={seconds}")
     assert command.end() == 2, command.text

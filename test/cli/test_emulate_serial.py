@@ -71,6 +71,7 @@ def test_a_node_without_its_board_says_so(start: Start) -> None:
         (["rate:=1000"], "rate: no such argument"),
     ],
 )
+@pytest.mark.quiet
 def test_what_cannot_be_is_said_in_one_line(
     haptic_accel: Start, tmp_path: Path, words: list[str], named: str
 ) -> None:

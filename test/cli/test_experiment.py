@@ -29,6 +29,7 @@ def figures(file: Path) -> list[dict[str, Any]]:
     return conditions
 
 
+@pytest.mark.quiet
 def test_lockstep_gives_the_nine_conditions_twice_the_same(
     haptic_accel: Start, tmp_path: Path
 ) -> None:
@@ -52,6 +53,7 @@ def test_lockstep_gives_the_nine_conditions_twice_the_same(
     assert f"report: {Path('b') / 'index.html'}" in command.text
 
 
+@pytest.mark.quiet
 def test_seeds_are_users_and_a_rig_can_be_chosen(haptic_accel: Start, tmp_path: Path) -> None:
     words = ["experiment", "--lockstep", "duration:=2", "surface:=text", "seed:=3"]
     for rig in ("ideal", "paper"):
@@ -98,6 +100,7 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
     assert (tmp_path / "report" / "index.html").is_file()
 
 
+@pytest.mark.quiet
 def test_ctrl_c_reports_what_was_done(haptic_accel: Start, tmp_path: Path, domain: int) -> None:
     command = haptic_accel("experiment", "--lockstep", "duration:=60", "--out", "report")
     command.wait_for("2 of 9")
@@ -107,6 +110,7 @@ def test_ctrl_c_reports_what_was_done(haptic_accel: Start, tmp_path: Path, domai
     assert (tmp_path / "report" / "index.html").is_file()
 
 
+@pytest.mark.quiet
 def test_a_recording_is_the_input_of_all_controllers(haptic_accel: Start, tmp_path: Path) -> None:
     rows = "\n".join(f"{i % 7},{(i % 10) - 4.5}" for i in range(3000))
     (tmp_path / "mine.csv").write_text(f"speed,accel\n{rows}\n")
@@ -136,6 +140,7 @@ def test_a_recording_is_the_input_of_all_controllers(haptic_accel: Start, tmp_pa
         (["--json", "no/such/folder.json"], "json"),
     ],
 )
+@pytest.mark.quiet
 def test_wrong_arguments_end_in_one_line_before_anything_runs(
     haptic_accel: Start, words: list[str], named: str
 ) -> None:

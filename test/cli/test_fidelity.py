@@ -28,6 +28,7 @@ ROW = {
 }
 
 
+@pytest.mark.quiet
 def test_the_table_is_printed_and_saved(haptic_accel: Start, tmp_path: Path) -> None:
     time = np.arange(4000) / 2000.0
     np.savetxt(
@@ -98,6 +99,7 @@ def test_hands_lie_within_their_spread_and_are_the_same_again() -> None:
         (["--json", "no/such/folder.json"], "json"),
     ],
 )
+@pytest.mark.quiet
 def test_what_cannot_be_is_refused_in_one_line(
     haptic_accel: Start, words: list[str], named: str
 ) -> None:

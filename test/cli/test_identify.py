@@ -25,6 +25,7 @@ ATTEMPTS = 3
 """Runs in which a machine may stand still before that counts as a failure."""
 
 
+@pytest.mark.quiet
 def test_table_i_comes_back_as_a_parameter_file(haptic_accel: Start, tmp_path: Path) -> None:
     # The ideal rig with the noise of the paper's sensor.
     (tmp_path / "noise.yaml").write_text(
@@ -56,6 +57,7 @@ def test_table_i_comes_back_as_a_parameter_file(haptic_accel: Start, tmp_path: P
     assert handle.m_h == pytest.approx(figures["parameters"]["m_h"]["value"], rel=1e-5)
 
 
+@pytest.mark.quiet
 def test_on_the_papers_rig_models_follow_the_handle_to_400_hz(
     haptic_accel: Start, tmp_path: Path
 ) -> None:
@@ -92,6 +94,7 @@ def test_on_the_papers_rig_models_follow_the_handle_to_400_hz(
         (["end_frequency:=300", "--end-frequency", "300"], 2, "twice"),
     ],
 )
+@pytest.mark.quiet
 def test_what_cannot_be_is_refused_in_one_line(
     haptic_accel: Start, words: list[str], status: int, named: str
 ) -> None:
@@ -209,6 +212,7 @@ def test_a_killed_identifier_ends_the_run_in_a_clear_failure(
         ("actuator_force,a", 2, "handle_acceleration"),
     ],
 )
+@pytest.mark.quiet
 def test_a_csv_recording_has_named_columns(
     haptic_accel: Start, tmp_path: Path, header: str, status: int, named: str
 ) -> None:

@@ -10,6 +10,7 @@ Start = Callable[..., Command]
 
 
 @pytest.mark.parametrize("verb", ["teleop", "experiment"])
+@pytest.mark.quiet
 def test_help_lists_every_argument_with_default_and_unit(haptic_accel: Start, verb: str) -> None:
     command = haptic_accel(verb, "--help")
     assert command.end() == 0
@@ -20,6 +21,7 @@ def test_help_lists_every_argument_with_default_and_unit(haptic_accel: Start, ve
 
 
 @pytest.mark.parametrize("words", [[], ["dance"], ["teleop", "--fast"]])
+@pytest.mark.quiet
 def test_wrong_verbs_and_options_have_status_2(haptic_accel: Start, words: list[str]) -> None:
     command = haptic_accel(*words)
     assert command.end() == 2

@@ -141,6 +141,7 @@ def test_the_line_for_ros2_bag_play_names_every_topic_the_graph_waits_for() -> N
     assert line.endswith("--loop")
 
 
+@pytest.mark.quiet
 def test_the_command_ends_with_status_2_and_one_line(haptic_accel: Callable[..., Command]) -> None:
     command = haptic_accel("replay", "nowhere", "controller:=inverse")
     assert command.end() == 2, command.text

@@ -29,6 +29,7 @@ def test_memory_stays_flat_with_recording(
 
 
 @pytest.mark.parametrize("words", [["--seconds", "1"], ["--seconds", "10", "nothing:=1"]])
+@pytest.mark.quiet
 def test_a_wrong_argument_is_named_in_one_line(haptic_accel: Start, words: list[str]) -> None:
     command = haptic_accel("bench", "soak", *words)
     assert command.end() == 2

@@ -296,6 +296,7 @@ def test_a_real_recording_is_played(haptic_accel: Start, tmp_path: Path, name: s
         (["dynamic"], ["dynamic", "key:=value"]),
     ],
 )
+@pytest.mark.quiet
 def test_wrong_arguments_end_in_one_line(
     haptic_accel: Start, words: list[str], named: list[str]
 ) -> None:
@@ -319,6 +320,7 @@ def test_wrong_arguments_end_in_one_line(
         ("just words", ["ros__parameters"]),
     ],
 )
+@pytest.mark.quiet
 def test_wrong_files_end_in_one_line(
     haptic_accel: Start, tmp_path: Path, content: str, named: list[str]
 ) -> None:
@@ -360,6 +362,7 @@ def test_a_parameter_file_reaches_the_nodes(haptic_accel: Start, tmp_path: Path)
         ("recorder", "quue:=3", ["quue"]),
     ],
 )
+@pytest.mark.quiet
 def test_a_node_by_itself_refuses_wrong_parameters(
     start: Start, node: str, parameter: str, named: list[str]
 ) -> None:
@@ -378,6 +381,7 @@ def test_a_node_by_itself_refuses_wrong_parameters(
         (["--fast"], "--fast"),
     ],
 )
+@pytest.mark.quiet
 def test_a_node_by_itself_refuses_wrong_command_lines(
     start: Start, tmp_path: Path, words: list[str], named: str
 ) -> None:

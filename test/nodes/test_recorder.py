@@ -8,6 +8,7 @@ import signal
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -126,6 +127,7 @@ def test_after_kill_9_the_bag_is_repaired_and_says_what_was_run(
     assert bag.facts["arguments"]["surface"] == "text"
 
 
+@pytest.mark.quiet
 def test_a_recorder_that_is_told_nonsense_says_so(start: Start) -> None:
     node = start("-m", "haptic_accel.nodes.recorder", "--ros-args", "-p", "facts:=word")
     assert node.end() == 2

@@ -15,15 +15,14 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
-from running import Command, nodes_of, use_domain, wait_until
+from running import Command, reserved_domain, use_domain, wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
     from observing import Observer
 
-DOMAIN = 101
-"""Of the graph that the tests of this file share: above those of other tests."""
+pytestmark = pytest.mark.live
 
 BROWSER = "HAPTIC_ACCEL_BROWSER"
 """Environment variable that makes a missing browser a failure: required."""
@@ -46,9 +45,10 @@ def free_port() -> int:
 
 
 class Shared:
-    """A graph with a scope, and its page."""
+    """A graph with a scope in a ROS domain, and its page."""
 
-    def __init__(self, folder: Path, page: Page) -> None:
+    def __init__(self, domain: int, folder: Path, page: Page) -> None:
+        self.domain = domain
         self.folder = folder
         self.page = page
         self.port = free_port()
@@ -108,20 +108,18 @@ def page() -> Iterator[Page]:
 
 @pytest.fixture(scope="module")
 def shared(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
-    with pytest.MonkeyPatch.context() as environment:
-        use_domain(environment, DOMAIN)
-        made = Shared(tmp_path_factory.mktemp("scope"), page)
+    with reserved_domain() as domain, pytest.MonkeyPatch.context() as environment:
+        use_domain(environment, domain)
+        made = Shared(domain, tmp_path_factory.mktemp("scope"), page)
         yield made
         made.graph.end(signal.SIGINT)
-        for pid in nodes_of(DOMAIN).values():
-            os.kill(pid, signal.SIGKILL)
 
 
 @pytest.fixture(scope="module")
 def watcher(shared: Shared) -> Iterator[Observer]:
     from observing import Observer
 
-    observer = Observer(DOMAIN)
+    observer = Observer(shared.domain)
     yield observer
     observer.close()
 

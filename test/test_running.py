@@ -1,0 +1,132 @@
+"""What keeps tests apart from each other, and says that the machine was to blame."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from running import StallWatch, reserved_domain
+
+HERE = Path(__file__).parent
+
+
+def test_a_domain_is_given_once_also_to_other_processes() -> None:
+    script = (
+        "from running import reserved_domain as r\nwith r() as n: print(n, flush=True); input()"
+    )
+    words = [sys.executable, "-c", script]
+    others = [
+        subprocess.Popen(words, cwd=HERE, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    with reserved_domain() as first, reserved_domain() as second:
+        numbers = [int(other.stdout.readline()) for other in others if other.stdout]
+        assert len({first, second, *numbers}) == 4
+        for other in others:
+            other.communicate("\n")
+
+
+def test_a_domain_in_which_something_runs_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("running.DOMAINS", range(1, 3))
+    environment = os.environ | {"ROS_DOMAIN_ID": "1"}
+    with subprocess.Popen(["sleep", "60"], env=environment) as stranger:
+        try:
+            for _ in range(5):
+                with reserved_domain() as number:
+                    assert number == 2
+            assert stranger.poll() is None
+        finally:
+            stranger.kill()
+
+
+def test_a_machine_that_stands_still_is_noticed() -> None:
+    script = (
+        "from running import StallWatch\n"
+        "with StallWatch() as watch:\n  print(flush=True); input()\nprint(watch.longest)"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script],
+        cwd=HERE,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as child:
+        assert child.stdout
+        child.stdout.readline()
+        child.send_signal(signal.SIGSTOP)
+        threading.Event().wait(0.6)
+        child.send_signal(signal.SIGCONT)
+        printed, _ = child.communicate("\n")
+    assert float(printed) >= 0.5
+
+
+def test_a_watch_that_ended_measures_nothing_more() -> None:
+    with StallWatch() as watch:
+        pass
+    assert watch.longest < 60.0
+
+
+SUITE = """
+import pytest
+from running import MachineStoodStillError
+
+RUNS = []
+
+@pytest.mark.parametrize("number", range({tests}))
+@pytest.mark.live
+def test_the_machine_was_to_blame(number):
+    RUNS.append(number)
+    if RUNS.count(number) == 1:
+        raise MachineStoodStillError("for 1.00 s")
+
+@pytest.mark.{marker}
+def test_what_fails_for_another_reason():
+    RUNS.append("other")
+    assert RUNS.count("other") == {fails}
+"""
+
+
+def suite(folder: Path, *words: str, **values: object) -> subprocess.CompletedProcess[str]:
+    """Run a small suite with this one's conftest and settings."""
+    (folder / "test_small.py").write_text(SUITE.format(**values))
+    (folder / "conftest.py").write_text((HERE / "conftest.py").read_text())
+    settings = (HERE.parent / "pyproject.toml").read_text()
+    (folder / "pyproject.toml").write_text(settings.replace('["test"]', f'["{HERE}"]'))
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *words, "test_small.py"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_what_the_machine_is_to_blame_for_is_run_again_and_listed(tmp_path: Path) -> None:
+    done = suite(tmp_path, tests=3, marker="live", fails=1)
+    assert done.returncode == 0, done.stdout
+    assert "3 run again, 3 are allowed" in done.stdout
+    listed = "test_the_machine_was_to_blame[0]: running.MachineStoodStillError: for 1.00 s"
+    assert listed in done.stdout
+
+
+def test_no_other_failure_is_run_again(tmp_path: Path) -> None:
+    done = suite(tmp_path, tests=0, marker="live", fails=2)
+    assert done.returncode == 1, done.stdout
+    assert "1 failed" in done.stdout
+    assert "run again" not in done.stdout
+
+
+def test_more_than_three_reruns_fail_the_session(tmp_path: Path) -> None:
+    done = suite(tmp_path, tests=4, marker="live", fails=1)
+    assert "5 passed" in done.stdout
+    assert done.returncode == 1, done.stdout
+
+
+@pytest.mark.parametrize(("words", "expected"), [((), "1 deselected"), (("--slow",), "3 passed")])
+def test_slow_tests_run_where_they_are_asked_for(
+    tmp_path: Path, words: tuple[str, ...], expected: str
+) -> None:
+    done = suite(tmp_path, *words, tests=2, marker="slow", fails=1)
+    assert expected in done.stdout
+    assert done.returncode == 0
