@@ -10,7 +10,7 @@ import numpy as np
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_accel.bags.trial_bag import stamped_message
+from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.topics import Topic
 
 START = 1_255_392_000_000_000_000
@@ -63,6 +63,6 @@ def write_bag(
             for topic, vectors in rows.items():
                 if place in lost or place in (lost_of or {}).get(topic, ()):
                     continue
-                message = stamped_message(topic, stamp, tuple(vectors[place].tolist()))
+                message = StampedVector(topic).pack(stamp, tuple(vectors[place].tolist()))
                 writer.write(connections[topic], stamp + delay(place), message)
     return bag

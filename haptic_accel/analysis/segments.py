@@ -20,7 +20,7 @@ from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, IntArray, on_grid, places
-from haptic_accel.core.topics import SIGNALS
+from haptic_accel.core.topics import ACTUATOR_AXIS, SIGNALS
 from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import RECORDING
@@ -55,8 +55,6 @@ CORE = (
 )
 """What is analysed along the actuator's axis."""
 
-ALONG_ACTUATOR = 2
-"""Component of the vectors."""
 
 _SURFACE = "simulated.surface."
 _POSTURE = "simulated.grip.posture"
@@ -429,7 +427,7 @@ def _stretch(
         within = (where >= 0) & (where < length)
         if not within.any():
             continue
-        values, seen[topic.name] = on_grid(where, signal.values[:, ALONG_ACTUATOR], length)
+        values, seen[topic.name] = on_grid(where, signal.values[:, ACTUATOR_AXIS], length)
         half = NANOSECONDS / rate / 2
         late[topic.name] = int(np.sum((signal.received - signal.stamps)[within] > half))
         if topic in CORE:

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from haptic_accel.core.sampling import NANOSECONDS, missing_samples
-
-STAMP = slice(4, 12)
-"""Where a serialised message with a header has its stamp: behind the encapsulation, s and ns,
-four bytes each (CDR, little endian)."""
+from haptic_accel.core.cdr import STAMP_BYTES, unpack_stamps
+from haptic_accel.core.sampling import missing_samples
 
 ENOUGH = 20
 """Stamps from which a topic's period is known."""
@@ -29,14 +24,13 @@ class StampGaps:
 
     def take(self, message: bytes) -> None:
         """Note a serialised message's stamp."""
-        self._stamps.append(message[STAMP])
+        self._stamps.append(message[STAMP_BYTES])
 
     def count(self) -> None:
         """Look through what was noted."""
         if len(self._stamps) < ENOUGH:
             return
-        whole, rest = np.frombuffer(b"".join(self._stamps), "<u4").reshape(-1, 2).T
-        self.missing += missing_samples(whole.astype(np.int64) * NANOSECONDS + rest)
+        self.missing += missing_samples(unpack_stamps(b"".join(self._stamps)))
         del self._stamps[:-1]
 
     def forget(self) -> None:

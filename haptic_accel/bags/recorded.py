@@ -23,7 +23,7 @@ import yaml
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_accel.bags.mcap import Block, Channel, IntArray, McapFile
-from haptic_accel.bags.vectors import stamped_vectors
+from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, Topic
 
@@ -355,7 +355,7 @@ class _Collected:
 
     def _take_signal(self, name: str, block: Block) -> None:
         try:
-            stamps, values = stamped_vectors(block.bytes, block.starts, block.ends)
+            stamps, values = unpack_stamped_vectors(block.bytes, block.starts, block.ends)
         except ValueError as error:
             self._once(f"{block.channel.topic}: {error}")
             return

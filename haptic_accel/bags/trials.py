@@ -16,7 +16,7 @@ from haptic_accel.core.identification import RecordingError
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, on_grid, places
-from haptic_accel.core.topics import Topic
+from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
 from haptic_accel.core.trial import Trial
 
 SIGNALS: dict[str, Topic] = {
@@ -27,8 +27,6 @@ SIGNALS: dict[str, Topic] = {
 }
 """A trial's signals and the topics they come from."""
 
-ALONG_ACTUATOR = 2
-"""Component of a vector along the actuator's axis: z."""
 
 AGE_OF = "actuator force"
 """Which command's age counts: the one whose force is felt."""
@@ -248,7 +246,7 @@ def _along_actuator(
 ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Return a signal's component on the grid, and which of its samples are there."""
     where = places(signal.stamps, start, rate)
-    return on_grid(where, signal.values[:, ALONG_ACTUATOR], length)
+    return on_grid(where, signal.values[:, ACTUATOR_AXIS], length)
 
 
 def durations(

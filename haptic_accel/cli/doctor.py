@@ -26,11 +26,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, EXECUTOR, FAILED, SUPERVISOR
-from haptic_accel.core.topics import SIGNALS, TOOL_ACCELERATION, VECTORS, Topic
+from haptic_accel.core.topics import SIGNALS, TOOL_ACCELERATION, Topic
 from haptic_accel.graph.files import config_folder
 from haptic_accel.nodes.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE, VARIABLES
 
@@ -428,13 +429,12 @@ def _node() -> SupervisedNode:
 
 def _listen(node: SupervisedNode, topic: Topic, ages: DurationHistogram) -> Callable[[], bool]:
     """Add the age of each message; return what tells whether any came."""
-    from haptic_accel.nodes import interface, wire
+    from haptic_accel.nodes import interface
 
     message = interface.message_type(topic)
-    read = wire.reader(message, VECTORS[topic.type])
 
     def add(data: bytes) -> None:
-        ages.add((time.time_ns() - read(data)[0]) / 1e9)
+        ages.add((time.time_ns() - unpack_stamped_vector(data)[0]) / 1e9)
 
     node.create_subscription(message, topic.name, add, interface.quality(topic), raw=True)
     return lambda: ages.count > 0
@@ -447,11 +447,11 @@ def _keep_time(
 
     Returns what tells whether somebody listens.
     """
-    from haptic_accel.nodes import interface, scheduling, wire
+    from haptic_accel.nodes import interface, scheduling
 
     message = interface.message_type(topic)
     publisher = node.create_publisher(message, topic.name, interface.quality(topic))
-    sender = interface.Sender(publisher, wire.StampedVector(message()))
+    sender = interface.Sender(publisher, topic)
     keeper = scheduling.RateKeeper(RATE)
     keeper.lateness = lateness
 

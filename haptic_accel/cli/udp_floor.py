@@ -18,21 +18,22 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from typing import Any
 
 from geometry_msgs.msg import AccelStamped
 from rclpy.serialization import deserialize_message
 
+from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import TOOL_ACCELERATION, VECTORS
+from haptic_accel.core.topics import TOOL_ACCELERATION
 from haptic_accel.graph.node_parameters import CompensatorNodeParameters
 from haptic_accel.nodes.scheduling import RateKeeper, sharpen_timers, system_time
-from haptic_accel.nodes.wire import StampedVector, reader
 
 PATIENCE = 30.0
 """Time for a process to start, or to end when it should, on a busy machine, s."""
@@ -213,8 +214,8 @@ def main() -> None:
 
 def _wire(message: bytes) -> tuple[_Pack, _Read]:
     """Return what writes and reads messages like the one given, as the graph does."""
-    pack = StampedVector(deserialize_message(message, AccelStamped)).pack
-    return pack, reader(AccelStamped, VECTORS[TOOL_ACCELERATION.type])
+    frame = deserialize_message(message, AccelStamped).header.frame_id
+    return StampedVector(replace(TOOL_ACCELERATION, frame=frame)).pack, unpack_stamped_vector
 
 
 def _get_ready() -> threading.Event:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from haptic_accel.core.model import Vector
+
 MASTER_FRAME = "master_base"
 SLAVE_FRAME = "slave_base"
 HANDLE_FRAME = "master_handle"
@@ -52,6 +54,9 @@ VECTORS = {
 }
 """Path of the vector that each type of signal carries."""
 
+ACTUATOR_AXIS = 2
+"""Component of every vector along the actuator's axis: z."""
+
 MASTER_POSITION = Topic("master/measured_cp", _POSE, MASTER_FRAME, "master")
 MASTER_VELOCITY = Topic("master/measured_cv", _TWIST, MASTER_FRAME, "master")
 MASTER_ARM_FORCE = Topic("master/servo_cf", _WRENCH, MASTER_FRAME, "slave")
@@ -89,3 +94,8 @@ PLAYED = "played"
 
 TOPICS = (*SIGNALS, DIAGNOSTICS, EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED)
 """Every topic of the graph: what the recorder keeps."""
+
+
+def along_actuator(value: float) -> Vector:
+    """Return a vector along the actuator's axis."""
+    return (0.0, 0.0, value)

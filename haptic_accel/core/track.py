@@ -17,6 +17,7 @@ from haptic_accel.core.sampling import (
     half_period,
     on_grid,
 )
+from haptic_accel.core.topics import ACTUATOR_AXIS
 
 SHORTEST = 0.2
 """A track must last this long, s: four of the fades of a loop."""
@@ -28,8 +29,6 @@ QUIET = 0.3
 """How long it then stays at rest, s: ten times what the paper's high-pass remembers."""
 
 AXES = 3
-ALONG_ACTUATOR = 2
-"""Component of a vector along the actuator's axis: z."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def gridded(
     still = np.zeros((length, AXES))
     return Track(
         rate,
-        np.ascontiguousarray(values[:, ALONG_ACTUATOR]),
+        np.ascontiguousarray(values[:, ACTUATOR_AXIS]),
         grid.held(position)[0] if position else still,
         grid.held(velocity)[0] if velocity else still,
         lost,

@@ -15,6 +15,7 @@ from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import run
 
@@ -68,14 +69,16 @@ class Compensator(GraphNode):
         }
 
     def _keep(self, moment: int, acceleration: Vector) -> None:
-        self._handle.append((moment, acceleration[2]))
+        self._handle.append((moment, acceleration[ACTUATOR_AXIS]))
 
     def _compensate(self, moment: int, acceleration: Vector) -> None:
         if not self._in_order(moment):
             return
-        desired, force = self._compensation.sample(acceleration[2], self._before(moment))
-        self._send_force(moment, (0.0, 0.0, force))
-        self._send_desired(moment, (0.0, 0.0, desired))
+        desired, force = self._compensation.sample(
+            acceleration[ACTUATOR_AXIS], self._before(moment)
+        )
+        self._send_force(moment, along_actuator(force))
+        self._send_desired(moment, along_actuator(desired))
         self._compensation.adapt()
 
     def _before(self, moment: int) -> float | None:

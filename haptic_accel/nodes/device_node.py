@@ -16,7 +16,7 @@ from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, from_flat
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import Topic
+from haptic_accel.core.topics import ACTUATOR_AXIS, Topic, along_actuator
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.graph.node_parameters import SAFETY
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
@@ -322,7 +322,7 @@ class DeviceNode(ManagedNode):
 
     def _publish(self, sample: Sample, moment: int) -> None:
         # What makes the felt force goes first.
-        self._send_acceleration(moment, (0.0, 0.0, sample.acceleration))
+        self._send_acceleration(moment, along_actuator(sample.acceleration))
         self._send_position(moment, sample.position)
         self._send_velocity(moment, sample.velocity)
 
@@ -355,7 +355,7 @@ class DeviceNode(ManagedNode):
 
     def _apply_actuator_force(self, moment: int, force: Vector) -> None:
         now = steady_now()
-        allowed = self.safety.actuator_force(now, age_of(moment), force[2])
+        allowed = self.safety.actuator_force(now, age_of(moment), force[ACTUATOR_AXIS])
         if allowed is None:
             return
         self._write(now, actuator_force=allowed)

@@ -10,6 +10,7 @@ from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.identification.sweep import excitation
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import run
@@ -71,11 +72,13 @@ class Identifier(GraphNode):
         if self.finished.done():
             return
         self._heard = time.monotonic()
-        if not math.isfinite(acceleration[2]):
+        if not math.isfinite(acceleration[ACTUATOR_AXIS]):
             self._fail("handle_acceleration: not a finite number, force taken off")
             return
         # How the actuator was driven until now is what the last force and this sample did.
-        self._widest = max(self._widest, abs(self._travel.sample(self._applied, acceleration[2])))
+        self._widest = max(
+            self._widest, abs(self._travel.sample(self._applied, acceleration[ACTUATOR_AXIS]))
+        )
         if abs(self._travel.travel) > self._most_travel:
             self._fail(
                 f"travel: {1e3 * abs(self._travel.travel):.2f} mm, must be at most"
@@ -85,7 +88,7 @@ class Identifier(GraphNode):
         force = self._next_force(moment)
         self._applied = force
         if not self.finished.done():
-            self._sender.send(moment, (0.0, 0.0, force))
+            self._sender.send(moment, along_actuator(force))
 
     def _next_force(self, moment: int) -> float:
         """Return the force that follows a sample of a moment in ns."""

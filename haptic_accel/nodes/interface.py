@@ -19,12 +19,12 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, Schema, Specification, checked
-from haptic_accel.core.topics import DIAGNOSTICS, VECTORS, Topic
+from haptic_accel.core.topics import DIAGNOSTICS, Topic
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 from haptic_accel.nodes.scheduling import SupervisedNode, scheduling_class
-from haptic_accel.nodes.wire import StampedVector, reader
 
 DIAGNOSTICS_PERIOD = 1.0
 """s."""
@@ -42,10 +42,10 @@ _LARGEST_NUMBER = sys.float_info.max
 class Sender:
     """Publishes one signal."""
 
-    def __init__(self, publisher: Publisher, message: StampedVector) -> None:
+    def __init__(self, publisher: Publisher, topic: Topic) -> None:
         self._publisher = publisher
         self._publish = publisher.publish
-        self._pack = message.pack
+        self._pack = StampedVector(topic).pack
 
     def send(self, stamp: int, vector: Vector) -> None:
         """Publish a vector with a stamp, system time in ns."""
@@ -98,16 +98,15 @@ class GraphNode(SupervisedNode):
 
     def sender(self, topic: Topic) -> Sender:
         """Create what publishes a signal."""
-        message = message_type(topic)()
-        message.header.frame_id = topic.frame
-        if hasattr(message, "pose"):
-            message.pose.orientation.w = 1.0
-        return Sender(self.publisher(topic), StampedVector(message))
+        return Sender(self.publisher(topic), topic)
 
-    def listen(self, topic: Topic, callback: Callable[[int, Vector], None]) -> Subscription:
+    def listen(
+        self, topic: Topic, callback: Callable[[int, Vector], None], depth: int = DEPTH
+    ) -> Subscription:
         """Subscribe to a signal; the callback gets stamps, system time in ns, and vectors."""
-        read = reader(message_type(topic), VECTORS[topic.type])
-        return self.subscribe_raw(topic, lambda data: callback(*read(data)), DEPTH)
+        return self.subscribe_raw(
+            topic, lambda data: callback(*unpack_stamped_vector(data)), depth
+        )
 
     def listen_state(self, topic: Topic, callback: Callable[[bool], None]) -> Subscription:
         """Subscribe to a latched state that is true or false."""

@@ -16,15 +16,15 @@ from rclpy.subscription import Subscription
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import SuspensionParameters
 from haptic_accel.core.control.compensation import LIMITS, PLANT
+from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import VECTORS, Topic
+from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
 from haptic_accel.graph.files import SURFACE
 from haptic_accel.graph.node_parameters import node_parameters, node_schema
-from haptic_accel.nodes.interface import DEPTH, GraphNode, message_type, quality
+from haptic_accel.nodes.interface import DEPTH, GraphNode, quality
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import POSTURE, Commands, choices
-from haptic_accel.nodes.wire import reader
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
 from haptic_accel.scope.board import Board, Report
 from haptic_accel.scope.server import ScopeServer
@@ -219,13 +219,11 @@ class Scope(GraphNode):
 
     def _follow(self, topic: Topic, take: Callable[[int, float], None]) -> Subscription:
         """Subscribe to a signal; the callback gets stamps and what acts along the axis."""
-        read = reader(message_type(topic), VECTORS[topic.type])
 
-        def put(data: bytes) -> None:
-            stamp, vector = read(data)
-            take(stamp, vector[2])
+        def put(stamp: int, vector: Vector) -> None:
+            take(stamp, vector[ACTUATOR_AXIS])
 
-        return self.subscribe_raw(topic, put, SIGNAL_DEPTH)
+        return self.listen(topic, put, SIGNAL_DEPTH)
 
     def _take_force(self, stamp: int, force: float) -> None:
         self.windows.force.put(stamp, force)

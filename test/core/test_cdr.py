@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import struct
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
+
+from haptic_accel.core.cdr import (
+    STAMP_BYTES,
+    StampedVector,
+    unpack_stamped_vector,
+    unpack_stamped_vectors,
+    unpack_stamps,
+)
+from haptic_accel.core.model import Vector
+from haptic_accel.core.topics import SIGNALS, VECTORS, Topic
+
+TYPES: Any = get_typestore(Stores.ROS2_JAZZY)
+"""Another program's CDR to compare with."""
+
+numbers = st.floats(allow_nan=False)
+vectors = st.tuples(numbers, numbers, numbers)
+stamps = st.integers(0, 2**31 * 10**9 - 1)
+frames = st.text(st.characters(codec="ascii", exclude_characters="\0"))
+one_of_each_type = st.sampled_from(list({topic.type: topic for topic in SIGNALS}.values()))
+topics = st.builds(replace, one_of_each_type, frame=frames)
+
+# PoseStamped of stamp 1 s 2 ns, frame "a", position (1, 2, 3), big-endian CDR.
+BIG_ENDIAN = bytes(4) + struct.pack(">iII2s2x7d", 1, 2, 2, b"a\0", 1, 2, 3, 0, 0, 0, 1)
+
+
+def arrays(messages: list[bytes]) -> tuple[list[int], list[list[float]]]:
+    """Unpack messages that lie one behind another, with a byte between."""
+    ends = np.cumsum([len(message) + 1 for message in messages]) - 1
+    starts = ends - [len(message) for message in messages]
+    block = np.frombuffer(b"!".join(messages), np.uint8)
+    found, values = unpack_stamped_vectors(block, starts.astype(np.int64), ends.astype(np.int64))
+    return found.tolist(), values.tolist()
+
+
+@given(topics, stamps, vectors)
+def test_what_is_packed_is_the_message_in_the_other_programs_bytes(
+    topic: Topic, stamp: int, vector: Vector
+) -> None:
+    packed = StampedVector(topic).pack(stamp, vector)
+    message = TYPES.deserialize_cdr(packed, topic.type)
+    assert message.header.frame_id == topic.frame
+    assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == stamp
+    outer, inner = VECTORS[topic.type].split(".")
+    part = getattr(getattr(message, outer), inner)
+    assert (part.x, part.y, part.z) == vector
+    if outer == "pose":
+        rotation = message.pose.orientation
+        assert (rotation.x, rotation.y, rotation.z, rotation.w) == (0, 0, 0, 1)
+    assert bytes(TYPES.serialize_cdr(message, topic.type)) == packed
+
+
+@given(st.lists(st.tuples(topics, stamps, vectors), min_size=1, max_size=5))
+def test_what_is_packed_is_unpacked_one_by_one_and_at_once(
+    samples: list[tuple[Topic, int, Vector]],
+) -> None:
+    packed = [StampedVector(topic).pack(stamp, vector) for topic, stamp, vector in samples]
+    assert [unpack_stamped_vector(data) for data in packed] == [each[1:] for each in samples]
+    found, values = arrays(packed)
+    assert found == [stamp for _, stamp, _ in samples]
+    assert values == [list(vector) for _, _, vector in samples]
+    assert unpack_stamps(b"".join(data[STAMP_BYTES] for data in packed)).tolist() == found
+
+
+def test_big_endian_senders_are_read_too() -> None:
+    assert unpack_stamped_vector(BIG_ENDIAN) == (1_000_000_002, (1.0, 2.0, 3.0))
+    little = StampedVector(SIGNALS[0]).pack(7, (4.0, 5.0, 6.0))
+    found, values = arrays([BIG_ENDIAN, little])
+    assert found == [1_000_000_002, 7]
+    assert values == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_no_messages_give_empty_arrays() -> None:
+    nothing = np.empty(0, dtype=np.int64)
+    found, values = unpack_stamped_vectors(np.empty(0, np.uint8), nothing, nothing)
+    assert (found.shape, values.shape) == ((0,), (0, 3))
+
+
+@pytest.mark.parametrize("length", [8, 15, 16, 40, 43])
+def test_a_message_that_was_cut_off_is_refused(length: int) -> None:
+    with pytest.raises(ValueError, match="too short"):
+        arrays([BIG_ENDIAN, BIG_ENDIAN[:length]])
+
+
+def test_another_encapsulation_is_refused() -> None:
+    data = bytes([0, 7, 0, 0]) + BIG_ENDIAN[4:]
+    with pytest.raises(ValueError, match="plain CDR"):
+        unpack_stamped_vector(data)
+    with pytest.raises(ValueError, match="plain CDR"):
+        arrays([data])
