@@ -33,7 +33,7 @@ from haptic_accel.devices.serial.device import (
 from haptic_accel.graph.arguments import parse_arguments
 
 if TYPE_CHECKING:
-    from haptic_accel.devices.serial.link import Link
+    from haptic_accel.devices.serial.link import BoardLink
     from haptic_accel.devices.serial.protocol import Identity, Samples
 
 MASTER, SLAVE = "master", "slave"
@@ -134,7 +134,9 @@ def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
         link.close()
 
 
-def _rest(position: str, arguments: CalibrateArguments, link: Link, collector: Collector) -> Rest:
+def _rest(
+    position: str, arguments: CalibrateArguments, link: BoardLink, collector: Collector
+) -> Rest:
     """Let a person hold the board, and measure."""
     print(
         f"hold the {arguments.axis} axis {position}, firm and still, then press Enter", flush=True
@@ -148,15 +150,17 @@ def _rest(position: str, arguments: CalibrateArguments, link: Link, collector: C
     return rest(counts, link.identity.nominal_gain)
 
 
-def _opened(arguments: CalibrateArguments, collector: Collector) -> Link:
+def _opened(arguments: CalibrateArguments, collector: Collector) -> BoardLink:
     """Return a link that lets the board sample; its actuator is not armed."""
     try:
-        from haptic_accel.devices.serial.link import Link, Wanted
+        from haptic_accel.devices.serial.link import BoardLink, Requirements
         from haptic_accel.devices.serial.protocol import Configuration, axes_bits
     except ImportError:
         raise DeviceError(f"serial: {MISSING_LIBRARY}") from None
-    wanted = Wanted(Configuration(arguments.rate, axes_bits(arguments.axis), 1))
-    link = Link(arguments.port, arguments.usb_serial, arguments.baud, wanted, collector.take)
+    required = Requirements(Configuration(arguments.rate, axes_bits(arguments.axis), 1))
+    link = BoardLink(
+        arguments.port, arguments.usb_serial, arguments.baud, required, collector.take
+    )
     link.open()
     return link
 

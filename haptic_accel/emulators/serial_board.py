@@ -11,12 +11,13 @@ from collections.abc import Callable, Sequence
 from haptic_accel.devices.serial.protocol import (
     AXES,
     FULL_SCALE,
+    REQUESTS,
     VERSION,
-    Arm,
+    ArmRequest,
     Configuration,
     Configure,
     Decoder,
-    Disarm,
+    DisarmRequest,
     Encoder,
     Error,
     ErrorCode,
@@ -47,15 +48,6 @@ CLOCKS = 1 << 32
 
 SILENT = Configuration(0, 0, 0)
 """Before the host has configured it."""
-
-_LENGTHS = {
-    FrameType.IDENTIFY: 0,
-    FrameType.ARM: 0,
-    FrameType.DISARM: 0,
-    FrameType.CONFIGURE: 4,
-    FrameType.SET_CURRENT: 2,
-}
-"""Bytes of the payloads that a host may send."""
 
 
 class Board:
@@ -155,13 +147,13 @@ class Board:
                 self._send(self._identity, now)
             case Configure() as asked:
                 self._configure(asked, now)
-            case Arm():
+            case ArmRequest():
                 if self.state is State.ARMED:
                     self._report(now)
                 else:
                     self._last_set = now
                     self._enter(State.ARMED, now)
-            case Disarm():
+            case DisarmRequest():
                 self._enter(State.DISARMED, now)
             case SetCurrent(counts):
                 self._set_current(counts, now)
@@ -170,9 +162,9 @@ class Board:
         """Return why a frame is not obeyed; None if it is."""
         if frame.version != VERSION:
             return ErrorCode.VERSION
-        if frame.type not in _LENGTHS:
+        if frame.type not in REQUESTS:
             return ErrorCode.TYPE
-        if len(frame.payload) != _LENGTHS[FrameType(frame.type)]:
+        if len(frame.payload) != REQUESTS[frame.type].LAYOUT.size:
             return ErrorCode.LENGTH
         if frame.type in (FrameType.ARM, FrameType.SET_CURRENT) and not self._has_actuator:
             return ErrorCode.NO_ACTUATOR

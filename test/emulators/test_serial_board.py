@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from haptic_accel.devices.serial.protocol import (
     FULL_SCALE,
     VERSION,
-    Arm,
+    ArmRequest,
     Configuration,
     Configure,
     Decoder,
-    Disarm,
+    DisarmRequest,
     Encoder,
     Error,
     ErrorCode,
@@ -77,7 +77,7 @@ class Host:
 
 def armed() -> Host:
     host = Host()
-    host.say(Arm(), SetCurrent(1000))
+    host.say(ArmRequest(), SetCurrent(1000))
     assert host.board.current == 1000
     return host
 
@@ -97,7 +97,7 @@ def test_set_points_are_refused_until_it_is_armed() -> None:
     host = Host()
     host.say(SetCurrent(1000))
     assert host.board.current == 0
-    host.say(Arm(), SetCurrent(1000), Disarm(), SetCurrent(500))
+    host.say(ArmRequest(), SetCurrent(1000), DisarmRequest(), SetCurrent(500))
     assert host.board.current == 0
     assert host.all(Status)[-1].refused == 1
 
@@ -131,13 +131,13 @@ def test_the_current_is_within_full_scale() -> None:
 def test_a_fault_takes_the_current_off_until_it_is_disarmed_and_armed() -> None:
     host = armed()
     host.board.fault(True, host.now)
-    host.say(SetCurrent(5), Arm(), Disarm())
+    host.say(SetCurrent(5), ArmRequest(), DisarmRequest())
     assert (host.board.current, host.board.state) == (0, State.FAULT)
     assert [error.code for error in host.all(Error)] == [ErrorCode.FAULT, ErrorCode.FAULT]
     host.board.fault(False, host.now)
-    host.say(SetCurrent(5), Arm())
+    host.say(SetCurrent(5), ArmRequest())
     assert host.board.state is State.FAULT
-    host.say(Disarm(), Arm(), SetCurrent(5))
+    host.say(DisarmRequest(), ArmRequest(), SetCurrent(5))
     assert host.board.current == 5
 
 
@@ -230,7 +230,7 @@ bytes_sent = st.one_of(
         st.binary(max_size=6),
     ),
     st.builds(lambda counts: Encoder().encode(SetCurrent(counts), 0), st.integers(-32768, 32767)),
-    st.just(Encoder().encode(Arm(), 0)),
+    st.just(Encoder().encode(ArmRequest(), 0)),
 )
 
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.devices.serial.protocol import (
-    Arm,
+    ArmRequest,
     Configure,
     Decoder,
-    Disarm,
+    DisarmRequest,
     Encoder,
     Frame,
     FrameType,
@@ -154,8 +154,8 @@ def random_message(random: random.Random) -> Message:
             SetCurrent(random.choice((-32768, -32767, 0, 1, 32767))),
             SetCurrent(random.randrange(-32768, 32768)),
             SetCurrent(random.randrange(-32768, 32768)),
-            Arm(),
-            Disarm(),
+            ArmRequest(),
+            DisarmRequest(),
             Identify(),
             Configure(
                 random.choice((0, 49, 50, 1000, 10_000, 10_001)),

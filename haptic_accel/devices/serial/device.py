@@ -1,4 +1,4 @@
-"""The devices `serial`: accelerometer and, at the master, voice coil; they have no arm."""
+"""Devices `serial`: an accelerometer and, at the master, a voice coil; they have no arm."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.devices.connection import AUTO, MANUAL
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 
 if TYPE_CHECKING:
-    from haptic_accel.devices.serial.link import Link
+    from haptic_accel.devices.serial.link import BoardLink
     from haptic_accel.devices.serial.protocol import Samples
 
 # pyserial and cobs are an extra of the package: only who opens a port needs them.
@@ -20,28 +21,28 @@ if TYPE_CHECKING:
 MISSING_LIBRARY = "needs pyserial and cobs: pip install 'haptic_accel[serial]'"
 
 FORCE_CONSTANT = 2.4
-"""Of the paper's voice coil, H2W NCM02-05-005-4JB (data sheet), N/A."""
+"""Force constant of the paper's voice coil, H2W NCM02-05-005-4JB (data sheet), N/A."""
 
 BAUD = 1_000_000
-"""Of a real serial line, bit/s; USB has none."""
+"""Bit rate of a real serial line, bit/s; USB has none."""
 
 HIGHEST_RATE = 10_000
-"""Samples per second that the protocol is made for."""
+"""Highest sampling rate that the protocol is made for, Hz."""
 
 MOST_WAITING = 4096
-"""Samples kept for a reader that does not come."""
+"""Most samples kept between two reads."""
 
 LONGEST_HELD = 10
-"""Ticks for which a sample may be held; beyond, it would be a lie."""
-
-AUTO, MANUAL = "auto", "manual"
+"""Most ticks for which a sample may be held; beyond, it would be misleading."""
 
 
 @dataclass(frozen=True)
 class CalibrationParameters(Checked):
-    """What a count of the accelerometer is, as `haptic-accel calibrate` finds it."""
+    """Calibration of the accelerometer, as determined by `haptic-accel calibrate`."""
 
-    axis: str = parameter("z", "of the accelerometer, along the actuator", choices=("x", "y", "z"))
+    axis: str = parameter(
+        "z", "axis of the accelerometer along the actuator", choices=("x", "y", "z")
+    )
     offset: float = parameter(0.0, "counts without acceleration", low=-(2.0**15), high=2.0**15)
     gain: float = parameter(
         0.0,
@@ -51,26 +52,36 @@ class CalibrationParameters(Checked):
         low=-10.0,
         high=10.0,
     )
-    board: str = parameter("", "serial number of the board that this is of; empty for any")
+    board: str = parameter("", "serial number of the calibrated board; empty for any")
 
 
 @dataclass(frozen=True)
-class SerialSlaveParameters(Checked):
-    """A board with an accelerometer."""
+class PortParameters(Checked):
+    """Serial port of a board."""
 
     port: str = parameter("", "path of the port, such as /dev/ttyACM0")
     usb_serial: str = parameter("", "USB serial number of the board, in place of a path")
     baud: int = parameter(
-        BAUD, "of a real serial line; USB has none", unit="bit/s", low=9600, high=12_000_000
+        BAUD,
+        "bit rate of a real serial line; USB has none",
+        unit="bit/s",
+        low=9600,
+        high=12_000_000,
     )
+
+
+@dataclass(frozen=True)
+class SerialSlaveParameters(PortParameters):
+    """Board with an accelerometer."""
+
     rate: int = parameter(
-        0, "samples per second of the board; 0 for the graph's", low=0, high=HIGHEST_RATE
+        0, "samples per second of the board; 0 for the rate of the graph", low=0, high=HIGHEST_RATE
     )
     samples_per_frame: int = parameter(1, "samples sent together", low=1, high=64)
     delay: float = parameter(
         0.0,
-        "how old samples are at least, so that every tick has one of the same age; 0 for as old as"
-        " 19 of 20 are when they come, and at most a period more than a frame is long",
+        "least age of a sample, so that all ticks get samples of the same age; 0 for the age at"
+        " which 19 of 20 have arrived, at most a period more than a frame is long",
         unit="s",
         low=0.0,
         high=0.1,
@@ -80,7 +91,7 @@ class SerialSlaveParameters(Checked):
 
 @dataclass(frozen=True)
 class ActuatorParameters(Checked):
-    """What the current of a board drives."""
+    """Actuator driven by the current of a board."""
 
     force_constant: float = parameter(
         FORCE_CONSTANT,
@@ -91,12 +102,13 @@ class ActuatorParameters(Checked):
     )
     rearm: str = parameter(
         MANUAL,
-        "who allows a force after the board was unplugged: auto for the driver, once it is back",
+        "how forces are allowed after the board was unplugged: auto, as soon as it is back, or"
+        " manual, on request",
         choices=(AUTO, MANUAL),
     )
 
     def __post_init__(self) -> None:
-        """Check all fields; no force comes of a constant of zero."""
+        """Check all fields; a force constant of zero makes no force."""
         super().__post_init__()
         if self.force_constant == 0:
             raise ParameterError("force_constant = 0: must not be 0 N/A")
@@ -104,22 +116,22 @@ class ActuatorParameters(Checked):
 
 @dataclass(frozen=True)
 class SerialMasterParameters(SerialSlaveParameters):
-    """A board with an accelerometer and an actuator."""
+    """Board with an accelerometer and an actuator."""
 
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
 
 
 class SerialDevice(Device):
-    """A board's accelerometer; position and velocity are zero, there is no arm.
+    """Accelerometer of a board; position and velocity are zero, there is no arm.
 
     The caller's clock must be `time.monotonic`. A tick gets the newest sample that is as old as
-    the delay; where there is none since the last tick, that one is held for a while, and counted.
-    The delay covers how differently long frames take: without it, a tick would have none or two
-    by chance. Whoever takes the samples never waits for the port, which has a thread of its own.
+    the delay; without a new one since the last tick, that one is held for a while, and counted.
+    The delay covers the jitter of the frames' transport: without it, a tick would get none or two
+    by chance. Reading never waits for the port, which has a thread of its own.
     """
 
     _actuator: ActuatorParameters | None = None
-    """None where there is none."""
+    """None for a board without an actuator."""
 
     def __init__(self, parameters: SerialSlaveParameters, rate: float, seed: int) -> None:
         if not (parameters.port or parameters.usb_serial):
@@ -132,7 +144,7 @@ class SerialDevice(Device):
             )
         self._parameters = parameters
         self._rate = parameters.rate or round(rate)
-        self._link: Link | None = None
+        self._link: BoardLink | None = None
         self._waiting: deque[tuple[float, float]] = deque(maxlen=MOST_WAITING)
         self._offset = parameters.calibration.offset
         self._gain = parameters.calibration.gain
@@ -142,27 +154,27 @@ class SerialDevice(Device):
         self._samples_held = 0
 
     def open(self) -> None:
-        """Connect to the board, and let it sample."""
+        """Connect to the board, and start sampling."""
         p = self._parameters
         try:
-            from haptic_accel.devices.serial.link import Link, Wanted
+            from haptic_accel.devices.serial.link import BoardLink, Requirements
             from haptic_accel.devices.serial.protocol import Configuration, axes_bits
         except ImportError:
             raise DeviceError(f"serial: {MISSING_LIBRARY}") from None
         self._waiting.clear()
         self._held = None
         axes = axes_bits(p.calibration.axis)
-        wanted = Wanted(
+        required = Requirements(
             Configuration(self._rate, axes, p.samples_per_frame),
             actuator=self._actuator is not None,
             rearm=self._actuator is not None and self._actuator.rearm == AUTO,
             serial_number=p.calibration.board,
         )
-        self._link = Link(p.port, p.usb_serial, p.baud, wanted, self._take)
+        self._link = BoardLink(p.port, p.usb_serial, p.baud, required, self._take)
         self._link.open()
 
     def read(self, time: float) -> Sample | None:
-        """Return the newest sample that was taken no later than `time` less the delay.
+        """Return the newest sample taken no later than `time` less the delay.
 
         None before the first, and once the last is too old to be held.
         """
@@ -196,7 +208,7 @@ class SerialDevice(Device):
 
     @property
     def remark(self) -> str:
-        """Which board it is."""
+        """Serial number and firmware of the board, sampling rate and calibration."""
         identity = self._link.identity if self._link else None
         if identity is None:
             return ""
@@ -209,7 +221,7 @@ class SerialDevice(Device):
 
     @property
     def problem(self) -> str:
-        """Why there are no samples or no forces, in one line; empty if all is well."""
+        """Reason why there are no samples or no forces, in one line; empty if there is none."""
         return self._link.refusal if self._link else ""
 
     def status(self) -> dict[str, int]:
@@ -233,13 +245,13 @@ class SerialDevice(Device):
 
 
 class SerialSlave(SerialDevice):
-    """The tool: an accelerometer."""
+    """Tool with an accelerometer."""
 
     Parameters = SerialSlaveParameters
 
 
 class SerialMaster(SerialDevice):
-    """The handle: an accelerometer and a voice coil."""
+    """Handle with an accelerometer and a voice coil."""
 
     Parameters = SerialMasterParameters
 
@@ -254,9 +266,9 @@ class SerialMaster(SerialDevice):
         arm_force: Vector | None = None,
         actuator_force: float | None = None,
     ) -> None:
-        """Send a set-point of the current at once, zero for one that is not finite.
+        """Send a set-point of the current at once, zero for a force that is not finite.
 
-        The board takes the current off by itself when none comes for 5 ms.
+        The board switches the current off by itself when none comes for 5 ms.
         """
         link = self._link
         if actuator_force is not None and link is not None:
@@ -264,9 +276,9 @@ class SerialMaster(SerialDevice):
             link.set_current(actuator_force / self._actuator.force_constant)
 
     def arm(self) -> bool | None:
-        """Ask the board to allow forces again; False where there is none to ask."""
+        """Request that the board allow forces again; return False without a board."""
         return None if self._link is not None and self._link.arm() else False
 
     def disarm(self) -> bool:
-        """Ask the board to take the current off until `arm`; whether there is one to ask."""
+        """Request that the board switch the current off until `arm`; return False without one."""
         return self._link is not None and self._link.disarm()

@@ -1,4 +1,4 @@
-"""Finding and opening a serial port, and what is wrong with it in one line."""
+"""Find and open a serial port; errors are explained in one line."""
 
 from __future__ import annotations
 
@@ -9,21 +9,24 @@ from contextlib import suppress
 import serial
 from serial.tools import list_ports
 
+from haptic_accel.devices.connection import explained, one_line
 from haptic_accel.devices.interface import DeviceError
 
 WAIT = 0.1
 """Longest time that a read waits for bytes, s."""
 
+_EMPTY = "nothing is behind it; is it plugged in?"
+_BUSY = "busy: another program has it open"
 REASONS = {
     errno.ENOENT: "there is no such port; is it plugged in?",
-    errno.ENXIO: "nothing is behind it; is it plugged in?",
+    errno.ENXIO: _EMPTY,
+    errno.EIO: _EMPTY,
     errno.EACCES: "no permission: join the group dialout (sudo usermod -aG dialout $USER), then"
     " log in again",
-    errno.EAGAIN: "busy: another program has it open",
-    errno.EBUSY: "busy: another program has it open",
-    errno.EIO: "nothing is behind it; is it plugged in?",
+    errno.EAGAIN: _BUSY,
+    errno.EBUSY: _BUSY,
 }
-"""What to say of an error, and what to do about it."""
+"""Explanation of a system error, with a remedy."""
 
 
 def find_port(path: str, usb_serial: str) -> str:
@@ -32,9 +35,9 @@ def find_port(path: str, usb_serial: str) -> str:
     Parameters
     ----------
     path : str
-        Taken as it is, unless it is empty.
+        Returned unchanged unless it is empty.
     usb_serial : str
-        Otherwise, the USB serial number of the device to look for.
+        USB serial number of the device to look for if there is no path.
 
     Raises
     ------
@@ -55,18 +58,18 @@ def find_port(path: str, usb_serial: str) -> str:
 
 
 class Port:
-    """An open port that no other program can open, and that never makes a writer wait.
+    """Open port that no other program can open, and that never blocks a writer.
 
     Parameters
     ----------
     path : str
     baud : int
-        Of a real serial line; USB has none.
+        Bit rate of a real serial line; USB has none.
 
     Raises
     ------
     DeviceError
-        It cannot be opened.
+        The port cannot be opened.
     """
 
     def __init__(self, path: str, baud: int) -> None:
@@ -74,7 +77,9 @@ class Port:
         try:
             self._serial = serial.Serial(path, baud, timeout=WAIT, exclusive=True)
         except (serial.SerialException, ValueError) as error:
-            raise DeviceError(f"{path}: {_reason(error)}") from None
+            reason = explained(error, REASONS)
+            reason = reason or f"cannot be opened as a serial port ({one_line(error)})"
+            raise DeviceError(f"{path}: {reason}") from None
         with suppress(ValueError, NotImplementedError, AttributeError):
             # Converters of FTDI keep bytes for 16 ms otherwise; others know no such mode.
             self._serial.set_low_latency_mode(True)
@@ -92,11 +97,11 @@ class Port:
             if data:
                 data += self._serial.read(self._serial.in_waiting)
         except OSError as error:
-            raise DeviceError(f"{self.path}: unplugged ({_line(error)})") from None
+            raise DeviceError(f"{self.path}: unplugged ({one_line(error)})") from None
         return data
 
     def write(self, data: bytes) -> bool:
-        """Write bytes if there is room for all of them; whether there was.
+        """Write bytes; return False if there was no room for all of them.
 
         Raises
         ------
@@ -109,24 +114,9 @@ class Port:
         except BlockingIOError:
             return False
         except OSError as error:
-            raise DeviceError(f"{self.path}: unplugged ({_line(error)})") from None
-
-    def wake(self) -> None:
-        """Let a read that waits return."""
-        self._serial.cancel_read()
+            raise DeviceError(f"{self.path}: unplugged ({one_line(error)})") from None
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the port."""
         with suppress(OSError):
             self._serial.close()
-
-
-def _reason(error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    if number in REASONS:
-        return REASONS[number]
-    return f"cannot be opened as a serial port ({_line(error)})"
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -8,43 +8,43 @@ from __future__ import annotations
 
 import binascii
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 from cobs import cobs  # type: ignore[import-untyped]
 
 VERSION = 1
-"""Of the protocol."""
+"""Version of the protocol."""
 
 CRC_START = 0xFFFF
 """CRC-16/CCITT-FALSE (CRC-16/IBM-3740): polynomial 0x1021, not reflected, check value 0x29B1."""
 
 DELIMITER = b"\0"
-"""Ends a frame; COBS leaves no other zero."""
+"""Last byte of a frame; COBS leaves no other zero."""
 
 LONGEST_PAYLOAD = 240
-"""Bytes: header, payload and CRC stay below the 254 that COBS stuffs with one byte."""
+"""Most bytes of a payload: with header and CRC below the 254 that COBS stuffs with one byte."""
 
 FULL_SCALE = 32767
-"""Counts of the full-scale current either way."""
+"""Counts at full scale, either way."""
 
 SEQUENCES = 1 << 16
-"""A sequence number begins anew after as many frames."""
+"""Number of frames after which sequence numbers restart."""
 
 AXES = "xyz"
-"""Of an accelerometer, in the order of the bits that stand for them."""
+"""Axes of an accelerometer, in the order of their bits."""
 
 _HEADER = struct.Struct("<BBHI")
 _CRC = struct.Struct("<H")
 _OVERHEAD = _HEADER.size + _CRC.size
 LONGEST_ENCODED = _OVERHEAD + LONGEST_PAYLOAD + 1
-"""Bytes between two delimiters."""
+"""Most bytes between two delimiters."""
 
 
 class FrameType(IntEnum):
-    """What a frame is; those from the device have the highest bit."""
+    """Type of a frame; the highest bit marks frames from the device."""
 
     IDENTIFY = 0x01
     CONFIGURE = 0x02
@@ -59,7 +59,7 @@ class FrameType(IntEnum):
 
 
 class State(IntEnum):
-    """Of the device; a current flows only while it is armed."""
+    """State of the device; a current flows only while it is armed."""
 
     DISARMED = 0
     ARMED = 1
@@ -68,7 +68,7 @@ class State(IntEnum):
 
 
 class ErrorCode(IntEnum):
-    """Why the device refused a frame."""
+    """Reason of the device for refusing a frame."""
 
     VERSION = 1
     TYPE = 2
@@ -79,11 +79,11 @@ class ErrorCode(IntEnum):
 
 
 class PayloadError(ValueError):
-    """A payload that its type of frame cannot have."""
+    """Payload that its type of frame cannot have."""
 
 
 class Frame(NamedTuple):
-    """One frame with an intact CRC; its payload may still be nonsense.
+    """Frame with an intact CRC; its payload may still be invalid.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Frame(NamedTuple):
     sequence : int
         The sender's count of frames, modulo `SEQUENCES`.
     clock : int
-        The sender's clock, us modulo 2**32; of samples, when the first was taken.
+        The sender's clock, us modulo 2**32; in a frame of samples, the time of the first.
     payload : bytes
     """
 
@@ -102,69 +102,71 @@ class Frame(NamedTuple):
     payload: bytes
 
 
-class Message(Protocol):
-    """The meaning of a payload."""
+@dataclass(frozen=True)
+class Message:
+    """Base of messages: the content of a payload.
+
+    A subclass names its type of frame and its payload's layout, whose fields are its own.
+    """
 
     TYPE: ClassVar[FrameType]
+    LAYOUT: ClassVar = struct.Struct("")
 
     def pack(self) -> bytes:
         """Return the payload."""
+        return self.LAYOUT.pack(*vars(self).values())
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Message:
+        """Return the message of a payload.
+
+        Raises
+        ------
+        struct.error, ValueError
+            The type of frame cannot have such a payload.
+        """
+        return cls(*cls.LAYOUT.unpack(payload))
 
 
 @dataclass(frozen=True)
-class Identify:
-    """Asks for the identity."""
+class Identify(Message):
+    """Request for the identity."""
 
     TYPE: ClassVar = FrameType.IDENTIFY
 
-    def pack(self) -> bytes:
-        """Return the payload."""
-        return b""
-
 
 @dataclass(frozen=True)
-class Arm:
-    """Allows a current."""
+class ArmRequest(Message):
+    """Permission for a current to flow."""
 
     TYPE: ClassVar = FrameType.ARM
 
-    def pack(self) -> bytes:
-        """Return the payload."""
-        return b""
-
 
 @dataclass(frozen=True)
-class Disarm:
-    """Takes the current off until the device is armed again."""
+class DisarmRequest(Message):
+    """Command to switch the current off until the device is armed again."""
 
     TYPE: ClassVar = FrameType.DISARM
 
-    def pack(self) -> bytes:
-        """Return the payload."""
-        return b""
-
 
 @dataclass(frozen=True)
-class SetCurrent:
-    """A set-point of the current.
+class SetCurrent(Message):
+    """Set-point of the current.
 
     Attributes
     ----------
     counts : int
-        Of `FULL_SCALE`: no pattern of its bits is beyond the range, or no number.
+        Current in counts, `FULL_SCALE` for full scale: every bit pattern is a number in range.
     """
 
     TYPE: ClassVar = FrameType.SET_CURRENT
+    LAYOUT: ClassVar = struct.Struct("<h")
     counts: int
-
-    def pack(self) -> bytes:
-        """Return the payload."""
-        return struct.pack("<h", self.counts)
 
 
 @dataclass(frozen=True)
-class Configuration:
-    """How samples are taken and sent.
+class Configuration(Message):
+    """Sampling and grouping of samples into frames.
 
     Attributes
     ----------
@@ -176,43 +178,41 @@ class Configuration:
     """
 
     TYPE: ClassVar = FrameType.CONFIGURATION
+    LAYOUT: ClassVar = struct.Struct("<HBB")
     rate: int
     axes: int
     samples_per_frame: int
 
-    def pack(self) -> bytes:
-        """Return the payload."""
-        return struct.pack("<HBB", self.rate, self.axes, self.samples_per_frame)
-
 
 @dataclass(frozen=True)
 class Configure(Configuration):
-    """Asks for a configuration, which the device answers with the one it has."""
+    """Request for a configuration, which the device answers with the one it has."""
 
     TYPE: ClassVar = FrameType.CONFIGURE
 
 
 @dataclass(frozen=True)
-class Identity:
-    """What the device is.
+class Identity(Message):
+    """Description of the device.
 
     Attributes
     ----------
     firmware : tuple of int
         Major, minor, patch.
     axes : int
-        Of its accelerometer, one bit each.
+        Axes of its accelerometer, one bit each.
     highest_rate : int
         Samples per second.
     full_scale_acceleration : float
-        Nominal, of 32767 counts, m/s^2.
+        Nominal acceleration of 32767 counts, m/s^2.
     full_scale_current : float
-        Of `FULL_SCALE` counts, A; 0 where there is no actuator.
+        Current of `FULL_SCALE` counts, A; 0 where there is no actuator.
     serial_number : str
         At most 16 ASCII characters.
     """
 
     TYPE: ClassVar = FrameType.IDENTITY
+    LAYOUT: ClassVar = struct.Struct("<BBBBHff16s")
     firmware: tuple[int, int, int]
     axes: int
     highest_rate: int
@@ -227,24 +227,28 @@ class Identity:
 
     def pack(self) -> bytes:
         """Return the payload."""
-        return _IDENTITY.pack(
-            *self.firmware,
-            self.axes,
-            self.highest_rate,
-            self.full_scale_acceleration,
-            self.full_scale_current,
-            self.serial_number.encode("ascii"),
-        )
+        firmware, *numbers, serial_number = vars(self).values()
+        return self.LAYOUT.pack(*firmware, *numbers, serial_number.encode("ascii"))
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Identity:
+        """Return the message of a payload."""
+        *firmware, axes, rate, acceleration, current, number = cls.LAYOUT.unpack(payload)
+        # NaN compares as false and is refused as well.
+        if not 0 < acceleration < float("inf") or not 0 <= current < float("inf"):
+            raise ValueError("full scales must be finite and positive")
+        text = number.rstrip(b"\0").decode("ascii")
+        return cls(tuple(firmware), axes, rate, acceleration, current, text)
 
 
 @dataclass(frozen=True)
-class Samples:
+class Samples(Message):
     """Successive samples of an accelerometer.
 
     Attributes
     ----------
     index : int
-        How many samples were taken before the first of these, modulo 2**32.
+        Number of samples taken before the first of these, modulo 2**32.
     axes : int
         One bit each.
     counts : tuple of int
@@ -252,37 +256,52 @@ class Samples:
     """
 
     TYPE: ClassVar = FrameType.SAMPLES
+    LAYOUT: ClassVar = struct.Struct("<IBB")
     index: int
     axes: int
     counts: tuple[int, ...]
 
+    @property
+    def number(self) -> int:
+        """Number of samples."""
+        return len(self.counts) // self.axes.bit_count()
+
     def pack(self) -> bytes:
         """Return the payload."""
-        number = len(self.counts) // self.axes.bit_count()
-        head = _SAMPLES.pack(self.index, self.axes, number)
+        head = self.LAYOUT.pack(self.index, self.axes, self.number)
         return head + struct.pack(f"<{len(self.counts)}h", *self.counts)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Samples:
+        """Return the message of a payload."""
+        index, axes, number = cls.LAYOUT.unpack_from(payload)
+        if not 0 < axes < 1 << len(AXES) or not number:
+            raise ValueError("must have samples of axes x, y or z")
+        counts = struct.unpack(f"<{number * axes.bit_count()}h", payload[cls.LAYOUT.size :])
+        return cls(index, axes, counts)
 
 
 @dataclass(frozen=True)
-class Status:
-    """How the device is, and what it has counted since it started.
+class Status(Message):
+    """State of the device, and its counts since it started.
 
     Attributes
     ----------
     state : State
     current : int
-        That flows, counts of `FULL_SCALE`.
+        Current that flows, counts of `FULL_SCALE`.
     received, damaged, lost : int
         Frames from the host: intact, not intact, missing by their sequence numbers.
     refused : int
         Set-points while it was not armed.
     timeouts : int
-        How often set-points stopped for 5 ms.
+        Number of times that set-points stopped for 5 ms.
     unsent : int
         Frames that the port had no room for.
     """
 
     TYPE: ClassVar = FrameType.STATUS
+    LAYOUT: ClassVar = struct.Struct("<BhIIIIII")
     state: State
     current: int
     received: int
@@ -292,121 +311,73 @@ class Status:
     timeouts: int
     unsent: int
 
-    def pack(self) -> bytes:
-        """Return the payload."""
-        return _STATUS.pack(
-            self.state,
-            self.current,
-            self.received,
-            self.damaged,
-            self.lost,
-            self.refused,
-            self.timeouts,
-            self.unsent,
-        )
+    @classmethod
+    def unpack(cls, payload: bytes) -> Status:
+        """Return the message of a payload."""
+        state, *numbers = cls.LAYOUT.unpack(payload)
+        return cls(State(state), *numbers)
 
 
 @dataclass(frozen=True)
-class Error:
-    """The device did not do what a frame said.
+class Error(Message):
+    """Refusal of a frame.
 
     Attributes
     ----------
     code : ErrorCode
     type, sequence : int
-        Of the frame that it refused.
+        Type and sequence number of the refused frame.
     """
 
     TYPE: ClassVar = FrameType.ERROR
+    LAYOUT: ClassVar = struct.Struct("<BBH")
     code: ErrorCode
     type: int
     sequence: int
 
-    def pack(self) -> bytes:
-        """Return the payload."""
-        return struct.pack("<BBH", self.code, self.type, self.sequence)
+    @classmethod
+    def unpack(cls, payload: bytes) -> Error:
+        """Return the message of a payload."""
+        code, kind, sequence = cls.LAYOUT.unpack(payload)
+        return cls(ErrorCode(code), kind, sequence)
 
 
-_IDENTITY = struct.Struct("<BBBBHff16s")
-_SAMPLES = struct.Struct("<IBB")
-_STATUS = struct.Struct("<BhIIIIII")
+REQUESTS: dict[int, type[Message]] = {
+    request.TYPE: request
+    for request in (Identify, ArmRequest, DisarmRequest, SetCurrent, Configure)
+}
+"""Messages from the host, by type of frame."""
+
+_MESSAGES = REQUESTS | {
+    answer.TYPE: answer for answer in (Configuration, Identity, Samples, Status, Error)
+}
 
 
 def most_samples(axes: int) -> int:
-    """Return how many samples of some axes, one bit each, a frame can have."""
-    return (LONGEST_PAYLOAD - _SAMPLES.size) // (2 * axes.bit_count())
+    """Return the largest number of samples of some axes, one bit each, in a frame."""
+    return (LONGEST_PAYLOAD - Samples.LAYOUT.size) // (2 * axes.bit_count())
 
 
 def read_message(frame: Frame) -> Message:
-    """Return the meaning of a frame.
+    """Return the message in a frame.
 
     Raises
     ------
     PayloadError
-        Of another version, of no known type, or with a payload that its type cannot have.
+        Another version of the protocol, an unknown type, or a payload that the type cannot have.
     """
     if frame.version != VERSION:
         raise PayloadError(f"version {frame.version} of the protocol, must be {VERSION}")
+    if frame.type not in _MESSAGES:
+        raise PayloadError(f"type 0x{frame.type:02X} of a frame, not known")
     try:
-        return _READERS[frame.type](frame.payload)
-    except KeyError:
-        raise PayloadError(f"type 0x{frame.type:02X} of a frame, not known") from None
+        return _MESSAGES[frame.type].unpack(frame.payload)
     except (struct.error, ValueError) as error:
         raise PayloadError(f"payload of type 0x{frame.type:02X}: {error}") from None
 
 
-def _read_empty(kind: type[Identify] | type[Arm] | type[Disarm], payload: bytes) -> Message:
-    if payload:
-        raise PayloadError("must be empty")
-    return kind()
-
-
-def _read_identity(payload: bytes) -> Identity:
-    *firmware, axes, rate, acceleration, current, serial_number = _IDENTITY.unpack(payload)
-    # NaN compares as false and is refused as well.
-    if not 0 < acceleration < float("inf") or not 0 <= current < float("inf"):
-        raise PayloadError("full scales must be finite and positive")
-    major, minor, patch = firmware
-    text = serial_number.rstrip(b"\0").decode("ascii")
-    return Identity((major, minor, patch), axes, rate, acceleration, current, text)
-
-
-def _read_samples(payload: bytes) -> Samples:
-    index, axes, number = _SAMPLES.unpack_from(payload)
-    if not 0 < axes < 1 << len(AXES):
-        raise PayloadError("must have axes x, y or z")
-    counts = struct.unpack_from(f"<{number * axes.bit_count()}h", payload, _SAMPLES.size)
-    if not counts or len(payload) != _SAMPLES.size + 2 * len(counts):
-        raise PayloadError("must be as long as its samples")
-    return Samples(index, axes, counts)
-
-
-def _read_status(payload: bytes) -> Status:
-    state, *numbers = _STATUS.unpack(payload)
-    return Status(State(state), *numbers)
-
-
-def _read_error(payload: bytes) -> Error:
-    code, kind, sequence = struct.unpack("<BBH", payload)
-    return Error(ErrorCode(code), kind, sequence)
-
-
-_READERS: dict[int, Callable[[bytes], Message]] = {
-    FrameType.IDENTIFY: lambda payload: _read_empty(Identify, payload),
-    FrameType.ARM: lambda payload: _read_empty(Arm, payload),
-    FrameType.DISARM: lambda payload: _read_empty(Disarm, payload),
-    FrameType.SET_CURRENT: lambda payload: SetCurrent(*struct.unpack("<h", payload)),
-    FrameType.CONFIGURE: lambda payload: Configure(*struct.unpack("<HBB", payload)),
-    FrameType.CONFIGURATION: lambda payload: Configuration(*struct.unpack("<HBB", payload)),
-    FrameType.IDENTITY: _read_identity,
-    FrameType.SAMPLES: _read_samples,
-    FrameType.STATUS: _read_status,
-    FrameType.ERROR: _read_error,
-}
-
-
 def encode(frame: Frame) -> bytes:
-    """Return a frame as it goes over the wire, its delimiter included."""
+    """Return a frame as bytes on the wire, delimiter included."""
     head = _HEADER.pack(frame.version, frame.type, frame.sequence, frame.clock)
     body = head + frame.payload
     stuffed: bytes = cobs.encode(body + _CRC.pack(binascii.crc_hqx(body, CRC_START)))
@@ -429,7 +400,7 @@ def decode(stuffed: bytes) -> Frame | None:
 
 
 class Encoder:
-    """Numbers the frames of one sender."""
+    """Sequence counter of one sender's frames."""
 
     def __init__(self) -> None:
         self._sequence = 0
@@ -441,14 +412,14 @@ class Encoder:
 
 
 class Decoder:
-    """Finds frames in bytes as they come, from any place on.
+    """Finder of frames in a stream of bytes, from any place on.
 
     Attributes
     ----------
     received : int
         Frames with an intact CRC.
     damaged : int
-        Stretches between delimiters that were none.
+        Stretches between delimiters that were no intact frame.
     lost : int
         Frames missing, by the sequence numbers of those received.
     """
@@ -460,7 +431,7 @@ class Decoder:
         self.received = self.damaged = self.lost = 0
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Return the frames that end within some bytes; what is left waits for more."""
+        """Return the frames that end within some bytes; keep the rest for the next call."""
         frames = []
         *ended, rest = data.split(DELIMITER)
         for piece in ended:

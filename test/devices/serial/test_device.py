@@ -300,9 +300,9 @@ def test_another_board_in_its_place_is_refused(bench: Make, connect: Make) -> No
     ("kind", "identity", "values", "told"),
     [
         (SerialMaster, TOOL, {}, "board tool-1 has no actuator"),
-        (SerialSlave, TOOL, {"calibration__axis": "x"}, "has not the accelerometer's axis"),
+        (SerialSlave, TOOL, {"calibration__axis": "x"}, "does not have the requested axis"),
         (SerialSlave, TOOL, {"rate": 6000}, "takes 5000 samples per second at most, not 6000"),
-        (SerialSlave, TOOL, {"calibration__board": "mine"}, "must be mine, of which the"),
+        (SerialSlave, TOOL, {"calibration__board": "mine"}, "must be mine, to which the"),
     ],
 )
 def test_a_board_that_does_not_fit_is_refused(

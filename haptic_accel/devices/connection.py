@@ -1,0 +1,133 @@
+"""A connection that a thread of its own reads, and makes again after it was lost."""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+
+from haptic_accel.devices.interface import DeviceError
+
+RETRY = 0.2
+"""Time between attempts to connect again, s."""
+
+JOIN_TIMEOUT = 5.0
+"""Longest time for a driver to return from connecting or reading, s."""
+
+AUTO, MANUAL = "auto", "manual"
+"""Values of the parameter `rearm`: who allows forces after a connection was lost."""
+
+
+class Connection(ABC):
+    """Base of connections to hardware.
+
+    A subclass connects, receives and disconnects. Its methods raise `DeviceError` when the
+    hardware is gone; the thread then disconnects and tries again until it is back.
+
+    Parameters
+    ----------
+    name : str
+        Name of the thread.
+
+    Attributes
+    ----------
+    problem : str
+        Reason why there is no connection, in one line; empty while there is one.
+    losses, reconnects : int
+        Number of times that the connection was lost, and made again.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.problem = ""
+        self.losses = self.reconnects = 0
+
+    @property
+    @abstractmethod
+    def connected(self) -> bool:
+        """True while there is a connection."""
+
+    def open(self) -> None:
+        """Connect, and stay connected from now on.
+
+        Raises
+        ------
+        DeviceError
+            The connection cannot be made.
+        """
+        self._closing.clear()
+        try:
+            self._connect()
+        except DeviceError:
+            self._disconnect()
+            raise
+        self.problem = ""
+        self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the hardware without force; also allowed when never opened."""
+        self._closing.set()
+        if self._thread is not None:
+            self._thread.join(JOIN_TIMEOUT)
+            self._thread = None
+        if self.connected:
+            self._release()
+        self._disconnect()
+
+    @abstractmethod
+    def _connect(self) -> None:
+        """Make the connection or raise `DeviceError`."""
+
+    @abstractmethod
+    def _receive(self) -> None:
+        """Wait a short time for data and process it; raise `DeviceError` if the link is lost."""
+
+    @abstractmethod
+    def _release(self) -> None:
+        """Take all forces off, as far as the hardware still answers."""
+
+    @abstractmethod
+    def _disconnect(self) -> None:
+        """Close what `_connect` opened, even in part."""
+
+    def _run(self) -> None:
+        while not self._closing.is_set():
+            try:
+                if not self.connected:
+                    self._connect()
+                    self.reconnects += 1
+                    self.problem = ""
+                self._receive()
+            except DeviceError as error:
+                self.losses += self.connected
+                self.problem = str(error)
+                self._disconnect()
+                self._closing.wait(RETRY)
+
+
+def explained(error: BaseException, reasons: Mapping[int, str]) -> str:
+    """Return the explanation of an error by the system's error number; empty if there is none.
+
+    Parameters
+    ----------
+    error : BaseException
+        Searched together with its causes.
+    reasons : mapping
+        Explanations by number, as of the module `errno`.
+    """
+    numbers = (getattr(each, "errno", None) or 0 for each in _causes(error))
+    return next((reasons[number] for number in numbers if number in reasons), "")
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error's text in one line."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
