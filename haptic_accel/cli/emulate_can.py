@@ -18,7 +18,8 @@ from haptic_accel.core.process import DONE
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
-from haptic_accel.devices.can.parameters import AUTO, KINEMATICS, CanParameters
+from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
+from haptic_accel.devices.connection import AUTO
 from haptic_accel.emulators.can_arm import EmulatedArm, NewRig
 from haptic_accel.emulators.can_bus import BusPort, Emulator, Port, SlcanPort
 from haptic_accel.emulators.can_faults import FAULTS, parse_faults

@@ -17,7 +17,7 @@ from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
-from haptic_accel.devices.can.arm import Arm, State
+from haptic_accel.devices.can.arm import DrivenArm, State
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import (
     WATCHDOG_TIMER_EXPIRED,
@@ -34,8 +34,8 @@ from haptic_accel.devices.can.protocol import (
     make_input_torque,
     make_set_state,
     make_torque_mode,
-    parse_answer,
     parse_order,
+    parse_report,
 )
 from haptic_accel.emulators.can_arm import EmulatedArm, EmulatedAxis, NewRig
 
@@ -63,7 +63,7 @@ def armed(watchdog: float = 0.0) -> EmulatedAxis:
 
 def heartbeat(of: EmulatedAxis, now: float) -> Heartbeat:
     beats = [
-        answer for frame in of.due(now) if isinstance(answer := parse_answer(frame), Heartbeat)
+        answer for frame in of.due(now) if isinstance(answer := parse_report(frame), Heartbeat)
     ]
     assert len(beats) == 1
     return beats[0]
@@ -88,7 +88,7 @@ def test_it_answers_a_request() -> None:
     one = axis()
     one.turns = 2.5
     (answer,) = one.obey(order(make_estimates_request(1)), 0.0)
-    assert parse_answer(answer) == Estimates(1, 2.5, 0.0)
+    assert parse_report(answer) == Estimates(1, 2.5, 0.0)
 
 
 def test_it_has_a_torque_only_in_closed_loop_and_torque_control() -> None:
@@ -156,7 +156,7 @@ class Rigged:
         parameters = from_flat(CanParameters, names)
         self.now = 0.0
         self.emulated = EmulatedArm(parameters, new_rig, rate=RATE, watchdog=0.05, seed=seed)
-        self.arm = Arm(parameters, self._send)
+        self.arm = DrivenArm(parameters, self._send)
 
     def _send(self, frames: Sequence[Frame]) -> bool:
         for frame in frames:
@@ -168,7 +168,7 @@ class Rigged:
         self.now += PERIOD
         for frame in self.emulated.due(self.now):
             self.arm.take(frame, self.now)
-        self.arm.look(self.now)
+        self.arm.update(self.now)
 
 
 GEARED = {

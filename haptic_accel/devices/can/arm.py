@@ -1,4 +1,4 @@
-"""An arm of ODrives: when it may have torques, which, and where its tip is. No bus, no clock."""
+"""Arm of ODrives: arming, torques and position of its tip, without a bus and without a clock."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from haptic_accel.devices.can.kinematics import (
     joint_torques,
     tip_velocity,
 )
-from haptic_accel.devices.can.parameters import AUTO, REQUESTED, CanParameters
+from haptic_accel.devices.can.parameters import REQUESTED, CanParameters
 from haptic_accel.devices.can.protocol import (
     WATCHDOG_TIMER_EXPIRED,
     AxisState,
@@ -29,26 +29,27 @@ from haptic_accel.devices.can.protocol import (
     make_input_torque,
     make_set_state,
     make_torque_mode,
-    parse_answer,
+    parse_report,
     state_name,
 )
+from haptic_accel.devices.connection import AUTO
 from haptic_accel.devices.interface import Sample
 
 REPEAT_PERIOD = 5e-3
-"""s, after which torques are sent again. An axis whose watchdog hears nothing lets go: its
-time-out should be several times this."""
+"""Time after which torques are sent again, s. The time-out of an axis' watchdog should be several
+times this."""
 
 ARMING_PERIOD = 0.25
-"""s, after which axes that did not hear are told again to arm; a heartbeat takes 0.1 s."""
+"""Time after which the commands to arm are repeated, s; a heartbeat takes 0.1 s."""
 
 ON_REQUEST = "disarmed on request"
-"""Why there are no torques after `Arm.disarm`."""
+"""Reason why there are no torques after `DrivenArm.disarm`."""
 
 _LOG = logging.getLogger(__name__)
 
 
 class State(Enum):
-    """Whether an arm may have torques."""
+    """Permission of torques."""
 
     DISARMED = 0
     ARMING = 1
@@ -57,12 +58,20 @@ class State(Enum):
 
 @dataclass
 class Axis:
-    """The latest of one joint and its drive; times in s, never if minus infinity.
+    """Latest state of one joint and its drive; times in s, minus infinity for never.
 
     Attributes
     ----------
+    name : str
+    joint : JointParameters
     turns, speed : float
-        Of the motor, turns and turns per second.
+        Position and speed of the motor, turns and turns per second.
+    estimated : float
+        Time of the last estimates.
+    error, state : int
+        Error and state in the last heartbeat.
+    reported : float
+        Time of the last heartbeat.
     """
 
     name: str
@@ -72,20 +81,20 @@ class Axis:
     estimated: float = -math.inf
     error: int = 0
     state: int = AxisState.UNDEFINED
-    heard: float = -math.inf
+    reported: float = -math.inf
 
     @property
     def node(self) -> int:
-        """Its node."""
+        """Node id of the axis."""
         return self.joint.node_id
 
     def __str__(self) -> str:
-        """Name it as in a message."""
+        """Return the name of the axis for messages."""
         return f"{self.name} (node {self.node})"
 
 
-class Arm:
-    """Axes that have torques only while all of them are well.
+class DrivenArm:
+    """Axes that have torques only while all of them work.
 
     Called by two threads: one reads the bus, the other moves the arm.
 
@@ -93,12 +102,12 @@ class Arm:
     ----------
     parameters : CanParameters
     send : callable
-        Sends frames and returns whether they went.
+        Sends frames; returns False if it could not.
 
     Attributes
     ----------
     fault : str
-        Why there are no torques, or were none until it was armed again; empty if all is well.
+        Reason why there are no torques, or were none until it was armed again; empty if none.
     """
 
     def __init__(self, parameters: CanParameters, send: Callable[[Sequence[Frame]], bool]) -> None:
@@ -110,7 +119,8 @@ class Arm:
         self._lock = threading.RLock()
         self._state = State.DISARMED
         self._torques = self._zero = (0.0,) * len(self._axes)
-        self._armed_since = self._told_to_arm = self._told = self._asked = -math.inf
+        self._arming_since = self._arming_sent = self._torques_sent = -math.inf
+        self._estimates_requested = -math.inf
         self._recovers = False
         self.fault = ""
         self._counts = dict.fromkeys(
@@ -127,85 +137,84 @@ class Arm:
 
     @property
     def state(self) -> State:
-        """Whether it may have torques."""
+        """Permission of torques."""
         return self._state
 
     @property
     def nodes(self) -> list[int]:
-        """Of its axes."""
+        """Node ids of the axes."""
         return list(self._by_node)
 
     @property
     def torques(self) -> Angles:
-        """Of the motors, as last commanded, N m."""
+        """Torques of the motors, as last commanded, N m."""
         return self._torques
 
     def status(self) -> dict[str, int]:
         """Return counts by name."""
         return {"armed": int(self._state is State.ARMED), **self._counts}
 
-    # What the thread that reads the bus calls
+    # Called by the thread that reads the bus
 
     def take(self, frame: Frame, now: float) -> None:
-        """Take a frame that came at a time."""
-        answer = parse_answer(frame)
+        """Process a frame received at a time."""
+        answer = parse_report(frame)
         axis = self._by_node.get(frame.node)
         if answer is None or axis is None:
             self._counts["foreign_frames"] += 1
         elif isinstance(answer, Estimates):
             axis.turns, axis.speed, axis.estimated = answer.position, answer.velocity, now
         elif isinstance(answer, Heartbeat):
-            axis.error, axis.state, axis.heard = answer.error, answer.state, now
-            self._heed(axis)
+            axis.error, axis.state, axis.reported = answer.error, answer.state, now
+            self._react(axis)
 
-    def look(self, now: float) -> None:
-        """Let go if something is wrong, go on arming, keep the drives from letting go."""
+    def update(self, now: float) -> None:
+        """Disarm if something is wrong, continue arming, feed the drives' watchdogs."""
         with self._lock:
             if self._state is State.ARMED:
                 self._check(now)
             elif self._state is State.ARMING:
-                self._go_on_arming(now)
+                self._continue_arming(now)
             elif self._may_rearm(now):
                 self.arm(now)
-            # Zero may be repeated for ever. Other torques only their commander may repeat, so
-            # that the drives let go when that one hangs.
+            # Zero may be repeated for ever. Other torques only the commanding thread may repeat,
+            # so that the watchdogs stop the drives when that one hangs.
             if self._state is not State.DISARMED and not any(self._torques):
                 self._repeat(now)
-            self._ask(now, REPEAT_PERIOD)
+            self._request_estimates(now, REPEAT_PERIOD)
 
-    def lose(self, now: float) -> None:
-        """Note that the bus has gone, and with it all that was heard."""
-        self._let_go("the bus has gone", recovers=True)
+    def lose(self) -> None:
+        """Disarm because the bus is lost, and forget all reports."""
+        self._disarm_for("the bus has gone", recovers=True)
         for axis in self._axes:
-            axis.heard = axis.estimated = -math.inf
+            axis.reported = axis.estimated = -math.inf
 
-    def find(self, now: float) -> None:
-        """Note that the bus is back: the axes may still exert what they were told last."""
+    def find(self) -> None:
+        """Release the axes when the bus is back: they may still exert their last torques."""
         with self._lock:
             self._release()
 
-    # What the thread that moves the arm calls
+    # Called by the thread that moves the arm
 
     def missing(self, now: float) -> str:
-        """Say which axes are not heard; empty if all are."""
-        silent = [str(axis) for axis in self._axes if self._silence(axis, now)]
-        return ", ".join(silent)
+        """Return the names of axes without a heartbeat; empty if there are none."""
+        return ", ".join(str(axis) for axis in self._axes if self._silent(axis, now))
 
     def arm(self, now: float) -> None:
-        """Begin to arm: clear errors, then closed loop with torques, which are zero."""
+        """Begin to arm: clear errors, then closed loop with zero torques."""
         with self._lock:
-            self._state, self._armed_since = State.ARMING, now
+            self._state, self._arming_since = State.ARMING, now
             self._torques, self._recovers = self._zero, False
-            self._tell_to_arm(now)
+            self._send_arming(now)
 
     def disarm(self) -> None:
-        """Let go, until it is armed again: zero torque, then idle, for all axes."""
+        """Release all axes until armed again: zero torque, then idle."""
         with self._lock:
             self._release()
             self._recovers, self.fault = False, ON_REQUEST
 
     def apply(self, force: Vector, now: float) -> None:
-        """Give the tip a force, N, as far as the motors' limits allow and while it is armed."""
+        """Apply a force to the tip, N, while armed and as far as the motors' limits allow."""
         if not math.isfinite(sum(force)):
             self._counts["rejected_forces"] += 1
             force = ZERO
@@ -220,7 +229,7 @@ class Arm:
                 self._counts["withheld_forces"] += 1
 
     def read(self, now: float) -> Sample | None:
-        """Return where the tip is, and repeat the torques if nobody gave others.
+        """Return position and velocity of the tip, and repeat the torques if they are due.
 
         While estimates are missing there is no sample, which is counted. There is no
         accelerometer: the acceleration is zero.
@@ -228,7 +237,7 @@ class Arm:
         with self._lock:
             if self._state is State.ARMED:
                 self._repeat(now)
-        self._ask(now, 0.0)
+        self._request_estimates(now, 0.0)
         if any(self._stale(axis, now) for axis in self._axes):
             self._counts["samples_missing"] += 1
             return None
@@ -237,16 +246,8 @@ class Arm:
         velocity = tip_velocity(self._kinematics.jacobian(angles), speeds)
         return Sample(self._kinematics.position(angles), velocity, 0.0)
 
-    def _let_go(self, reason: str, *, recovers: bool = False) -> None:
-        """Let go because something is wrong.
-
-        Parameters
-        ----------
-        reason : str
-            What is.
-        recovers : bool
-            Whether it may be armed again without being asked, once nothing is wrong.
-        """
+    def _disarm_for(self, reason: str, *, recovers: bool = False) -> None:
+        """Release all axes for a reason; `recovers` allows to arm again without a request."""
         with self._lock:
             if self._state is State.DISARMED:
                 return
@@ -263,76 +264,73 @@ class Arm:
         return tuple(axis.joint.angle(axis.turns) for axis in self._axes)
 
     def _limited(self, joint: Angles) -> Angles:
-        """Return the motors' torques, all shortened alike: the force keeps its direction."""
+        """Return the motors' torques, all scaled alike, so that the force keeps its direction."""
         torques = [a.joint.motor_torque(t) for a, t in zip(self._axes, joint, strict=True)]
         excess = 1.0
         for axis, torque in zip(self._axes, torques, strict=True):
             limit = axis.joint.torque_limit
             if abs(torque) > limit * excess:
                 excess = abs(torque) / limit if limit > 0 else math.inf
-        if excess > 1.0:
-            self._counts["limited_torques"] += 1
+        self._counts["limited_torques"] += excess > 1.0
         if not math.isfinite(excess):
             return self._zero
         return tuple(torque / excess for torque in torques)
 
     def _send_torques(self, now: float) -> None:
-        self._told = now
+        self._torques_sent = now
         torques = zip(self.nodes, self._torques, strict=True)
         self._send([make_input_torque(node, torque) for node, torque in torques])
 
     def _repeat(self, now: float) -> None:
-        if now - self._told >= REPEAT_PERIOD:
+        if now - self._torques_sent >= REPEAT_PERIOD:
             self._send_torques(now)
 
-    def _ask(self, now: float, period: float) -> None:
-        """Ask for estimates that are not streamed, unless somebody did within a period."""
-        if self._p.estimates == REQUESTED and now - self._asked >= period:
-            self._asked = now
+    def _request_estimates(self, now: float, period: float) -> None:
+        """Request estimates that are not streamed, unless done within a period."""
+        if self._p.estimates == REQUESTED and now - self._estimates_requested >= period:
+            self._estimates_requested = now
             self._send([make_estimates_request(node) for node in self.nodes])
 
-    def _silence(self, axis: Axis, now: float) -> bool:
-        return now - axis.heard > self._p.heartbeat_timeout
+    def _silent(self, axis: Axis, now: float) -> bool:
+        return now - axis.reported > self._p.heartbeat_timeout
 
     def _stale(self, axis: Axis, now: float) -> bool:
         return now - axis.estimated > self._p.estimates_timeout
 
-    def _heed(self, axis: Axis) -> None:
-        """Let go at once when an axis says that it is not well; stop one that should be idle."""
+    def _react(self, axis: Axis) -> None:
+        """Disarm when an axis reports a problem; stop one that should be idle."""
         with self._lock:
             wrong = self._wrong(axis)
             if wrong and self._state is State.ARMED:
-                self._let_go(wrong)
+                self._disarm_for(wrong)
             elif axis.state == AxisState.CLOSED_LOOP_CONTROL and self._state is State.DISARMED:
-                # It did not hear that it should let go, or another program left it so.
+                # The command was lost, or another program left it so.
                 self._send(_idle([axis.node]))
 
     def _check(self, now: float) -> None:
-        """Let go when an axis is not heard."""
-        for axis in self._axes:
-            lost = self._lost(axis, now)
-            if lost:
-                self._let_go(lost, recovers=True)
-                return
+        """Disarm when the reports of an axis are overdue."""
+        lost = next(filter(None, (self._overdue(axis, now) for axis in self._axes)), "")
+        if lost:
+            self._disarm_for(lost, recovers=True)
 
     def _wrong(self, axis: Axis) -> str:
-        """Say what an axis has against torques; empty for nothing."""
+        """Return the problem that an axis reports; empty for none."""
         if axis.error:
             return f"{axis}: {error_names(axis.error, self._p.firmware)}"
         if axis.state != AxisState.CLOSED_LOOP_CONTROL:
             return f"{axis}: is not in closed loop but in {state_name(axis.state)}"
         return ""
 
-    def _lost(self, axis: Axis, now: float) -> str:
-        """Say what is not heard of an axis; empty for nothing."""
-        if self._silence(axis, now):
+    def _overdue(self, axis: Axis, now: float) -> str:
+        """Return the report of an axis that is overdue; empty for none."""
+        if self._silent(axis, now):
             return f"{axis}: no heartbeat for {self._p.heartbeat_timeout:g} s"
         if self._stale(axis, now):
             return f"{axis}: no estimates for {self._p.estimates_timeout:g} s"
         return ""
 
-    def _tell_to_arm(self, now: float) -> None:
-        self._told = self._told_to_arm = now
+    def _send_arming(self, now: float) -> None:
+        self._torques_sent = self._arming_sent = now
         for node in self.nodes:
             self._send(
                 [
@@ -343,42 +341,42 @@ class Arm:
                 ]
             )
 
-    def _go_on_arming(self, now: float) -> None:
-        waited_for = self._waited_for(now)
-        if not waited_for:
+    def _continue_arming(self, now: float) -> None:
+        missing = self._missing(now)
+        if not missing:
             self._state, self.fault = State.ARMED, ""
-        elif now - self._armed_since > self._p.start_timeout:
-            self._let_go(waited_for)
-        elif now - self._told_to_arm > ARMING_PERIOD:
+        elif now - self._arming_since > self._p.start_timeout:
+            self._disarm_for(missing)
+        elif now - self._arming_sent > ARMING_PERIOD:
             # An error that was cleared and is there again would only come a third time.
-            if any(axis.error and axis.heard > self._armed_since for axis in self._axes):
-                self._let_go(waited_for)
+            if any(axis.error and axis.reported > self._arming_since for axis in self._axes):
+                self._disarm_for(missing)
             else:
-                self._tell_to_arm(now)
+                self._send_arming(now)
 
-    def _waited_for(self, now: float) -> str:
-        """Say what is still to come before there may be torques; empty for nothing."""
+    def _missing(self, now: float) -> str:
+        """Return what is still missing before torques are allowed; empty for nothing."""
         for axis in self._axes:
-            # What was said before says nothing of what became of the commands.
-            heard = axis.heard > self._armed_since
-            wrong = self._wrong(axis) if heard else f"{axis}: no heartbeat since it was armed"
-            if wrong := self._lost(axis, now) or wrong:
+            # Earlier reports do not tell the effect of the commands.
+            reported = axis.reported > self._arming_since
+            wrong = self._wrong(axis) if reported else f"{axis}: no heartbeat since it was armed"
+            if wrong := self._overdue(axis, now) or wrong:
                 return wrong
         return ""
 
     def _may_rearm(self, now: float) -> bool:
-        """Whether what was lost is back, and whoever lost it wants it armed."""
+        """Return True if all lost reports are back, and arming without a request is allowed."""
         if not (self._recovers and self._p.rearm == AUTO):
             return False
-        # Not having heard of us is no error of an axis that was cut off.
+        # A watchdog error is no fault of an axis that was cut off.
         watchdog = WATCHDOG_TIMER_EXPIRED[self._p.firmware]
         return all(
-            not self._lost(axis, now) and axis.error in (0, watchdog) for axis in self._axes
+            not self._overdue(axis, now) and axis.error in (0, watchdog) for axis in self._axes
         )
 
 
 def _idle(nodes: Sequence[int]) -> list[Frame]:
-    """Return what makes axes let go: no torque first, for all, then idle."""
+    """Return the commands to release axes: no torque first, for all, then idle."""
     return [make_input_torque(node, 0.0) for node in nodes] + [
         make_set_state(node, AxisState.IDLE) for node in nodes
     ]

@@ -1,15 +1,14 @@
-"""The devices whose arms are on a CAN bus."""
+"""Devices `can`: arms on a CAN bus, without accelerometer and actuator."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from time import monotonic, sleep
-from typing import Any
 
 from haptic_accel.core.model import Vector
-from haptic_accel.devices.can.arm import Arm, State
-from haptic_accel.devices.can.bus import bitrate_of, bus_configuration, open_bus
-from haptic_accel.devices.can.link import Link
+from haptic_accel.devices.can.arm import State
+from haptic_accel.devices.can.bus import bitrate_of
+from haptic_accel.devices.can.link import ArmLink
 from haptic_accel.devices.can.load import BusLoad
 from haptic_accel.devices.can.parameters import (
     REQUESTED,
@@ -20,15 +19,15 @@ from haptic_accel.devices.can.parameters import (
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 
 POLL_PERIOD = 2e-3
-"""Between looks at what is waited for while a device opens, s."""
+"""Period of polling while a device opens, s."""
 
 
 class CanArm(Device):
-    """One to three ODrives that move a tip; there is no accelerometer and no actuator.
+    """Arm of one to three ODrives that move a tip; there is no accelerometer and no actuator.
 
-    It has torques only while every axis is heard, in closed loop and without error. When that
-    ends it lets go: zero torque and idle, until `arm` is called, or until what was lost is back
-    where `rearm` is ``auto``.
+    It has torques only while every axis reports to be in closed loop and without error. Otherwise
+    all axes are released, with zero torque and idle, until `arm` is called, or, with `rearm`
+    ``auto``, until all lost reports are back.
     """
 
     Parameters = CanParameters
@@ -36,9 +35,8 @@ class CanArm(Device):
     def __init__(self, parameters: CanParameters, rate: float, seed: int) -> None:
         self._p = parameters
         self._rate = rate
-        self._configuration: dict[str, Any] = {}
-        self._link = Link(self._open_bus)
-        self._arm = Arm(parameters, self._link.send)
+        self._link = ArmLink(parameters)
+        self._arm = self._link.arm
         self._measured_since = monotonic()
         self._measured_bits = 0
 
@@ -48,12 +46,11 @@ class CanArm(Device):
         Raises
         ------
         DeviceError
-            The bus cannot be opened, an axis is not heard, or does not go into closed loop.
+            The bus cannot be opened, an axis does not report, or does not go into closed loop.
         ParameterError
-            There is no such interface.
+            The interface does not exist.
         """
-        self._configuration = bus_configuration(self._p)
-        self._link.start(self._arm)
+        self._link.open()
         try:
             self._wait(lambda: not self._arm.missing(monotonic()))
             silent = self._arm.missing(monotonic())
@@ -71,7 +68,7 @@ class CanArm(Device):
             raise
 
     def read(self, time: float) -> Sample | None:
-        """Return the newest position and velocity of the tip, if there are; never waits."""
+        """Return the newest position and velocity of the tip, None if too old; never waits."""
         return self._arm.read(monotonic())
 
     def write(
@@ -81,38 +78,35 @@ class CanArm(Device):
         arm_force: Vector | None = None,
         actuator_force: float | None = None,
     ) -> None:
-        """Send the torques that make a force of the tip; an actuator's force is ignored."""
+        """Send the torques for a force of the tip; an actuator's force is ignored."""
         if arm_force is not None:
             self._arm.apply(arm_force, monotonic())
 
     def close(self) -> None:
         """Leave every axis idle and without torque, also when it was never opened."""
-        if self._link.connected:
-            self._arm.disarm()
-        self._link.stop()
+        self._link.close()
 
     @property
     def remark(self) -> str:
-        """What the arm takes of its bus, and whether that fits."""
+        """Load of the bus by the arm, with a warning if it is too high."""
         return f"can: {self._channel}: {self.load}"
 
     @property
     def load(self) -> BusLoad:
-        """What the arm takes of its bus, at most."""
+        """Largest load of the bus by the arm."""
         return BusLoad(
             len(self._p.joints),
             self._rate,
-            bitrate_of(self._configuration),
+            bitrate_of(self._link.configuration),
             self._p.estimates == REQUESTED,
         )
 
     def status(self) -> dict[str, int]:
         """Return counts, and the load of the bus since the last call in percent."""
-        now, bits = monotonic(), self._link.bits
+        now, link = monotonic(), self._link
         seconds = max(now - self._measured_since, POLL_PERIOD)
-        load = (bits - self._measured_bits) / seconds / bitrate_of(self._configuration)
-        self._measured_since, self._measured_bits = now, bits
-        link = self._link
+        load = (link.bits - self._measured_bits) / seconds / bitrate_of(link.configuration)
+        self._measured_since, self._measured_bits = now, link.bits
         return {
             "connected": int(link.connected),
             **self._arm.status(),
@@ -126,34 +120,34 @@ class CanArm(Device):
 
     @property
     def problem(self) -> str:
-        """Why there are no torques, in one line; empty while there are."""
+        """Reason why there are no torques, in one line; empty while there are."""
         return "" if self._arm.state is State.ARMED else self._arm.fault
 
     @property
     def armed(self) -> bool:
-        """Whether there are torques."""
+        """True while there are torques."""
         return self._arm.state is State.ARMED
 
     def arm(self) -> bool | None:
         """Begin to arm, which takes a heartbeat or two: None, or False while the bus is gone.
 
-        Torques are zero until the next force; `armed` and `problem` tell what came of it.
+        Torques are zero until the next force; `armed` and `problem` tell the result.
         """
+        if not self._link.connected:
+            return False
         self._arm.arm(monotonic())
-        return None if self._link.connected else False
+        return None
 
     def disarm(self) -> bool:
-        """Leave every axis idle and without torque until `arm`; whether the bus is there."""
+        """Release every axis until `arm`; return False while the bus is gone."""
         self._arm.disarm()
         return self._link.connected
 
     @property
     def _channel(self) -> str:
-        names = [str(self._configuration.get(key) or "") for key in ("interface", "channel")]
+        configuration = self._link.configuration
+        names = [str(configuration.get(key) or "") for key in ("interface", "channel")]
         return " ".join(name for name in names if name)
-
-    def _open_bus(self) -> Any:
-        return open_bus(self._configuration, self._arm.nodes)
 
     def _wait(self, condition: Callable[[], bool]) -> None:
         """Wait until a condition holds, or the time to start is over."""
@@ -163,12 +157,12 @@ class CanArm(Device):
 
 
 class CanMaster(CanArm):
-    """The master's arm."""
+    """Arm of the master."""
 
     Parameters = CanMasterParameters
 
 
 class CanSlave(CanArm):
-    """The slave's arm."""
+    """Arm of the slave."""
 
     Parameters = CanSlaveParameters

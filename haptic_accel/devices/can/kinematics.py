@@ -1,13 +1,13 @@
-"""From the turns of motors to the motion of a tip, and from its force back to their torques.
+"""Kinematics of arms: turns of motors to motion of the tip, force at the tip to torques.
 
-Base frame: z up, x where the arm points when its waist is at zero, y to the left (REP-103).
+Base frame: z up, x forwards when the waist is at zero, y to the left (REP-103).
 
-The serial arm is that of a Phantom Omni without its wrist: link lengths and forward map from
+The articulated arm is that of a Phantom Omni without its wrist: link lengths and forward map from
 Jarillo-Silva et al., PHANToM OMNI Haptic Device: Kinematic and Manipulability (CERMA 2009), turned
 into this frame with its origin in the shoulder. Joint 1 is the waist, about z, positive to the
 left. Joint 2 is the shoulder, the upper link's angle above the horizontal. Joint 3 is the elbow,
-where both motors are in the base and so independent of each other: the forearm's angle from
-hanging straight down, positive forwards.
+where both motors are in the base and so independent of each other: the forearm's angle from the
+downward vertical, positive forwards.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
 TURN = 2 * math.pi
-"""rad."""
+"""Angle of a full turn, rad."""
 
 OMNI_LINK = 0.135
-"""m, both links of a Phantom Omni (Jarillo-Silva et al. 2009, table of L_1 and L_2)."""
+"""Length of both links of a Phantom Omni, m (Jarillo-Silva et al. 2009, table of L_1 and L_2)."""
 
 OMNI_FORCE = 3.3
-"""N, the largest force of a Phantom Omni (data sheet)."""
+"""Largest force of a Phantom Omni, N (data sheet)."""
 
 SHORTEST = 1e-9
-"""m, of a distance that is divided by."""
+"""Shortest distance to divide by, m."""
 
 AXES = ("x", "y", "z")
 
 Angles: TypeAlias = tuple[float, ...]
-"""One per joint: rad, or rad/s."""
+"""One value per joint: rad, rad/s or N m."""
 
 Columns: TypeAlias = tuple[Vector, ...]
 """A Jacobian, one column a joint: m/s of the tip per rad/s of the joint."""
@@ -44,9 +44,9 @@ Columns: TypeAlias = tuple[Vector, ...]
 
 @dataclass(frozen=True)
 class StageParameters(Checked):
-    """A linear stage with one motor."""
+    """Linear stage with one motor."""
 
-    axis: str = parameter("z", "along which it moves", choices=AXES)
+    axis: str = parameter("z", "axis of motion", choices=AXES)
     travel: float = parameter(
         0.04, "travel per turn of the joint: lead or circumference", unit="m", low=1e-5, high=10.0
     )
@@ -54,7 +54,7 @@ class StageParameters(Checked):
 
 @dataclass(frozen=True)
 class LinkParameters(Checked):
-    """The links of an arm."""
+    """Links of an arm."""
 
     upper: float = parameter(
         OMNI_LINK, "length from shoulder to elbow (Phantom Omni)", unit="m", low=0.01, high=10.0
@@ -64,31 +64,31 @@ class LinkParameters(Checked):
     )
     elbow: str = parameter(
         "base",
-        "where the elbow's motor is: base, its angle is then that of the forearm to the vertical,"
-        " or shoulder, it is then that to the upper link's normal",
+        "place of the elbow's motor: base, so that its angle is that of the forearm to the"
+        " vertical, or shoulder, so that it is that to the upper link's normal",
         choices=("base", "shoulder"),
     )
 
 
 def node_parameter(node: int) -> int:
-    """Declare the node of a joint's axis."""
+    """Declare the node id of a joint's axis."""
     declared: int = parameter(node, "node id of its axis (ODrive: 0 to 63)", low=0, high=63)
     return declared
 
 
 @dataclass(frozen=True)
 class JointParameters(Checked):
-    """From a motor to its joint."""
+    """Transmission from a motor to its joint."""
 
     node_id: int = node_parameter(0)
     gear_ratio: float = parameter(
         1.0, "turns of the motor per turn of the joint", low=0.01, high=1e4
     )
     direction: int = parameter(
-        1, "1 or -1: whether the joint turns as its motor does", low=-1, high=1
+        1, "1 if the joint turns as its motor does, otherwise -1", low=-1, high=1
     )
     offset: float = parameter(
-        0.0, "angle of the joint where the motor is at 0 turns", unit="rad", low=-100.0, high=100.0
+        0.0, "angle of the joint when the motor is at 0 turns", unit="rad", low=-100.0, high=100.0
     )
     torque_limit: float = parameter(
         OMNI_FORCE * 2 * OMNI_LINK,
@@ -99,7 +99,7 @@ class JointParameters(Checked):
     )
 
     def __post_init__(self) -> None:
-        """Check all fields, and that there is a direction."""
+        """Check all fields; the direction must not be zero."""
         super().__post_init__()
         if self.direction == 0:
             raise ParameterError("direction = 0: must be 1 or -1")
@@ -110,47 +110,44 @@ class JointParameters(Checked):
         return self.direction * TURN / self.gear_ratio
 
     def angle(self, turns: float) -> float:
-        """Return the joint's angle in rad where its motor is at so many turns."""
+        """Return the joint's angle in rad for turns of its motor."""
         return self.offset + self.angle_per_turn * turns
 
     def turns(self, angle: float) -> float:
-        """Return where the motor is for an angle of the joint in rad."""
+        """Return the motor's turns for an angle of the joint in rad."""
         return (angle - self.offset) / self.angle_per_turn
 
     def motor_torque(self, torque: float) -> float:
-        """Return the motor's torque for one of the joint, N m; the gear's friction is left out."""
+        """Return the motor's torque for one of the joint, N m, without the gear's friction."""
         return self.direction * torque / self.gear_ratio
 
     def joint_torque(self, torque: float) -> float:
-        """Return the joint's torque for one of the motor, N m."""
+        """Return the joint's torque for a torque of the motor, N m."""
         return self.direction * torque * self.gear_ratio
 
 
 @dataclass(frozen=True)
 class SecondJointParameters(JointParameters):
-    """The same, on the second node."""
+    """Transmission of the second joint."""
 
     node_id: int = node_parameter(1)
 
 
 @dataclass(frozen=True)
 class ThirdJointParameters(JointParameters):
-    """The same, on the third node."""
+    """Transmission of the third joint."""
 
     node_id: int = node_parameter(2)
 
 
 class Kinematics(ABC):
-    """Where the tip is for the angles of the joints, and how it moves with them."""
-
-    joints: int
-    """How many."""
+    """Relation between the angles of the joints and the position of the tip."""
 
     axes: tuple[int, ...]
-    """Those of x, y, z along which the tip can be moved, as many as joints."""
+    """Indices of x, y, z along which the tip can move, as many as joints."""
 
     home: Angles
-    """In the middle of the workspace, far from where a direction is lost, rad."""
+    """Angles in the middle of the workspace, far from singularities, rad."""
 
     @abstractmethod
     def position(self, angles: Sequence[float]) -> Vector:
@@ -158,17 +155,16 @@ class Kinematics(ABC):
 
     @abstractmethod
     def jacobian(self, angles: Sequence[float]) -> Columns:
-        """Return how the tip moves with each joint, m/rad, at angles in rad."""
+        """Return the Jacobian, m/rad, at angles in rad."""
 
     @abstractmethod
     def angles(self, position: Vector) -> Angles:
-        """Return the angles, rad, that bring the tip to a position, m, or as near as they can."""
+        """Return the angles, rad, that bring the tip to a position, m, or as near as possible."""
 
 
 class LinearStage(Kinematics):
-    """One motor that moves the tip along an axis."""
+    """Motor that moves the tip along an axis."""
 
-    joints = 1
     home: Angles = (0.0,)
 
     def __init__(self, parameters: StageParameters) -> None:
@@ -192,10 +188,9 @@ class LinearStage(Kinematics):
         return (position[self.axes[0]] / self._per_angle,)
 
 
-class SerialArm(Kinematics):
+class ArticulatedArm(Kinematics):
     """Waist, shoulder and elbow."""
 
-    joints = 3
     axes = (0, 1, 2)
     # Upper link horizontal, forearm hanging: the links are at right angles.
     home: Angles = (0.0, 0.0, 0.0)
@@ -214,10 +209,9 @@ class SerialArm(Kinematics):
         return reach * math.cos(waist), reach * math.sin(waist), height
 
     def jacobian(self, angles: Sequence[float]) -> Columns:
-        """Return how the tip moves with each joint, m/rad.
+        """Return the Jacobian, m/rad.
 
-        Two directions become one where the links are in line, and sideways is lost where the tip
-        is above or below the waist.
+        It is singular where the links are in line, or the tip is above or below the waist.
         """
         waist, shoulder, elbow = angles
         if self._relative:
@@ -254,25 +248,24 @@ class SerialArm(Kinematics):
 
 
 class PlanarArm(Kinematics):
-    """Shoulder and elbow of the serial arm, in the plane of x and z."""
+    """Shoulder and elbow of the articulated arm, in the plane of x and z."""
 
-    joints = 2
     axes = (0, 2)
-    home: Angles = SerialArm.home[1:]
+    home: Angles = ArticulatedArm.home[1:]
 
     def __init__(self, parameters: LinkParameters) -> None:
-        self._arm = SerialArm(parameters)
+        self._arm = ArticulatedArm(parameters)
 
     def position(self, angles: Sequence[float]) -> Vector:
         """Return the tip's position from the shoulder, m."""
         return self._arm.position((0.0, *angles))
 
     def jacobian(self, angles: Sequence[float]) -> Columns:
-        """Return how the tip moves with each joint, m/rad."""
+        """Return the Jacobian, m/rad."""
         return self._arm.jacobian((0.0, *angles))[1:]
 
     def angles(self, position: Vector) -> Angles:
-        """Return the angles with the elbow above, rad."""
+        """Return the angles with the elbow above the line from shoulder to tip, rad."""
         return self._arm.angles((position[0], 0.0, position[2]))[1:]
 
 

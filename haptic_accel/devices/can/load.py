@@ -1,28 +1,28 @@
-"""How much of a CAN bus a set of frames takes."""
+"""Load of a CAN bus by the frames of an arm."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 FRAME_BITS = 47
-"""Of a frame with a standard id and no data: start, id, control, CRC, acknowledgement, end, and
-the three bits between frames (ISO 11898-1)."""
+"""Bits of a frame with a standard id and no data: start, id, control, CRC, acknowledgement, end,
+and the three bits between frames (ISO 11898-1)."""
 
 STUFFED_BITS = 34
-"""Of those, the ones from start to CRC, among which a bit is stuffed after five that are alike."""
+"""Bits of those from start to CRC, where a bit is stuffed after five equal ones."""
 
 FULL_LOAD = 0.8
-"""From which on a bus is called full: errors repeat frames, and arbitration makes the last one
-wait. A rule of thumb (assumed)."""
+"""Largest load with room to spare: frames are repeated after errors, and wait for others. A rule
+of thumb (assumed)."""
 
 HEARTBEAT_RATE = 10.0
-"""Hz, of ODrive by default."""
+"""Default rate of ODrive's heartbeats, Hz."""
 
 ESTIMATES_BYTES, TORQUE_BYTES, HEARTBEAT_BYTES = 8, 4, 8
 
 
 def frame_bits(data_bytes: int) -> int:
-    """Return the bits of a frame with a standard id, with as many stuffed as there can be.
+    """Return the most bits of a frame with a standard id, stuffed bits included.
 
     In the worst case the first stuffed bit comes after five, and each other after four more,
     because it counts itself (Davis et al., Real-Time Systems 35, 2007).
@@ -30,7 +30,7 @@ def frame_bits(data_bytes: int) -> int:
     Parameters
     ----------
     data_bytes : int
-        0 to 8; none in a frame that asks for data.
+        0 to 8; 0 in a request for data.
     """
     stuffed = (STUFFED_BITS + 8 * data_bytes - 1) // 4
     return FRAME_BITS + 8 * data_bytes + stuffed
@@ -38,17 +38,17 @@ def frame_bits(data_bytes: int) -> int:
 
 @dataclass(frozen=True)
 class BusLoad:
-    """What an arm's frames take of a bus, at most.
+    """Largest load of a bus by an arm's frames.
 
     Attributes
     ----------
     joints : int
     rate : float
-        Of estimates and of torques, Hz.
+        Rate of estimates and of torques, Hz.
     bitrate : float
-        bit/s.
+        Bit rate of the bus, bit/s.
     requested : bool
-        Whether every estimate is asked for.
+        True if every estimate is requested.
     """
 
     joints: int
@@ -67,23 +67,23 @@ class BusLoad:
 
     @property
     def share(self) -> float:
-        """Of the bus; above 1 it cannot be."""
+        """Load as a share of the bus; more than 1 is impossible."""
         return self.bits / self.bitrate
 
     @property
     def fits(self) -> bool:
-        """Whether there is room to spare."""
+        """True if there is room to spare."""
         return self.share <= FULL_LOAD
 
     @property
     def highest_rate(self) -> float:
-        """Rate up to which it would fit, Hz."""
+        """Highest rate that fits, Hz."""
         heartbeats = self.joints * HEARTBEAT_RATE * frame_bits(HEARTBEAT_BYTES)
         cycle = (self.bits - heartbeats) / self.rate
         return (FULL_LOAD * self.bitrate - heartbeats) / cycle
 
     def __str__(self) -> str:
-        """Say it in one line."""
+        """Return the load in one line."""
         how = "requested" if self.requested else "streamed"
         joints = "1 joint" if self.joints == 1 else f"{self.joints} joints"
         line = (

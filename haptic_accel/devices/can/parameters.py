@@ -1,4 +1,4 @@
-"""What a user may say of an arm on a CAN bus."""
+"""Parameters of an arm on a CAN bus."""
 
 from __future__ import annotations
 
@@ -8,49 +8,50 @@ from typing import Any
 
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.devices.can.kinematics import (
+    ArticulatedArm,
     JointParameters,
     Kinematics,
     LinearStage,
     LinkParameters,
     PlanarArm,
     SecondJointParameters,
-    SerialArm,
     StageParameters,
     ThirdJointParameters,
 )
 from haptic_accel.devices.can.protocol import ERRORS
+from haptic_accel.devices.connection import AUTO, MANUAL
 
 KINEMATICS = ("stage", "planar", "arm")
-"""One, two and three joints."""
-
-AUTO, MANUAL = "auto", "manual"
-"""How an arm gets its torques back after it lost its bus."""
+"""Kinematics by number of joints: one, two and three."""
 
 STREAMED, REQUESTED = "streamed", "requested"
-"""Whether drives send estimates at a rate of their own, or are asked at every sample."""
+"""Transmission of estimates: by the drives at a rate of their own, or on request."""
 
 
 def context_parameter(context: str) -> str:
-    """Declare the section of python-can's configuration."""
+    """Declare the section of python-can's configuration file."""
     declared: str = parameter(
-        context, "section of python-can's configuration that goes over its [default]"
+        context, "section of python-can's configuration that takes precedence over [default]"
     )
     return declared
 
 
 @dataclass(frozen=True)
 class CanParameters(Checked):
-    """The bus, the drives on it, and the arm that they move."""
+    """Bus, drives and arm."""
 
     interface: str = parameter(
-        "", "of python-can: socketcan, slcan, pcan, virtual ...; empty as python-can is configured"
+        "",
+        "python-can interface: socketcan, slcan, pcan, virtual ...; empty for python-can's"
+        " configuration",
     )
     channel: str = parameter(
-        "", "of the interface: can0, /dev/ttyACM0 ...; empty as python-can is configured"
+        "",
+        "channel of the interface: can0, /dev/ttyACM0 ...; empty for python-can's configuration",
     )
     bitrate: int = parameter(
         0,
-        "of the bus; 0 as python-can or, with socketcan, the system is configured",
+        "bit rate; 0 for the configuration of python-can or, with socketcan, of the system",
         unit="bit/s",
         low=0,
         high=1_000_000,
@@ -60,36 +61,38 @@ class CanParameters(Checked):
     )
     context: str = context_parameter("default")
     firmware: str = parameter(
-        "0.6", "of the ODrives, for the names of their errors", choices=tuple(ERRORS)
+        "0.6", "firmware of the ODrives, for the names of their errors", choices=tuple(ERRORS)
     )
     estimates: str = parameter(
         STREAMED,
-        "streamed by the drives at a rate of their own, or requested at every sample",
+        "transmission of estimates: streamed by the drives at a rate of their own, or requested"
+        " at every sample",
         choices=(STREAMED, REQUESTED),
     )
     rearm: str = parameter(
         MANUAL,
-        "whether torques come back by themselves when a bus or a heartbeat that was lost does;"
-        " after an axis error they never do",
+        "return of the torques after a lost bus or heartbeat is back: auto, at once, or manual, on"
+        " request; after an axis error always on request",
         choices=(AUTO, MANUAL),
     )
     start_timeout: float = parameter(
         2.0,
-        "for the axes to be heard, and then for them to be in closed loop",
+        "longest time for the axes to send heartbeats, and then to enter closed loop",
         unit="s",
         low=0.1,
         high=60.0,
     )
     heartbeat_timeout: float = parameter(
         0.35,
-        "silence of an axis after which all torques go to zero (ODrive: a heartbeat each 0.1 s)",
+        "time without a heartbeat of an axis after which all torques go to zero (ODrive: one each"
+        " 0.1 s)",
         unit="s",
         low=0.005,
         high=10.0,
     )
     estimates_timeout: float = parameter(
         0.05,
-        "age of an axis' estimates from which on all torques go to zero",
+        "age of an axis' estimates above which all torques go to zero",
         unit="s",
         low=0.002,
         high=10.0,
@@ -107,12 +110,12 @@ class CanParameters(Checked):
     joint3: JointParameters = field(default_factory=ThirdJointParameters)
 
     def __post_init__(self) -> None:
-        """Check all fields, that options can be read, and that no two joints are one axis.
+        """Check all fields, that options can be read, and that no two joints share a node.
 
         Raises
         ------
         ParameterError
-            Naming the value and what is allowed.
+            A value is not allowed; the message names it and the allowed ones.
         """
         super().__post_init__()
         self.settings  # noqa: B018
@@ -126,19 +129,19 @@ class CanParameters(Checked):
 
     @property
     def joints(self) -> dict[str, JointParameters]:
-        """The joints that there are, by name."""
+        """Joints of these kinematics, by name."""
         count = 1 + KINEMATICS.index(self.kinematics)
         all_joints = {"joint1": self.joint1, "joint2": self.joint2, "joint3": self.joint3}
         return dict(list(all_joints.items())[:count])
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The other settings of the interface.
+        """Other settings of the interface.
 
         Raises
         ------
         ParameterError
-            They are no JSON object.
+            The options are not a JSON object.
         """
         if not self.options:
             return {}
@@ -151,23 +154,23 @@ class CanParameters(Checked):
         return settings
 
     def arm(self) -> Kinematics:
-        """Return where the tip is for the angles of the joints."""
+        """Return the kinematics with the parameters of stage or links."""
         if self.kinematics == "stage":
             return LinearStage(self.stage)
         if self.kinematics == "planar":
             return PlanarArm(self.links)
-        return SerialArm(self.links)
+        return ArticulatedArm(self.links)
 
 
 @dataclass(frozen=True)
 class CanMasterParameters(CanParameters):
-    """Of the master's arm."""
+    """Parameters of the master's arm."""
 
     context: str = context_parameter("master")
 
 
 @dataclass(frozen=True)
 class CanSlaveParameters(CanParameters):
-    """Of the slave's arm."""
+    """Parameters of the slave's arm."""
 
     context: str = context_parameter("slave")

@@ -1,9 +1,9 @@
-"""ODrive's CANSimple as bytes: frames are built and read here, and nowhere sent.
+"""ODrive's CANSimple as bytes: build and read frames, without a bus.
 
 Frames have standard ids: the axis' node in the upper 6 of 11 bits, the command in the lower 5.
 All numbers are little-endian. The layout is that of ODrive's public firmware 0.5.6
 (Firmware/communication/can/can_simple.cpp and docs/can-protocol.rst of odriverobotics/ODrive);
-what is used of it is the same in 0.6, but for the meaning of the error bits.
+the part used here is the same in 0.6, except for the meaning of the error bits.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from enum import IntEnum
 from typing import NamedTuple, TypeAlias
 
 COMMAND_BITS = 5
-"""Of an id, for the command."""
+"""Bits of an id that hold the command."""
 
 HIGHEST_NODE = 0x3F
-"""Of a standard id, whose upper 6 bits are the node's."""
+"""Highest node id: the upper 6 bits of a standard id."""
 
 HIGHEST_ID = 0x7FF
-"""Of 11 bits."""
+"""Highest standard id, of 11 bits."""
 
 LARGEST_TORQUE = 1e4
-"""N m, beyond any motor's; what is larger is a mistake."""
+"""Largest torque accepted, N m: no motor has as much."""
 
 
 class Command(IntEnum):
-    """What a frame is about."""
+    """Command of a frame."""
 
     HEARTBEAT = 0x01
     ESTOP = 0x02
@@ -35,12 +35,11 @@ class Command(IntEnum):
     ENCODER_ESTIMATES = 0x09
     SET_CONTROLLER_MODE = 0x0B
     SET_INPUT_TORQUE = 0x0E
-    CURRENTS = 0x14
     CLEAR_ERRORS = 0x18
 
 
 class AxisState(IntEnum):
-    """What an axis does."""
+    """State of an axis."""
 
     UNDEFINED = 0
     IDLE = 1
@@ -63,13 +62,13 @@ TORQUE_CONTROL = 1
 """ControlMode of `Command.SET_CONTROLLER_MODE`."""
 
 PASS_THROUGH = 1
-"""InputMode of `Command.SET_CONTROLLER_MODE`: the torque acts as it is given."""
+"""InputMode of `Command.SET_CONTROLLER_MODE`: the torque acts unchanged."""
 
 WATCHDOG_TIMER_EXPIRED = {"0.5": 0x800, "0.6": 0x1000000}
-"""Error bit by firmware: nothing was heard for `config.watchdog_timeout`."""
+"""Error bit by firmware: no command came within `config.watchdog_timeout`."""
 
 ESTOP_REQUESTED = {"0.5": 0x4000, "0.6": 0x2000000}
-"""Error bit by firmware: the emergency stop was sent."""
+"""Error bit by firmware: emergency stop."""
 
 ERRORS: dict[str, dict[int, str]] = {
     # tools/odrive/enums.py of 0.5.6, AXIS_ERROR_...
@@ -122,11 +121,11 @@ _MODE = struct.Struct("<II")
 _TORQUE = struct.Struct("<f")
 
 _NO_IDENTIFICATION = b"\0"
-"""Of 0.6, whose axis else blinks; 0.5 does not look at it."""
+"""Data of `Command.CLEAR_ERRORS` for 0.6, whose axis blinks otherwise; 0.5 ignores it."""
 
 
 class Frame(NamedTuple):
-    """A frame of a CAN bus with a standard id.
+    """Frame of a CAN bus with a standard id.
 
     Attributes
     ----------
@@ -135,7 +134,7 @@ class Frame(NamedTuple):
     data : bytes
         Up to 8.
     remote : bool
-        Whether it asks for the data of its id (RTR).
+        True for a request for the data of its id (RTR).
     """
 
     id: int
@@ -144,17 +143,17 @@ class Frame(NamedTuple):
 
     @property
     def node(self) -> int:
-        """Whose it is."""
+        """Node of the axis."""
         return self.id >> COMMAND_BITS
 
     @property
     def command(self) -> int:
-        """What it is about."""
+        """Number of the command."""
         return self.id & ((1 << COMMAND_BITS) - 1)
 
 
 class Heartbeat(NamedTuple):
-    """What an axis says of itself, ten times a second by default."""
+    """Error and state of an axis, sent ten times a second by default."""
 
     node: int
     error: int
@@ -162,34 +161,26 @@ class Heartbeat(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """Where a motor is and how fast, in turns and turns per second."""
+    """Position and speed of a motor, turns and turns per second."""
 
     node: int
     position: float
     velocity: float
 
 
-class Currents(NamedTuple):
-    """Torque-making current of a motor as commanded and measured, A."""
-
-    node: int
-    commanded: float
-    measured: float
-
-
-Answer: TypeAlias = "Heartbeat | Estimates | Currents"
-"""What an axis sends."""
+Report: TypeAlias = "Heartbeat | Estimates"
+"""Content of a frame from an axis."""
 
 
 class SetState(NamedTuple):
-    """An axis is to do something else."""
+    """Order to change the state of an axis."""
 
     node: int
     state: int
 
 
 class SetMode(NamedTuple):
-    """An axis is to be controlled otherwise."""
+    """Order to change the control mode of an axis."""
 
     node: int
     control: int
@@ -197,30 +188,30 @@ class SetMode(NamedTuple):
 
 
 class SetTorque(NamedTuple):
-    """A motor is to exert a torque, N m."""
+    """Order to exert a torque, N m."""
 
     node: int
     torque: float
 
 
-class Simple(NamedTuple):
-    """A command without a value: emergency stop, clear errors, a request for estimates."""
+class SimpleOrder(NamedTuple):
+    """Order without a value: emergency stop, clear errors, request for estimates."""
 
     node: int
     command: Command
 
 
-Order: TypeAlias = "SetState | SetMode | SetTorque | Simple"
-"""What an axis is told."""
+Order: TypeAlias = "SetState | SetMode | SetTorque | SimpleOrder"
+"""Content of a frame to an axis."""
 
 
 def frame_id(node: int, command: Command) -> int:
-    """Return the 11-bit id of a command for an axis, or from it.
+    """Return the 11-bit id of a command to or from an axis.
 
     Raises
     ------
     ValueError
-        There is no such node.
+        The node does not exist.
     """
     if not 0 <= node <= HIGHEST_NODE:
         raise ValueError(f"node = {node}: must be from 0 to {HIGHEST_NODE}")
@@ -228,63 +219,58 @@ def frame_id(node: int, command: Command) -> int:
 
 
 def make_heartbeat(node: int, error: int, state: int) -> Frame:
-    """Build what an axis says of itself."""
-    # What follows error and state, 3 bytes, differs from firmware to firmware and is not read.
+    """Build a heartbeat."""
+    # The last 3 bytes differ between firmwares and are not read.
     return Frame(frame_id(node, Command.HEARTBEAT), _HEARTBEAT.pack(error, state) + bytes(3))
 
 
 def make_estimates(node: int, position: float, velocity: float) -> Frame:
-    """Build an axis' estimates, turns and turns per second."""
+    """Build estimates, turns and turns per second."""
     data = _ESTIMATES.pack(position, velocity)
     return Frame(frame_id(node, Command.ENCODER_ESTIMATES), data)
 
 
-def make_currents(node: int, commanded: float, measured: float) -> Frame:
-    """Build an axis' torque-making currents, A."""
-    return Frame(frame_id(node, Command.CURRENTS), _ESTIMATES.pack(commanded, measured))
-
-
 def make_estimates_request(node: int) -> Frame:
-    """Build what asks an axis for its estimates, once."""
+    """Build a request for estimates, once."""
     return Frame(frame_id(node, Command.ENCODER_ESTIMATES), remote=True)
 
 
 def make_estop(node: int) -> Frame:
-    """Build what makes an axis stop with an error."""
+    """Build an emergency stop, which leaves the axis with an error."""
     return Frame(frame_id(node, Command.ESTOP))
 
 
 def make_clear_errors(node: int) -> Frame:
-    """Build what makes an axis forget its errors."""
+    """Build a command to clear errors."""
     return Frame(frame_id(node, Command.CLEAR_ERRORS), _NO_IDENTIFICATION)
 
 
 def make_set_state(node: int, state: AxisState) -> Frame:
-    """Build what makes an axis do something else."""
+    """Build a command to change the state."""
     return Frame(frame_id(node, Command.SET_AXIS_STATE), _STATE.pack(state))
 
 
 def make_torque_mode(node: int) -> Frame:
-    """Build what makes an axis take torques as they are given."""
+    """Build a command to control torque."""
     data = _MODE.pack(TORQUE_CONTROL, PASS_THROUGH)
     return Frame(frame_id(node, Command.SET_CONTROLLER_MODE), data)
 
 
 def make_input_torque(node: int, torque: float) -> Frame:
-    """Build what makes a motor exert a torque, N m.
+    """Build a set-point of the torque, N m.
 
     Raises
     ------
     ValueError
-        It is no number, or larger than any motor's.
+        The torque is not finite, or beyond `LARGEST_TORQUE`.
     """
     if not abs(torque) <= LARGEST_TORQUE:
         raise ValueError(f"torque = {torque}: must be from {-LARGEST_TORQUE:g} to the same")
     return Frame(frame_id(node, Command.SET_INPUT_TORQUE), _TORQUE.pack(torque))
 
 
-def parse_answer(frame: Frame) -> Answer | None:
-    """Read what an axis sent; None for what it is not, or what makes no sense."""
+def parse_report(frame: Frame) -> Report | None:
+    """Read a frame from an axis; None if it is of another kind or invalid."""
     if frame.remote:
         return None
     data, node = frame.data, frame.node
@@ -294,18 +280,14 @@ def parse_answer(frame: Frame) -> Answer | None:
         return Estimates(node, position, velocity) if finite else None
     if frame.command == Command.HEARTBEAT and len(data) >= _HEARTBEAT.size:
         return Heartbeat(node, *_HEARTBEAT.unpack_from(data))
-    if frame.command == Command.CURRENTS and len(data) >= _ESTIMATES.size:
-        commanded, measured = _ESTIMATES.unpack_from(data)
-        finite = math.isfinite(commanded) and math.isfinite(measured)
-        return Currents(node, commanded, measured) if finite else None
     return None
 
 
 def parse_order(frame: Frame) -> Order | None:
-    """Read what an axis is told; None for what it does not know, or what makes no sense."""
+    """Read a frame to an axis; None if it is of another kind or invalid."""
     data, node, command = frame.data, frame.node, frame.command
     if command == Command.ENCODER_ESTIMATES and (frame.remote or not data):
-        return Simple(node, Command.ENCODER_ESTIMATES)
+        return SimpleOrder(node, Command.ENCODER_ESTIMATES)
     if frame.remote:
         return None
     if command == Command.SET_INPUT_TORQUE and len(data) >= _TORQUE.size:
@@ -316,12 +298,12 @@ def parse_order(frame: Frame) -> Order | None:
     if command == Command.SET_CONTROLLER_MODE and len(data) >= _MODE.size:
         return SetMode(node, *_MODE.unpack_from(data))
     if command in (Command.ESTOP, Command.CLEAR_ERRORS):
-        return Simple(node, Command(command))
+        return SimpleOrder(node, Command(command))
     return None
 
 
 def error_names(error: int, firmware: str) -> str:
-    """Name the bits of a heartbeat's error; empty for none.
+    """Return the names of a heartbeat's error bits; empty for none.
 
     Parameters
     ----------
@@ -336,7 +318,7 @@ def error_names(error: int, firmware: str) -> str:
 
 
 def state_name(state: int) -> str:
-    """Name what an axis does."""
+    """Return the name of an axis' state."""
     try:
         return AxisState(state).name
     except ValueError:

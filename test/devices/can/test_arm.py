@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import from_flat
-from haptic_accel.devices.can.arm import REPEAT_PERIOD, Arm, State
+from haptic_accel.devices.can.arm import REPEAT_PERIOD, DrivenArm, State
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import (
     WATCHDOG_TIMER_EXPIRED,
@@ -37,7 +37,7 @@ class Bench:
         names = {name.replace("__", "."): value for name, value in values.items()}
         self.parameters = from_flat(CanParameters, names)
         self.sent: list[Frame] = []
-        self.arm = Arm(self.parameters, self._send)
+        self.arm = DrivenArm(self.parameters, self._send)
         self.now = 0.0
         self.errors = dict.fromkeys(self.arm.nodes, 0)
         self.states = dict.fromkeys(self.arm.nodes, IDLE)
@@ -63,7 +63,7 @@ class Bench:
                 if Command.HEARTBEAT not in self.silent:
                     beat = make_heartbeat(node, self.errors[node], self.states[node])
                     self.arm.take(beat, self.now)
-            self.arm.look(self.now)
+            self.arm.update(self.now)
 
     def armed(self) -> Bench:
         self.go_on(0.01)
@@ -239,7 +239,7 @@ def test_requested_estimates_are_asked_for_at_each_sample() -> None:
     for _ in range(10):
         bench.now += STEP
         bench.arm.read(bench.now)
-        bench.arm.look(bench.now)
+        bench.arm.update(bench.now)
     assert sum(frame.remote for frame in bench.sent) == 3 * 10
 
 
@@ -265,7 +265,7 @@ def go_wrong(bench: Bench, what: str) -> None:
     elif what == "estimates":
         bench.silent = {Command.ENCODER_ESTIMATES}
     else:
-        bench.arm.lose(bench.now)
+        bench.arm.lose()
         bench.silent = {Command.HEARTBEAT, Command.ENCODER_ESTIMATES}
     bench.go_on(0.4)
 
@@ -305,7 +305,7 @@ def test_torques_come_back_when_asked_or_when_what_was_lost_is_back(what: str, r
 
 def test_what_was_disarmed_on_request_stays_so() -> None:
     bench = Bench(rearm="auto").armed()
-    bench.arm.lose(bench.now)
+    bench.arm.lose()
     bench.arm.disarm()
     bench.go_on(0.5)
     assert bench.arm.state is State.DISARMED
@@ -314,7 +314,7 @@ def test_what_was_disarmed_on_request_stays_so() -> None:
 
 def test_an_error_besides_is_not_cleared_by_itself() -> None:
     bench = Bench(rearm="auto").armed()
-    bench.arm.lose(bench.now)
+    bench.arm.lose()
     bench.errors[1] = DRV_FAULT
     bench.go_on(0.5)
     assert bench.arm.state is State.DISARMED
@@ -345,9 +345,9 @@ def test_what_an_ended_program_left_is_taken_off() -> None:
 def test_when_the_bus_is_back_the_first_thing_is_to_let_go() -> None:
     bench = Bench(rearm="auto").armed()
     bench.push(1.0, 0.0, 0.0)
-    bench.arm.lose(bench.now)
+    bench.arm.lose()
     bench.sent.clear()
-    bench.arm.find(bench.now)
+    bench.arm.find()
     assert bench.released()
 
 

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices.can.kinematics import (
+    ArticulatedArm,
     JointParameters,
     Kinematics,
     LinearStage,
     LinkParameters,
     PlanarArm,
-    SerialArm,
     StageParameters,
     joint_torques,
     tip_velocity,
@@ -25,8 +25,8 @@ from haptic_accel.devices.can.kinematics import (
 KINEMATICS: dict[str, Kinematics] = {
     "stage": LinearStage(StageParameters(axis="y", travel=0.02)),
     "planar": PlanarArm(LinkParameters(upper=0.2, fore=0.1)),
-    "arm": SerialArm(LinkParameters()),
-    "arm, motor in the shoulder": SerialArm(LinkParameters(elbow="shoulder")),
+    "arm": ArticulatedArm(LinkParameters()),
+    "arm, motor in the shoulder": ArticulatedArm(LinkParameters(elbow="shoulder")),
 }
 STEP = 1e-6  # rad
 
@@ -38,7 +38,7 @@ every = pytest.mark.parametrize("kinematics", KINEMATICS.values(), ids=KINEMATIC
 @every
 @given(angles=angles)
 def test_the_jacobian_is_the_derivative(kinematics: Kinematics, angles: tuple[float, ...]) -> None:
-    q = np.array(angles[: kinematics.joints])
+    q = np.array(angles[: len(kinematics.axes)])
     for joint, column in enumerate(kinematics.jacobian(q)):
         step = np.zeros(len(q))
         step[joint] = STEP
@@ -55,21 +55,21 @@ def test_power_is_the_same_at_tip_and_joints(
     speeds: tuple[float, ...],
     force: tuple[float, float, float],
 ) -> None:
-    q, speeds = angles[: kinematics.joints], speeds[: kinematics.joints]
+    q, speeds = angles[: len(kinematics.axes)], speeds[: len(kinematics.axes)]
     columns = kinematics.jacobian(q)
     at_tip = np.dot(force, tip_velocity(columns, speeds))
     assert np.dot(joint_torques(columns, force), speeds) == pytest.approx(at_tip, abs=1e-9)
 
 
 def test_the_omni_s_arm_at_known_angles() -> None:
-    arm = SerialArm(LinkParameters(upper=0.2, fore=0.1))
+    arm = ArticulatedArm(LinkParameters(upper=0.2, fore=0.1))
     quarter = math.pi / 2
     assert arm.position((0.0, 0.0, 0.0)) == pytest.approx((0.2, 0.0, -0.1))
     assert arm.position((quarter, 0.0, 0.0)) == pytest.approx((0.0, 0.2, -0.1))
     # The forearm keeps its direction when the shoulder turns: both motors are in the base.
     assert arm.position((0.0, quarter, 0.0)) == pytest.approx((0.0, 0.0, 0.1))
     assert arm.position((0.0, 0.0, quarter)) == pytest.approx((0.3, 0.0, 0.0))
-    other = SerialArm(LinkParameters(upper=0.2, fore=0.1, elbow="shoulder"))
+    other = ArticulatedArm(LinkParameters(upper=0.2, fore=0.1, elbow="shoulder"))
     assert other.position((0.0, quarter, 0.0)) == pytest.approx((0.1, 0.0, 0.2))
 
 
@@ -88,7 +88,7 @@ def test_angles_bring_the_tip_where_it_was(
     kinematics: Kinematics, waist: float, shoulder: float, bend: float
 ) -> None:
     """With the elbow above and the tip before the waist, as `angles` has it."""
-    q = (waist, shoulder, bend)[-kinematics.joints :]
+    q = (waist, shoulder, bend)[-len(kinematics.axes) :]
     position = kinematics.position(q)
     assert kinematics.position(kinematics.angles(position)) == pytest.approx(position, abs=1e-9)
 
@@ -99,14 +99,14 @@ def test_no_position_is_too_far(
     kinematics: Kinematics, position: tuple[float, float, float]
 ) -> None:
     found = kinematics.angles(position)
-    assert len(found) == kinematics.joints
+    assert len(found) == len(kinematics.axes)
     assert all(map(math.isfinite, found))
 
 
 @every
 def test_at_home_every_direction_is_there(kinematics: Kinematics) -> None:
     jacobian = np.array(kinematics.jacobian(kinematics.home)).T[list(kinematics.axes)]
-    assert jacobian.shape == (kinematics.joints, kinematics.joints)
+    assert jacobian.shape == (len(kinematics.axes), len(kinematics.axes))
     assert np.linalg.cond(jacobian) < 4
 
 
