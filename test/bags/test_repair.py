@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -47,6 +48,12 @@ def memory() -> Iterator[Path]:
         yield Path(folder)
 
 
+def copy_what_is_there(source: str, target: str) -> None:
+    """Copy a file unless it was temporary and has been renamed since the folder was listed."""
+    with suppress(FileNotFoundError):
+        shutil.copy2(source, target)
+
+
 def killed(folder: Path, options: RecordingOptions, count: int) -> tuple[Path, list[Row]]:
     """Return a bag as it is on the disk while it is recorded, and what was flushed by then."""
     written: list[Row] = []
@@ -61,7 +68,7 @@ def killed(folder: Path, options: RecordingOptions, count: int) -> tuple[Path, l
         if number % FLUSHED == FLUSHED - 1:
             files.flush()
             flushed = number + 1
-    shutil.copytree(folder / "bag", folder / "killed" / "bag")
+    shutil.copytree(folder / "bag", folder / "killed" / "bag", copy_function=copy_what_is_there)
     files.close()
     return folder / "killed" / "bag", written[:flushed]
 

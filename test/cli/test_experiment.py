@@ -94,8 +94,8 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
     )
     assert condition["lost"].keys() == condition["late"].keys()
     assert 1 < condition["seconds"] <= 3.5
-    # The texture must have reached the handle, however busy the machine was.
-    assert condition["r2"] > 0.01
+    # The texture reaches the handle about as in the paper (0.65 on average).
+    assert condition["r2"] > 0.4
     assert (tmp_path / "report" / "bags" / "text_constant" / "metadata.yaml").is_file()
     assert (tmp_path / "report" / "index.html").is_file()
 

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -20,9 +19,6 @@ from running import Command, nodes_of, wait_until
 
 Start = Callable[..., Command]
 TABLE_I = {"m_a": 0.018, "k_s": 266.0, "b_s": 2.0, "m_h": 0.128, "k_u": 1500.0, "b_u": 11.0}
-
-ATTEMPTS = 3
-"""Runs in which a machine may stand still before that counts as a failure."""
 
 
 @pytest.mark.quiet
@@ -119,23 +115,12 @@ def forces(bag: Path) -> np.ndarray:
     return np.array([message.wrench.force.z for message in messages])  # type: ignore[attr-defined]
 
 
-def identified(haptic_accel: Start, *words: str) -> Command:
-    """Identify live, again where the machine stood still meanwhile, which the command refuses."""
-    for _ in range(ATTEMPTS):
-        shutil.rmtree(words[-1], ignore_errors=True)
-        command = haptic_accel("identify", *words)
-        if command.end() == 0 or "samples are missing" not in command.text:
-            break
-    assert command.end() == 0, command.text
-    return command
-
-
 def test_the_live_graph_finds_the_handle_grip_by_grip(haptic_accel: Start, tmp_path: Path) -> None:
-    command = identified(
-        haptic_accel,
-        *("rig:=ideal", "--grips", "pinch,hook", *SHORT),
-        *("--json", "figures.json", "--out", str(tmp_path / "found")),
+    command = haptic_accel(
+        *("identify", "rig:=ideal", "--grips", "pinch,hook", *SHORT),
+        *("--json", "figures.json", "--out", "found"),
     )
+    assert command.end() == 0, command.text
     assert any("repeat 3 of 3" in line for line in command.lines)
     figures = json.loads((tmp_path / "figures.json").read_text())
     for grip, (m_h, k_u, b_u) in (("pinch", POSTURES["pinch"]), ("hook", POSTURES["hook"])):

@@ -62,11 +62,11 @@ def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     assert command.end() == 0, command.text
     messages = read(tmp_path / "bag")
     assert set(messages) == {f"/{topic.name}" for topic in TOPICS} | {"/parameter_events"}
-    # About three seconds, wherever the machine's load made it start and stop.
+    # Three seconds at 1 kHz, but for a moment while the arms engage and the nodes end.
     assert messages[f"/{DIAGNOSTICS.name}"]
     for topic in SIGNALS:
         found = messages[f"/{topic.name}"]
-        assert len(found) > 100, topic
+        assert len(found) > 2_800, topic
         stamps = [stamp_of(message) for message in found]
         assert found[0].header.frame_id == topic.frame
         assert np.all(np.diff(stamps[:-1]) > 0), topic  # the last is the zero force of closing
@@ -90,7 +90,7 @@ def test_force_follows_the_desired_acceleration_sample_by_sample(
         for message in messages["/master/handle/servo_cf"]
     }
     both = desired.keys() & forces.keys()
-    assert len(both) > 500
+    assert len(both) > 1_800
     # Table I: the constant gain is the 0.128 kg of handle and hand.
     for moment in both:
         assert forces[moment] == pytest.approx(0.128 * desired[moment], abs=1e-12)
@@ -232,8 +232,8 @@ def test_composed_the_graph_is_two_processes_and_does_the_same(
     assert command.end() == 0, command.text
     messages = read(tmp_path / "bag")
     for topic in SIGNALS:
-        assert len(messages[f"/{topic.name}"]) > 500, topic
-    assert max(m.wrench.force.z for m in messages["/master/handle/servo_cf"]) > 0.01
+        assert len(messages[f"/{topic.name}"]) > 1_800, topic
+    assert max(m.wrench.force.z for m in messages["/master/handle/servo_cf"]) > 0.1
 
 
 def test_a_recorded_acceleration_is_played(haptic_accel: Start, tmp_path: Path) -> None:

@@ -47,15 +47,20 @@ def test_the_first_end_ends_all_with_its_status_and_last_lines() -> None:
 @pytest.mark.usefixtures("scripts")
 def test_the_graph_goes_on_without_what_is_optional_and_says_so() -> None:
     said: list[tuple[str, str]] = []
-    told = threading.Event()
+    told, up = threading.Event(), threading.Event()
 
     def hear(name: str, line: str) -> None:
         said.append((name, line))
         if "goes on" in line:
             told.set()
+        elif line == "up":
+            # From here on it handles signals: Python itself ends with 1 while it starts.
+            up.set()
 
     looking = replace(script("looking", "raise SystemExit(3)"), optional=True)
-    outcome = Supervisor([script("patient", PATIENT), looking], on_line=hear).run(told.is_set)
+    outcome = Supervisor([script("patient", PATIENT), looking], on_line=hear).run(
+        lambda: told.is_set() and up.is_set()
+    )
     assert ("looking", "ended with status 3; the graph goes on without it") in said
     assert outcome.first == ""
     assert outcome.statuses == {"patient": 0}
