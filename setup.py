@@ -67,6 +67,7 @@ setup(
         "PyYAML>=6.0",
         "matplotlib>=3.6",
         "rich>=13.7",
+        "click>=8.1",
         "jinja2>=3.1",
         "psutil>=5.9",
         # 0.10 came to write MCAP only in its last releases.

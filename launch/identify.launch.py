@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from launch import LaunchDescription
 
-from haptic_accel.graph.arguments import IdentifyArguments, parse_arguments
+from haptic_accel.graph.arguments import IdentifyArguments
 from haptic_accel.graph.launching import launched
 from haptic_accel.graph.processes import identification_graph
+from haptic_accel.graph.words import parse_words
 
 
 def generate_launch_description() -> LaunchDescription:
     """Declare the arguments and start the nodes, each of whose ends ends all."""
     return launched(
         IdentifyArguments,
-        lambda words: identification_graph(parse_arguments(words, IdentifyArguments)),
+        lambda words: identification_graph(parse_words(words, IdentifyArguments)),
     )

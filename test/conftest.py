@@ -22,6 +22,7 @@ from running import (
     reserved_domain,
     use_domain,
 )
+from verbs import status_of
 
 if TYPE_CHECKING:
     from observing import Observer
@@ -147,14 +148,14 @@ def observer(domain: int) -> Iterator[Observer]:
 
 @pytest.fixture
 def ask(domain: int, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
-    """Call a verb's function in this process, quicker than a command: ``ask(VERB, *WORDS)``.
+    """Run a verb in this process, quicker than a command: ``ask(VERB, *WORDS)``.
 
     Gives its exit status and what it wrote.
     """
 
-    def asked(verb: Callable[[list[str]], int], *words: str) -> tuple[int, str]:
+    def asked(*words: str) -> tuple[int, str]:
         capsys.readouterr()
-        status = verb(list(words))
+        status = status_of(*words)
         captured = capsys.readouterr()
         return status, (captured.out + captured.err).strip()
 

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
+import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from haptic_accel.analysis.comparison import Comparison, check_comparison, compare
+from haptic_accel.analysis.comparison import RUNS, Comparison, check_comparison, compare
 from haptic_accel.analysis.finding import find_bags
 from haptic_accel.analysis.loading import AnalysedTrial, Analysis, analyse
 from haptic_accel.analysis.measures import Shift
@@ -19,6 +20,7 @@ from haptic_accel.analysis.summary import AVERAGE, averages, summary
 from haptic_accel.analysis.tables import FIGURES, Group, groups
 from haptic_accel.analysis.writing import as_json, write_analysis, write_json
 from haptic_accel.cli.experiment import check_writable, make_folder
+from haptic_accel.cli.options import FILE, Verb, json_option, out_option
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
 from haptic_accel.core.evaluation.statistics import Interval, mean_interval
 from haptic_accel.core.process import DONE, FAILED
@@ -37,6 +39,42 @@ SHOWN = (
 """Figures of the second table, by controller over all its trials."""
 
 
+@click.command(
+    cls=Verb,
+    examples=[
+        "haptic-accel analyze bags/",
+        "haptic-accel analyze bags/ --compare controller:constant,inverse",
+        "haptic-accel analyze monday tuesday --compare",
+    ],
+)
+@click.argument("places", metavar="BAG...", type=FILE, nargs=-1, required=True)
+@click.option(
+    "--shift",
+    default="paper",
+    metavar="paper|measured|MS",
+    help="Time by which the actual acceleration is shifted back before it is compared: one sample"
+    " as in the paper, the delay measured in each trial, or milliseconds.",
+)
+@click.option(
+    "--compare",
+    "comparison",
+    is_flag=False,
+    flag_value=RUNS,
+    metavar="controller:A,B",
+    help="Test whether two controllers differ or, without a value, whether the two bags or folders"
+    " given do; paired by trial.",
+)
+@click.option(
+    "--no-perceptual",
+    "perceptual",
+    is_flag=True,
+    flag_value=False,
+    default=True,
+    show_default=False,
+    help="Leave out ST-SIM and SPQI, which take longest.",
+)
+@json_option
+@out_option
 def analyze(
     places: Sequence[Path],
     *,
@@ -46,32 +84,10 @@ def analyze(
     out: Path | None,
     json_file: Path | None,
 ) -> int:
-    """Analyse bags, print Table II, write the report; return the exit status.
+    """Analyse bags, grouped by controller and surface.
 
-    Parameters
-    ----------
-    places : sequence of Path
-        Bags, or folders in which to look for bags.
-    shift : str
-        ``paper``, ``measured``, or milliseconds.
-    comparison : str or None
-        What to compare: ``runs``, or ``controller:A,B``.
-    perceptual : bool
-        Whether to score ST-SIM and SPQI.
-    out : Path, optional
-        Folder to make; ``results/<time>`` otherwise.
-    json_file : Path, optional
-        Where to write all figures.
-
-    Returns
-    -------
-    int
-        0 if something could be said, 1 if nothing could.
-
-    Raises
-    ------
-    ParameterError
-        A place without a bag, a folder that is there already, a comparison that cannot be.
+    Takes any number of bags, or folders with bags. Prints Table II, and writes a page, plots
+    for a paper, and tables.
     """
     chosen = Shift.read(shift)
     if comparison:

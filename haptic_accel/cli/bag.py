@@ -10,6 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
+import click
 from rich.console import Console
 from rich.table import Table
 
@@ -18,6 +19,7 @@ from haptic_accel.bags.facts import ARGUMENTS, HOST, PARAMETERS, VERSION, facts_
 from haptic_accel.bags.inspection import DamagedError, inspect, storage_files
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.bags.repair import Repair, repair
+from haptic_accel.cli.options import FILE, Verb, json_option
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.sampling import NANOSECONDS
@@ -45,21 +47,11 @@ class Described:
     problems: list[str]
 
 
+@click.command(cls=Verb)
+@click.argument("path", metavar="BAG", type=FILE)
+@json_option
 def info(path: Path, json_file: Path | None) -> int:
-    """Show what is in a bag; return the exit status.
-
-    Parameters
-    ----------
-    path : Path
-        A bag's folder.
-    json_file : Path, optional
-        Where to write the same for a program.
-
-    Raises
-    ------
-    ParameterError
-        It is no bag, or the file cannot be written.
-    """
+    """Show a bag's topics, the settings it was recorded with, and any damage."""
     found = described(path)
     console = Console()
     metadata = found.metadata
@@ -74,20 +66,14 @@ def info(path: Path, json_file: Path | None) -> int:
     return DONE
 
 
-def mend(paths: Sequence[Path], json_file: Path | None) -> int:
-    """Repair bags and say what was done; return the exit status.
+@click.command(cls=Verb, name="repair")
+@click.argument("paths", metavar="BAG...", type=FILE, nargs=-1, required=True)
+@json_option
+def repair_bags(paths: Sequence[Path], json_file: Path | None) -> int:
+    """Repair bags whose recording was cut off by kill -9, a power cut or a full disk.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Their folders.
-    json_file : Path, optional
-        Where to write the same for a program.
-
-    Raises
-    ------
-    ParameterError
-        One is no bag, or the file cannot be written.
+    Keeps every intact message, and writes index and metadata.yaml. Replaced files are kept
+    with .damaged after their name; an intact bag is not changed.
     """
     done = []
     for path in paths:

@@ -10,9 +10,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
 import numpy as np
 import yaml
 
+from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.process import DONE, FAILED
@@ -30,7 +32,7 @@ from haptic_accel.devices.serial.device import (
     HIGHEST_RATE,
     MISSING_LIBRARY,
 )
-from haptic_accel.graph.arguments import parse_arguments
+from haptic_accel.graph.words import parse_words
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.link import BoardLink
@@ -92,9 +94,18 @@ class Collector:
         return np.array(self._counts[:number], dtype=float)
 
 
+@click.command(
+    "calibrate",
+    cls=Verb,
+    examples=["haptic-accel calibrate port:=/dev/ttyACM0", "haptic-accel calibrate arm:=slave"],
+)
+@words(CalibrateArguments)
 def calibrate_board(words: Sequence[str]) -> int:
-    """Guide a person through the flip test, write a parameter file; return the exit status."""
-    arguments = parse_arguments(words, CalibrateArguments)
+    """Measure an accelerometer behind a serial board with one axis up, then down.
+
+    Writes its gain and offset as a parameter file for config:=FILE.
+    """
+    arguments = parse_words(words, CalibrateArguments)
     if bool(arguments.port) == bool(arguments.usb_serial):
         raise ParameterError("port = '': must be given, or usb_serial, and not both")
     path = Path(arguments.file or f"calibration_{arguments.side}.yaml")

@@ -7,13 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import click
+
+from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.process import DONE, FAILED
-from haptic_accel.graph.arguments import parse_arguments
 from haptic_accel.graph.files import surface_parameters
 from haptic_accel.graph.processes import RECORDING
+from haptic_accel.graph.words import parse_words
 
 if TYPE_CHECKING:
     from haptic_accel.cli.calling import Caller
@@ -48,9 +51,22 @@ class ControlArguments(Checked):
     namespace: str = parameter("", "of the graph")
 
 
+@click.command(
+    cls=Verb,
+    examples=[
+        "haptic-accel control controller:=adaptive",
+        "haptic-accel control surface:=vinyl grip:=hook",
+        "haptic-accel control engage:=false",
+    ],
+)
+@words(ControlArguments)
 def control(words: Sequence[str]) -> int:
-    """Change what ``key:=value`` words say; return the exit status."""
-    arguments = parse_arguments(words, ControlArguments)
+    """Change a graph while it runs.
+
+    Switches to another controller, freezes or resets the adaptation, changes the simulated
+    surface or grip, disengages or engages the arms.
+    """
+    arguments = parse_words(words, ControlArguments)
     values = _values(arguments)
     asked = arguments.reset or arguments.arm or arguments.engage != KEEP
     if not (any(values.values()) or asked):

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.cli.bench import save
 from haptic_accel.cli.experiment import check_writable
+from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.interface import Loop
@@ -26,7 +28,7 @@ from haptic_accel.core.control.inversion.spectrum import ToolSpectrum
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE
 from haptic_accel.devices.playback.files import read_recording
-from haptic_accel.graph.arguments import parse_arguments
+from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import RECORDING, graph_parameters
 
@@ -39,15 +41,20 @@ DESIGNED = ("inverse", "feedback", "adaptive")
 DEGREES = 180 / np.pi
 
 
-def design(words: Sequence[str], *, json_file: Path | None) -> int:
-    """Design a controller for the plant of a graph's parameters; print and save the prediction.
+@click.command(
+    cls=Verb,
+    examples=[
+        "haptic-accel design controller:=feedback rate:=4000",
+        "haptic-accel design surface:=recording recording:=drag.csv recording_rate:=1000",
+    ],
+)
+@words(GraphArguments)
+@json_option
+def design(words: Sequence[str], json_file: Path | None) -> int:
+    """Design a controller for compensator.plant and print the prediction.
 
-    Parameters
-    ----------
-    words : sequence of str
-        Arguments of the graph as ``key:=value``: controller, rig, rate, config, recording count.
-        With a recording its spectrum is that of what is felt, the expected one otherwise.
-    json_file : Path, optional
+    Tracking error and its lower bound, force, travel, gain and phase, and margins of the
+    feedback. With surface:=recording the spectrum of the recording replaces the expected one.
     """
     given = [*words]
     if not any(word.startswith("controller:=") for word in words):

@@ -22,10 +22,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import click
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from haptic_accel.cli.options import Verb, json_option
 from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import ZERO
@@ -89,20 +91,13 @@ class UnusableError(Exception):
     """ROS 2 cannot be used; the message is the reason in one line."""
 
 
+@click.command(cls=Verb)
+@click.option("--seconds", type=float, default=5.0, help="Length of the timer measurement, s.")
+@json_option
 def doctor(seconds: float, json_file: Path | None) -> int:
-    """Show what hurts real time here and how to mend it; return the exit status.
+    """Find causes of timing jitter on this machine and suggest fixes.
 
-    Parameters
-    ----------
-    seconds : float
-        How long to measure at least, s.
-    json_file : Path, optional
-        Where to write findings and figures.
-
-    Raises
-    ------
-    ParameterError
-        `seconds` is not allowed, or the file cannot be written.
+    Also measures the lateness of a 1 kHz timer. Nothing is changed.
     """
     if not 0.1 <= seconds <= 3600:
         raise ParameterError(f"seconds = {seconds:g}: must be from 0.1 to 3600 s")

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import click
+
 from haptic_accel.cli.emulation import (
     emulation_folder,
     until_stopped,
     virtual_rig,
     write_parameters,
 )
+from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.parameters import Checked, from_flat, parameter
 from haptic_accel.core.process import DONE
 from haptic_accel.core.rig.master_rig import MasterRig
@@ -25,10 +28,10 @@ from haptic_accel.emulators.can_bus import BusPort, Emulator, Port, SlcanPort
 from haptic_accel.emulators.can_faults import FAULTS, parse_faults
 from haptic_accel.graph.arguments import (
     grip_argument,
-    parse_arguments,
     rig_argument,
     seed_argument,
 )
+from haptic_accel.graph.words import parse_words
 
 MASTER, SLAVE = "master", "slave"
 
@@ -83,9 +86,14 @@ class EmulateCanArguments(Checked):
     )
 
 
+@click.command(cls=Verb, name="can", examples=["haptic-accel emulate can kinematics:=stage"])
+@words(EmulateCanArguments)
 def emulate_can(words: Sequence[str]) -> int:
-    """Emulate two arms until stopped; return the exit status."""
-    arguments = parse_arguments(words, EmulateCanArguments)
+    """Emulate master and slave arms of ODrives on CAN until Ctrl-C.
+
+    They are behind slcan adapters on pseudo-terminals or on any bus of python-can.
+    """
+    arguments = parse_words(words, EmulateCanArguments)
     faults = parse_faults(arguments.faults, arguments.fault_seconds)
     folder = emulation_folder(arguments.folder, "can")
     given = {arm: _given(arguments, arm, folder) for arm in (MASTER, SLAVE)}

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
+
 from haptic_accel.cli.emulation import (
     emulation_folder,
     until_stopped,
     virtual_rig,
     write_parameters,
 )
+from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.model import AccelerometerParameters
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.process import DONE, FAILED
@@ -26,10 +29,10 @@ from haptic_accel.devices.serial.device import (
 from haptic_accel.emulators.serial_faults import FAULTS, parse_faults
 from haptic_accel.graph.arguments import (
     grip_argument,
-    parse_arguments,
     rig_argument,
     seed_argument,
 )
+from haptic_accel.graph.words import parse_words
 
 if TYPE_CHECKING:
     from haptic_accel.emulators.serial_line import EmulatedBoard
@@ -75,9 +78,11 @@ class EmulateSerialArguments(Checked):
     )
 
 
+@click.command(cls=Verb, name="serial", examples=["haptic-accel emulate serial duration:=60"])
+@words(EmulateSerialArguments)
 def emulate_serial(words: Sequence[str]) -> int:
-    """Emulate both boards until stopped; return the exit status."""
-    arguments = parse_arguments(words, EmulateSerialArguments)
+    """Emulate the boards of handle and tool on pseudo-terminals until Ctrl-C."""
+    arguments = parse_words(words, EmulateSerialArguments)
     faults = parse_faults(arguments.faults)
     rig = virtual_rig(arguments.rig, arguments.grip, arguments.surface, arguments.seed)
     try:

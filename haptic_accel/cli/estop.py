@@ -8,10 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import click
+
+from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.topics import EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED
-from haptic_accel.graph.arguments import parse_arguments
+from haptic_accel.graph.words import parse_words
 
 if TYPE_CHECKING:
     from haptic_accel.cli.calling import Caller
@@ -37,9 +40,11 @@ class StopArguments(Checked):
     namespace: str = parameter("", "of the graph")
 
 
+@click.command(cls=Verb, examples=["haptic-accel estop", "haptic-accel estop release:=true"])
+@words(StopArguments)
 def estop(words: Sequence[str]) -> int:
-    """Stop both devices, or release them; return the exit status."""
-    arguments = parse_arguments(words, StopArguments)
+    """Remove all forces from both devices at once; they refuse new ones until release:=true."""
+    arguments = parse_words(words, StopArguments)
     # ROS takes a while to import: only who talks to it waits for that.
     from haptic_accel.cli.calling import connected
 

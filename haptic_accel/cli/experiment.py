@@ -13,12 +13,22 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
+import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from haptic_accel.analysis.experiment_report import write_report
 from haptic_accel.bags.trials import SIGNALS, Delivery, read_trial
+from haptic_accel.cli.options import (
+    Verb,
+    json_option,
+    listed,
+    listed_words,
+    out_option,
+    word_options,
+    words,
+)
 from haptic_accel.cli.teleop import StopOnSignal, conclude
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation, evaluate
@@ -141,33 +151,45 @@ class GraphFailedError(Exception):
         self.status = status
 
 
+@click.command(
+    cls=Verb,
+    examples=[
+        "haptic-accel experiment --lockstep",
+        "haptic-accel experiment --lockstep --seeds 8 --controllers none,dynamic,inverse",
+        "haptic-accel experiment surface:=text duration:=5",
+    ],
+)
+@words(GraphArguments)
+@click.option(
+    "--lockstep", is_flag=True, help="Run without ROS, faster than real time and repeatable."
+)
+@click.option(
+    "--controllers",
+    type=listed_words,
+    default=listed(PAPER_CONTROLLERS),
+    metavar="NAME,NAME,...",
+    help=f"Controllers to compare, among {', '.join(CONTROLLERS)}.",
+)
+@word_options(["rig", "rate", "grip", "recording", "recording_rate"])
+@click.option(
+    "--seeds", type=int, default=1, help="Number of users and pieces of material, in lockstep."
+)
+@json_option
+@out_option
 def experiment(
     words: Sequence[str],
     *,
     lockstep: bool,
     json_file: Path | None,
     out: Path | None,
-    seeds: int = 1,
-    controllers: Sequence[str] = PAPER_CONTROLLERS,
+    seeds: int,
+    controllers: Sequence[str],
 ) -> int:
-    """Run the conditions, print Table II, write the report; return the exit status.
+    """Run the paper's three surfaces under its three controllers.
 
-    Parameters
-    ----------
-    words : sequence of str
-        Arguments of the graph as ``key:=value``; `surface` and `controller` restrict the
-        conditions to one of each.
-    lockstep : bool
-        Without ROS.
-    json_file : Path, optional
-        Where to write the figures.
-    out : Path, optional
-        Folder of the report; ``results/<time>`` otherwise.
-    seeds : int
-        Users and pieces of material, each under every condition: the seed given and those
-        that follow it. The report shows the first.
-    controllers : sequence of str
-        Under which every surface is run, unless the arguments name one.
+    Prints Table II beside the paper's, and writes a report with its figures 9, 10 and 11.
+    surface and controller restrict the conditions; duration is that of one condition, 10 s by
+    default. --recording selects surface:=recording.
     """
     arguments = _with_duration(words)
     _check_seeds(seeds, lockstep)

@@ -10,6 +10,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+import click
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -17,6 +18,7 @@ from rich.table import Table
 
 from haptic_accel.cli.bench import save
 from haptic_accel.cli.experiment import SURFACES, check_writable
+from haptic_accel.cli.options import Verb, json_option, listed, listed_words
 from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.inversion import Plant, causal_bound, measured_spectrum
@@ -133,7 +135,34 @@ class Row:
     travel_peak_mm: float
 
 
-def bench_fidelity(
+@click.command(cls=Verb)
+@click.option(
+    "--controllers",
+    type=listed_words,
+    default=listed(CONTROLLERS),
+    metavar="NAME,NAME,...",
+    help="Controllers to compare.",
+)
+@click.option(
+    "--recording",
+    "recordings",
+    multiple=True,
+    metavar="FILE",
+    help="CSV or WAV file of a tool acceleration, in place of the simulated surfaces; may be given"
+    " many times.",
+)
+@click.option(
+    "--recording-rate",
+    "recording_rates",
+    multiple=True,
+    type=float,
+    metavar="HZ",
+    help="Sampling rate of each CSV file, or once for all, Hz.",
+)
+@click.option("--hands", type=int, default=50, help="Number of random hands.")
+@click.option("--seed", type=int, default=1, help="Seed of the random hands.")
+@json_option
+def fidelity(
     *,
     controllers: Sequence[str],
     recordings: Sequence[str],
@@ -142,20 +171,10 @@ def bench_fidelity(
     seed: int,
     json_file: Path | None,
 ) -> int:
-    """Run all conditions, print and save errors beside their bounds.
+    """Measure the tracking error of all controllers in lockstep.
 
-    Parameters
-    ----------
-    controllers : sequence of str
-    recordings : sequence of str
-        Files in place of the simulated surfaces.
-    recording_rates : sequence of float
-        Of each file, or of all, Hz.
-    hands : int
-        How many hands are drawn.
-    seed : int
-        That they are drawn from.
-    json_file : Path, optional
+    Runs both rigs at 1 and 4 kHz, with Table I's grip, with many hands, and with grips that
+    change. Prints errors beside the lowest that any causal linear filter could reach.
     """
     for name in controllers:
         if name not in CONTROLLERS:

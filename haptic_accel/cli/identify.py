@@ -12,6 +12,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+import click
 import numpy as np
 import yaml
 from rich.console import Console
@@ -21,9 +22,19 @@ from rich.table import Table
 from haptic_accel.analysis.identification_report import ModelError, write_identification_report
 from haptic_accel.bags.trials import read_excited, read_force_age
 from haptic_accel.cli.experiment import check_writable, make_folder
+from haptic_accel.cli.options import (
+    Verb,
+    json_option,
+    listed,
+    listed_words,
+    out_option,
+    word_options,
+    words,
+)
 from haptic_accel.cli.teleop import StopOnSignal, conclude
 from haptic_accel.core.actuator.travel import SuspensionParameters
 from haptic_accel.core.identification import (
+    DEFAULT_FREE,
     SAMPLES_MISSING,
     UNEXPLAINED,
     FrequencyResponse,
@@ -50,10 +61,11 @@ from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.devices.playback.files import read_recording
-from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments, parse_arguments
+from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import SIMULATED, graph_parameters, identification_graph
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.graph.words import parse_words
 
 LOWEST_COMPARED = 15.0
 """Below it the compensator's high-pass lets nothing through (paper), Hz."""
@@ -81,6 +93,49 @@ class _StoppedError(Exception):
         self.status = status
 
 
+@click.command(
+    cls=Verb,
+    examples=[
+        "haptic-accel identify --lockstep --grips pinch,hook",
+        "haptic-accel identify master:=serial config:=mine.yaml",
+        "haptic-accel identify --from results/identify/bag",
+    ],
+)
+@words(IdentifyArguments)
+@click.option("--lockstep", is_flag=True, help="Run without ROS, on the simulated handle.")
+@click.option(
+    "--grips",
+    type=listed_words,
+    default="",
+    show_default=False,
+    metavar="GRIP,GRIP,...",
+    help="Grips to hold the handle with, one after the other; fitted separately and pooled.",
+)
+@click.option(
+    "--from",
+    "sources",
+    multiple=True,
+    metavar="[GRIP=]FILE",
+    help="Bag of an identification, or CSV file with columns"
+    f" {' and '.join(COLUMNS)}, to evaluate in place of a run; may be given many times.",
+)
+@click.option(
+    "--recording-rate",
+    type=float,
+    default=0.0,
+    metavar="HZ",
+    help="Sampling rate of the CSV files, Hz.",
+)
+@click.option(
+    "--free",
+    type=listed_words,
+    default=listed(DEFAULT_FREE),
+    metavar="NAME,NAME,...",
+    help="Parameters of the model to fit.",
+)
+@word_options([*schema(SweepParameters), "trials", "rig"])
+@json_option
+@out_option
 def identify(
     words: Sequence[str],
     *,
@@ -92,26 +147,11 @@ def identify(
     json_file: Path | None,
     out: Path | None,
 ) -> int:
-    """Run the paper's procedure, fit, and write parameter file, report and numbers.
+    """Excite the handle with the paper's sweep and fit its model.
 
-    Parameters
-    ----------
-    words : sequence of str
-        Arguments as ``key:=value``: the excitation, and the graph's.
-    lockstep : bool
-        Without ROS, on the simulated handle.
-    grips : sequence of str
-        Ways to hold the handle, one after the other; empty for the one of the arguments.
-    sources : sequence of str
-        Bags and CSV files to evaluate in place of a run, as ``FILE`` or ``GRIP=FILE``.
-    recording_rate : float
-        Of CSV files, Hz.
-    free : sequence of str
-        What is fitted.
-    json_file, out : Path, optional
-        Where to write figures, and everything else.
+    Writes a parameter file for config:=FILE, and the paper's figures 4 and 5.
     """
-    arguments = parse_arguments(words, IdentifyArguments)
+    arguments = parse_words(words, IdentifyArguments)
     grips = _checked_grips(grips, arguments)
     if lockstep and arguments.master != SIMULATED:
         raise ParameterError(f"master = {arguments.master!r}: with --lockstep must be simulated")

@@ -7,28 +7,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import click
+
 from haptic_accel.cli.bench import save
 from haptic_accel.cli.experiment import run_lockstep
+from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.core.process import DONE
-from haptic_accel.graph.arguments import parse_arguments
+from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 
 
-def bench_lockstep(
-    words: Sequence[str], *, rate: float, seconds: float, json_file: Path | None
-) -> int:
-    """Run one trial on one core; print and save how long it took.
-
-    Parameters
-    ----------
-    words : sequence of str
-        Arguments of the graph as ``key:=value``.
-    rate : float
-        Samples per second.
-    seconds : float
-        Length of the trial, simulated.
-    json_file : Path, optional
-        Where to write the figures.
-    """
+@click.command(cls=Verb)
+@words(GraphArguments)
+@click.option("--rate", type=float, default=1000.0, help="Sampling rate, Hz.")
+@click.option("--seconds", type=float, default=10.0, help="Length of the trial, s.")
+@json_option
+def lockstep(words: Sequence[str], *, rate: float, seconds: float, json_file: Path | None) -> int:
+    """Run one trial in lockstep on one core, and print its duration."""
     arguments = replace(parse_arguments(words), rate=rate, duration=seconds)
     run_lockstep(replace(arguments, duration=10 / rate))  # what is loaded once does not count
     start = time.perf_counter()

@@ -1,63 +1,150 @@
-"""The command ``haptic-accel``: which verbs there are."""
+"""The command ``haptic-accel``: the verbs there are, and what their errors look like."""
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 
+import click
+
+from haptic_accel.cli.lazy import Lazy, LazyGroup
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED, WRONG_ARGUMENTS
 
-VERBS = {
-    "teleop": "run the teleoperation graph",
-    "control": "change controller, surface or grip of a graph that runs",
-    "record": "start, pause, split and stop the recording of a graph that runs",
-    "bag": "what is in a bag, and mending one that was cut off",
-    "scope": "serve a page that shows a graph while it runs",
-    "estop": "emergency stop of a graph that runs, and its release",
-    "design": "what inverse, feedback or adaptive will do, before anything runs",
-    "experiment": "run the paper's experiment and report Table II",
-    "identify": "find the handle's parameters with the paper's sweep",
-    "replay": "play a bag once more, through any controller",
-    "analyze": "turn bags into the paper's table, figures and a page",
-    "emulate": "hardware that is not there, behind real drivers",
-    "calibrate": "an accelerometer's gain and offset, from gravity",
-    "bench": "measure the graph's latency, CPU and losses",
-    "doctor": "what on this machine hurts real time, and how to mend it",
+BAG = LazyGroup(
+    "bag",
+    {
+        "Verbs": {
+            "info": Lazy("show topics, recording settings and damage of a bag", "bag:info"),
+            "repair": Lazy("repair bags whose recording was cut off", "bag:repair_bags"),
+        }
+    },
+    help="Inspect bags, and repair those whose recording was cut off.",
+    examples=["haptic-accel bag info bags/text", "haptic-accel bag repair bags/*"],
+)
+EMULATE = LazyGroup(
+    "emulate",
+    {
+        "Hardware": {
+            "can": Lazy("two arms of ODrives on CAN", "emulate_can:emulate_can"),
+            "serial": Lazy(
+                "boards of handle and tool on USB serial", "emulate_serial:emulate_serial"
+            ),
+        }
+    },
+    help="Emulate boards or arms to test the drivers without hardware.",
+    examples=["haptic-accel emulate serial", "haptic-accel emulate can faults:=silence@2"],
+)
+BENCH = LazyGroup(
+    "bench",
+    {
+        "Kinds": {
+            "latency": Lazy(
+                "latency at one rate, beside rclpy's default executor and bare UDP",
+                "bench:latency",
+            ),
+            "sweep": Lazy("latency and CPU against rate and number of pairs", "bench:sweep"),
+            "soak": Lazy("memory growth over a long run", "soak:soak"),
+            "scope": Lazy("cost of the live scope for the graph", "watched:watched"),
+            "lockstep": Lazy("speed of a trial without ROS", "lockstep:lockstep"),
+            "fidelity": Lazy(
+                "tracking error of each controller on every rig, grip and input",
+                "fidelity:fidelity",
+            ),
+            "protocol": Lazy(
+                "generated frames through the serial protocol", "protocol_bench:protocol"
+            ),
+        }
+    },
+    help="Measure latency, CPU, losses and tracking error.",
+    examples=["haptic-accel bench latency rig:=ideal --rate 2000", "haptic-accel bench fidelity"],
+)
+
+SECTIONS = {
+    "Graph": {
+        "teleop": Lazy("run the teleoperation graph", "teleop:teleop"),
+        "control": Lazy(
+            "change controller, surface or grip of a running graph", "control:control"
+        ),
+        "estop": Lazy("stop a running graph in an emergency, or release it", "estop:estop"),
+        "scope": Lazy("serve a page that shows a running graph", "scope:scope"),
+    },
+    "Devices": {
+        "calibrate": Lazy(
+            "measure gain and offset of an accelerometer by gravity", "calibrate:calibrate"
+        ),
+        "emulate": Lazy("emulate boards or arms to test the drivers without hardware", EMULATE),
+    },
+    "Recording and analysis": {
+        "record": Lazy(
+            "start, pause, split or stop the recording of a running graph", "record:record"
+        ),
+        "bag": Lazy("inspect and repair bags", BAG),
+        "replay": Lazy("play a bag again, with any controller", "replay:replay"),
+        "analyze": Lazy("write the paper's tables and plots from bags", "analyze:analyze"),
+        "experiment": Lazy(
+            "run the paper's experiment and report Table II", "experiment:experiment"
+        ),
+    },
+    "Design": {
+        "identify": Lazy("fit the handle's model with the paper's sweep", "identify:identify"),
+        "design": Lazy("predict error, force and margins of a controller", "design:design"),
+    },
+    "Machine": {
+        "bench": Lazy("measure latency, CPU, losses and tracking error", BENCH),
+        "doctor": Lazy(
+            "find causes of timing jitter on this machine and suggest fixes", "doctor:doctor"
+        ),
+    },
 }
-"""What each does; its arguments are in the file of its name in `commands`."""
+"""Verbs by heading."""
+
+
+def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
+    if asked and not ctx.resilient_parsing:
+        from importlib.metadata import version  # takes as long as all the rest
+
+        click.echo(f"haptic-accel {version('haptic_accel')}")
+        ctx.exit()
+
+
+haptic_accel = LazyGroup(
+    "haptic-accel",
+    SECTIONS,
+    help="Haptic teleoperation with acceleration feedback: feel what a remote tool touches.",
+    params=[
+        click.Option(
+            ["--version"],
+            is_flag=True,
+            is_eager=True,
+            expose_value=False,
+            callback=_show_version,
+            help="Show the version and exit.",
+        )
+    ],
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "max_content_width": 100,
+        "show_default": True,
+    },
+    examples=[
+        "haptic-accel teleop controller:=dynamic surface:=text",
+        "haptic-accel experiment --lockstep",
+        "haptic-accel VERB --help",
+    ],
+)
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Run the command line and exit."""
-    words = sys.argv[1:] if words is None else words
+    """Run the command line and exit; wrong arguments are answered in one line."""
     try:
-        arguments = _parser(words).parse_args(words)
-        sys.exit(arguments.run(arguments))
-    except ParameterError as error:
-        print(f"haptic-accel: {error}", file=sys.stderr)
+        sys.exit(haptic_accel.main(words, "haptic-accel", standalone_mode=False))
+    except (click.ClickException, ParameterError) as error:
+        message = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        print(f"haptic-accel: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(WRONG_ARGUMENTS)
-    except KeyboardInterrupt:
+    except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED)
-
-
-def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Return what parses a command line: only the verb in it is complete.
-
-    An emergency stop must not wait for what draws figures to be imported.
-    """
-    parser = argparse.ArgumentParser(
-        prog="haptic-accel", description="Feel what a remote tool touches."
-    )
-    verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB")
-    for verb, summary in VERBS.items():
-        if verb in words[:1]:
-            import_module(f"haptic_accel.cli.commands.{verb}").add(verbs, summary)
-        else:
-            verbs.add_parser(verb, help=summary)
-    return parser
 
 
 if __name__ == "__main__":

@@ -9,7 +9,10 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
+
 from haptic_accel.cli.bench import save
+from haptic_accel.cli.options import Verb, json_option
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.devices.serial.device import MISSING_LIBRARY
@@ -24,20 +27,15 @@ MOST_GARBAGE = 300
 """Bytes at a time: more than a frame is long."""
 
 
-def bench_protocol(*, frames: int, seed: int, json_file: Path | None) -> int:
-    """Send generated frames to a board and a decoder over a bad wire; print and save counts.
+@click.command(cls=Verb)
+@click.option("--frames", type=int, default=100_000, help="Number of frames.")
+@click.option("--seed", type=int, default=1, help="Seed of the frames and of their damage.")
+@json_option
+def protocol(*, frames: int, seed: int, json_file: Path | None) -> int:
+    """Send generated frames through decoder and board of the serial protocol.
 
-    Every frame that nothing happened to must be found and be the same; none may be found that
-    was not sent; no current may flow that is beyond full scale, or without being armed.
-
-    Parameters
-    ----------
-    frames : int
-        How many.
-    seed : int
-        Of the frames and of what happens to them.
-    json_file : Path, optional
-        Where to write the figures.
+    A tenth of them is damaged. The exit status is 1 if one is missed, or a current flows that
+    must not.
     """
     if frames < 1:
         raise ParameterError(f"frames = {frames}: must be at least 1")

@@ -6,9 +6,12 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import click
+
+from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.process import DONE, FAILED
-from haptic_accel.graph.arguments import parse_arguments
+from haptic_accel.graph.words import parse_words
 
 PATIENCE = 120.0
 """How long an answer may take, s: a file that is finished may have to be compressed first."""
@@ -30,9 +33,12 @@ class RecordArguments(Checked):
     namespace: str = parameter("", "of the graph")
 
 
+@click.command(cls=Verb, examples=["haptic-accel record pause", "haptic-accel record status"])
+@click.argument("action", type=click.Choice(list(ACTIONS)))
+@words(RecordArguments)
 def record(action: str, words: Sequence[str]) -> int:
-    """Ask the recorder of a graph for one of `ACTIONS`; return the exit status."""
-    arguments = parse_arguments(words, RecordArguments)
+    """Control the recording of a running graph."""
+    arguments = parse_words(words, RecordArguments)
     # ROS takes a while to import: only who talks to it waits for that.
     from std_srvs.srv import Trigger
 

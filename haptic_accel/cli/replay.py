@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import click
 from rich.console import Console
 from rich.table import Table
 
@@ -16,7 +17,8 @@ from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.cli.bench import save
 from haptic_accel.cli.experiment import check_writable, make_folder
-from haptic_accel.cli.teleop import StopOnSignal, conclude, help_lines, show
+from haptic_accel.cli.options import FILE, Verb, json_option, listed_words, words
+from haptic_accel.cli.teleop import StopOnSignal, conclude, show
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
 from haptic_accel.core.parameters import ParameterError
@@ -34,7 +36,7 @@ from haptic_accel.graph.processes import (
     graph_parameters,
     rig_parameters,
 )
-from haptic_accel.graph.replay import Replay, described_replay, replay_arguments
+from haptic_accel.graph.replay import Replay, ReplayArguments, described_replay, replay_arguments
 from haptic_accel.graph.supervisor import Supervisor
 
 Figures = dict[str, Any]
@@ -82,36 +84,48 @@ class Condition:
         }
 
 
-def help_text() -> str:
-    """Return the arguments of a replay with their defaults and units."""
-    return help_lines(described_replay())
-
-
+@click.command(
+    cls=Verb,
+    examples=[
+        "haptic-accel replay bags/text controller:=inverse",
+        "haptic-accel replay bags/* --lockstep --controllers none,dynamic,inverse",
+        "haptic-accel replay drag.csv loop:=true",
+    ],
+)
+@words(
+    ReplayArguments, GraphArguments, describe=described_replay, metavar="[BAG | key:=value ...]"
+)
+@click.option("--lockstep", is_flag=True, help="Run without ROS; repeatable.")
+@click.option(
+    "--controllers",
+    type=listed_words,
+    default="",
+    show_default=False,
+    metavar="NAME,NAME,...",
+    help="Controllers that each play every bag, with --lockstep.",
+)
+@json_option
+@click.option(
+    "--out",
+    type=FILE,
+    metavar="FOLDER",
+    help="New folder for a bag of each condition, with --lockstep.",
+)
 def replay(
     words: Sequence[str],
     *,
     lockstep: bool,
-    controllers: Sequence[str] = (),
-    json_file: Path | None = None,
-    out: Path | None = None,
+    controllers: Sequence[str],
+    json_file: Path | None,
+    out: Path | None,
 ) -> int:
-    """Play bags through the graph or in lockstep; return the exit status.
+    """Play a bag, or a CSV or WAV file, through the graph in place of the slave device.
 
-    Parameters
-    ----------
-    words : sequence of str
-        Bags, and arguments as ``key:=value``.
-    lockstep : bool
-        Without ROS.
-    controllers : sequence of str
-        See `replay_lockstep`.
-    json_file, out : Path, optional
-        See `replay_lockstep`.
-
-    Raises
-    ------
-    ParameterError
-        An argument is wrong, or a bag cannot be replayed.
+    Plays the tool's acceleration and the slave's motion; a CSV or WAV file holds an
+    acceleration alone. Other arguments default to those stored in the bag; the result is
+    recorded as a new bag. The simulated user holds and moves the handle, which the coupler
+    draws to the recorded path. rate is the speed, as in `ros2 bag play`; the sampling rate is
+    that of the bag. With --lockstep any number of bags may be given.
     """
     if lockstep:
         return replay_lockstep(words, controllers=controllers, json_file=json_file, out=out)

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import click
+
+from haptic_accel.cli.options import Verb, words
 from haptic_accel.cli.teleop import StopOnSignal
 from haptic_accel.core.parameters import parameter
 from haptic_accel.core.process import DONE, FAILED
-from haptic_accel.graph.arguments import parse_arguments
 from haptic_accel.graph.node_parameters import ScopeNodeParameters
 from haptic_accel.graph.processes import scope_process
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.graph.words import parse_words
 from haptic_accel.scope.access import TOKEN_VARIABLE
 
 __all__ = ["TOKEN_VARIABLE", "ScopeArguments", "scope"]
@@ -24,9 +27,19 @@ class ScopeArguments(ScopeNodeParameters):
     namespace: str = parameter("", "of the graph")
 
 
+@click.command(
+    cls=Verb,
+    examples=["haptic-accel scope", "haptic-accel scope host:=0.0.0.0 control:=true"],
+)
+@words(ScopeArguments)
 def scope(words: Sequence[str]) -> int:
-    """Serve the page until stopped; return the exit status."""
-    arguments = parse_arguments(words, ScopeArguments)
+    """Serve a page with signals, spectra, errors and states of a running graph until Ctrl-C.
+
+    With control:=true the page has controls. An address other than this machine's own needs a
+    token, which is printed with the address; HAPTIC_ACCEL_SCOPE_TOKEN in the environment sets
+    it.
+    """
+    arguments = parse_words(words, ScopeArguments)
     parameters = {
         "host": arguments.host,
         "port": arguments.port,

@@ -8,16 +8,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import click
 import psutil
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from haptic_accel.cli.bench import MEBI, save
+from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.teleop import StopOnSignal, conclude
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
-from haptic_accel.graph.arguments import parse_arguments
+from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
 
@@ -82,23 +84,16 @@ class Memory:
         return {name: sizes[-1] - sizes[first] for name, sizes in self.resident.items()}
 
 
-def bench_soak(words: Sequence[str], *, seconds: float, json_file: Path | None) -> int:
-    """Run the graph with recording and watch its memory; print, save and judge.
-
-    Parameters
-    ----------
-    words : sequence of str
-        Arguments of the graph as ``key:=value``.
-    seconds : float
-        From the moment that the arms engage.
-    json_file : Path, optional
-        Where to write the figures.
-
-    Returns
-    -------
-    int
-        1 if a process grew by more than `MOST_GROWTH`.
-    """
+@click.command(
+    cls=Verb,
+    help="Run the graph with recording and watch the memory of its processes; exit status 1 if"
+    f" one grows by more than {MOST_GROWTH:g} MiB.",
+)
+@words(GraphArguments)
+@click.option("--seconds", type=float, default=600.0, help="Length of each measurement, s.")
+@json_option
+def soak(words: Sequence[str], *, seconds: float, json_file: Path | None) -> int:
+    """Run the graph and watch the memory of its processes."""
     if not seconds >= 3 * SAMPLE_PERIOD:
         raise ParameterError(f"seconds = {seconds:g}: must be at least {3 * SAMPLE_PERIOD:g}")
     arguments = parse_arguments(words)

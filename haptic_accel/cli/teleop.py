@@ -7,9 +7,11 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from haptic_accel.core.parameters import Checked
+import click
+
+from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.process import DONE, FAILED, WRONG_ARGUMENTS
-from haptic_accel.graph.arguments import GraphArguments, described, parse_arguments
+from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 
@@ -36,23 +38,17 @@ class StopOnSignal:
         return self._asked.is_set()
 
 
-def help_text(kind: type[Checked] = GraphArguments) -> str:
-    """Return the arguments of a graph with their defaults and units."""
-    return help_lines(described(kind))
-
-
-def help_lines(arguments: Sequence[tuple[str, str, str]]) -> str:
-    """Return arguments by name, default and description as lines of a help text."""
-    width = max(len(name) for name, _, _ in arguments)
-    lines = [
-        f"  {name:<{width}}  {text} (default: {default or 'empty'})"
-        for name, default, text in arguments
-    ]
-    return "arguments, each as key:=value:\n" + "\n".join(lines)
-
-
+@click.command(
+    cls=Verb,
+    examples=[
+        "haptic-accel teleop controller:=inverse surface:=vinyl duration:=10",
+        "haptic-accel teleop master:=serial slave:=serial config:=mine.yaml",
+        "haptic-accel teleop scope:=true",
+    ],
+)
+@words(GraphArguments)
 def teleop(words: Sequence[str]) -> int:
-    """Run the graph until stopped; return the exit status."""
+    """Run the five nodes of the teleoperation graph until Ctrl-C."""
     arguments = parse_arguments(words)
     processes = graph(arguments)
     with StopOnSignal() as stop:

@@ -16,11 +16,13 @@ from statistics import fmean
 from typing import Any
 
 import aiohttp
+import click
 from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.bags.trials import AGE_OF, LABELS, durations, read_delivery
 from haptic_accel.cli.bench import Figures, StoppedError, Usage, save
+from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.teleop import StopOnSignal, conclude
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
@@ -113,28 +115,24 @@ class BrowserSpectator:
         self._folder.cleanup()
 
 
-def bench_scope(
+@click.command(cls=Verb, name="scope")
+@words(GraphArguments)
+@click.option("--seconds", type=float, default=20.0, help="Length of each run, s.")
+@click.option("--rounds", type=int, default=2, help="Number of runs without and with a scope.")
+@click.option(
+    "--browser",
+    default="",
+    metavar="PROGRAM",
+    help="Chromium that shows the page; without one the frames are received and not drawn.",
+)
+@json_option
+def watched(
     words: Sequence[str], *, seconds: float, rounds: int, browser: str, json_file: Path | None
 ) -> int:
-    """Run the graph without and with a scope that is looked at, in turns; print and save.
+    """Measure the cost of the live scope for the graph.
 
-    Parameters
-    ----------
-    words : sequence of str
-        Further arguments of the graph as ``key:=value``.
-    seconds : float
-        Length of each run.
-    rounds : int
-        How often the two take turns.
-    browser : str
-        A Chromium to look with; empty for one who takes the frames and draws nothing.
-    json_file : Path, optional
-        Where to write the figures.
-
-    Raises
-    ------
-    ParameterError
-        An argument is not usable.
+    Runs the graph without and with a scope that shows it, in turns. Prints the age of the
+    forces and the CPU of both, and the data rate of the scope.
     """
     arguments = _arguments(words, seconds, rounds)
     looked = replace(arguments, scope=True, scope_port=0)

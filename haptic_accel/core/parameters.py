@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -14,6 +15,12 @@ _SPECIFICATION = "parameter"
 
 class ParameterError(ValueError):
     """A value that a user gave is not allowed; the message is one line fit to be shown."""
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return what to add to an error about an unknown word: the nearest known one, if any."""
+    near = difflib.get_close_matches(word, list(known), n=1)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,7 +118,7 @@ def checked(name: str, value: Any, default: Any, specification: Specification) -
         if not isinstance(value, str):
             raise wrong
         if specification.choices and value not in specification.choices:
-            raise wrong
+            raise ParameterError(f"{wrong}{suggestion(value, specification.choices)}")
         return value
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise wrong

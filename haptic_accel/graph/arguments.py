@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, TypeVar, overload
+from typing import Any
 
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
-from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
+from haptic_accel.core.parameters import parameter, schema
 from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.devices.playback.device import loop_parameter, speed_parameter, start_parameter
 from haptic_accel.graph.node_parameters import (
@@ -20,8 +20,7 @@ from haptic_accel.graph.node_parameters import (
     scope_port_parameter,
     trials_parameter,
 )
-
-A = TypeVar("A", bound=Checked)
+from haptic_accel.graph.words import parse_words
 
 AVERAGE_GRIP = "average"
 """That of Table I."""
@@ -134,60 +133,6 @@ class IdentifyArguments(SweepParameters, RecordingOptions):
         return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
 
 
-@overload
-def parse_arguments(words: Iterable[str]) -> GraphArguments: ...
-@overload
-def parse_arguments(words: Iterable[str], kind: type[A]) -> A: ...
-def parse_arguments(words: Iterable[str], kind: type[Checked] = GraphArguments) -> Checked:
-    """Read ``key:=value`` words.
-
-    Parameters
-    ----------
-    words : iterable of str
-    kind : type
-        Dataclass of the arguments there are.
-
-    Raises
-    ------
-    ParameterError
-        A word of another form, an unknown key, a key given twice, a value not allowed.
-    """
-    known = schema(kind)
-    values: dict[str, Any] = {}
-    for word in words:
-        key, separator, text = word.partition(":=")
-        if not separator:
-            raise ParameterError(f"{word!r}: must have the form key:=value")
-        if key not in known:
-            raise ParameterError(f"{key}: no such argument; there are {', '.join(known)}")
-        if key in values:
-            raise ParameterError(f"{key}: given twice")
-        values[key] = _value(text, known[key][0])
-    return kind(**values)
-
-
-def _value(text: str, default: Any) -> Any:
-    """Read a word as its argument's type; text that is none stays text and is refused later."""
-    if isinstance(default, str):
-        return text
-    if isinstance(default, bool):
-        return {"true": True, "false": False}.get(text.lower(), text)
-    try:
-        return float(text) if isinstance(default, float) else int(text)
-    except ValueError:
-        return text
-
-
-def described(kind: type[Checked] = GraphArguments) -> list[tuple[str, str, str]]:
-    """Return name, default and description of every argument, for help texts."""
-    lines = []
-    recording = schema(RecordingOptions)
-    # How a bag is recorded is asked for least often: last.
-    for name, (default, specification) in sorted(
-        schema(kind).items(), key=lambda item: item[0] in recording
-    ):
-        shown = str(default).lower() if isinstance(default, bool) else f"{default}"
-        unit = f" [{specification.unit}]" if specification.unit else ""
-        allowed = f"; one of {', '.join(specification.choices)}" if specification.choices else ""
-        lines.append((name, shown, specification.text + unit + allowed))
-    return lines
+def parse_arguments(words: Iterable[str]) -> GraphArguments:
+    """Read the graph's arguments from ``key:=value`` words; see `parse_words`."""
+    return parse_words(words, GraphArguments)

@@ -11,8 +11,8 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from haptic_accel.core.parameters import Checked
-from haptic_accel.graph.arguments import described
 from haptic_accel.graph.processes import Process
+from haptic_accel.graph.words import described
 
 
 def launched(

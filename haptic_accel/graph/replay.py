@@ -22,10 +22,10 @@ from haptic_accel.graph.arguments import (
     PLAYED_TOPICS,
     REPLAY,
     GraphArguments,
-    described,
     parse_arguments,
 )
 from haptic_accel.graph.node_parameters import HIGHEST_RATE
+from haptic_accel.graph.words import described, parse_words, unknown_key
 
 if TYPE_CHECKING:
     from haptic_accel.bags.recorded import Recorded
@@ -148,9 +148,9 @@ def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
     for word in words:
         key = word.partition(":=")[0]
         if key not in known:
-            raise ParameterError(f"{key}: no such argument; there are {', '.join(known)}")
+            raise unknown_key(key, known)
         (own if key in own_names else rest).append(word)
-    parsed = parse_arguments(own, ReplayArguments)
+    parsed = parse_words(own, ReplayArguments)
     if not parsed.bag:
         raise ParameterError("bag = '': must be a bag, or a CSV or WAV file")
     if not Path(parsed.bag).exists():

@@ -17,10 +17,10 @@ from PIL import Image
 from bagging import BagContent, of_trial, write_bag
 from haptic_accel.analysis import load
 from haptic_accel.analysis.page import write_page
-from haptic_accel.cli import main as cli
 from haptic_accel.core import topics
 from haptic_accel.core.trial import Trial
 from running import Command
+from verbs import status_of
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = (
@@ -45,12 +45,6 @@ def content(controller: str, surface: str, seed: int = 0, seconds: float = 5.0) 
     return of_trial(trial, seed=seed)
 
 
-def run(*words: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        cli.main([str(word) for word in words])
-    return int(ended.value.code or 0)
-
-
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bags")
@@ -68,7 +62,7 @@ def report(bags: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("report") / "out"
     json_file = folder.parent / "figures.json"
     words = ("--compare", "controller:constant,inverse", "--out", folder, "--json", json_file)
-    assert run("analyze", bags, *words) == 0
+    assert status_of("analyze", bags, *words) == 0
     return folder
 
 
@@ -167,7 +161,7 @@ def test_wrong_arguments_are_refused_in_a_line(
     (tmp_path / "there").mkdir()
     if words[0] == "bag":
         write_bag(tmp_path / "bag", content("none", "text", seconds=1.5))
-    assert run("analyze", *words) == 2
+    assert status_of("analyze", *words) == 2
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1
@@ -182,7 +176,7 @@ def test_of_bags_of_which_nothing_can_be_said_the_status_is_one(
     (tmp_path / "bags" / "empty" / "metadata.yaml").write_text("")
     json_file = tmp_path / "figures.json"
     words = ("--out", tmp_path / "out", "--json", json_file)
-    assert run("analyze", tmp_path / "bags", *words) == 1
+    assert status_of("analyze", tmp_path / "bags", *words) == 1
     printed = capsys.readouterr().out
     assert "Nothing can be said of 2 bags." in printed
     assert "foreign: none of the signals of this graph" in printed

@@ -10,7 +10,7 @@ from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.facts import custom_data, facts_text
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.recording_options import RecordingOptions
-from haptic_accel.cli.main import main
+from verbs import status_of
 
 START = 1_700_000_000_000_000_000
 FACTS = custom_data(facts_text({"surface": "vinyl", "bag": ""}, {"coupler": {"k_m": 250.0}}))
@@ -30,16 +30,8 @@ def bag(tmp_path: Path) -> Path:
     return tmp_path / "bag"
 
 
-def status(*words: object) -> int:
-    """Run ``haptic-accel bag`` and return its exit status."""
-    with pytest.raises(SystemExit) as end:
-        main(["bag", *map(str, words)])
-    assert isinstance(end.value.code, int)
-    return end.value.code
-
-
 def test_a_bag_explains_itself(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert status("info", bag, "--json", bag / "info.json") == 0
+    assert status_of("bag", "info", bag, "--json", bag / "info.json") == 0
     shown = capsys.readouterr().out
     for said in ("0.50 s, 2 messages", "mcap, 1 file(s)", "surface vinyl", "/said", "of coupler"):
         assert said in shown
@@ -55,10 +47,10 @@ def test_a_bag_that_was_cut_off_is_known_and_mended(
     bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     killed = bag.with_name("killed")
-    assert status("info", killed) == 0
+    assert status_of("bag", "info", killed) == 0
     assert "haptic-accel bag repair makes it whole" in capsys.readouterr().out
     report = bag.with_name("report.json")
-    assert status("repair", bag, killed, "--json", report) == 0
+    assert status_of("bag", "repair", bag, killed, "--json", report) == 0
     shown = capsys.readouterr().out
     assert f"{bag}: is whole: 2 messages in 0.50 s" in shown
     assert f"{killed}: is whole again: 2 messages in 0.50 s" in shown
@@ -66,7 +58,7 @@ def test_a_bag_that_was_cut_off_is_known_and_mended(
     assert whole["mended"] == []
     assert (mended["path"], mended["messages"]) == (str(killed), 2)
     assert mended["mended"]
-    assert status("info", killed) == 0
+    assert status_of("bag", "info", killed) == 0
     assert "repair" not in capsys.readouterr().out
 
 
@@ -74,7 +66,7 @@ def test_a_bag_without_a_word_that_can_be_read_is_a_failure(
     bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (bag / "bag_0.mcap").write_bytes(b"")
-    assert status("repair", bag) == 1
+    assert status_of("bag", "repair", bag) == 1
     assert "nothing in it can be read" in capsys.readouterr().out
 
 
@@ -85,7 +77,7 @@ def test_what_is_no_bag_is_refused_in_one_line(
 ) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("")
-    assert status(action, tmp_path / name) == 2
+    assert status_of("bag", action, tmp_path / name) == 2
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert f"{tmp_path / name}: must be" in line

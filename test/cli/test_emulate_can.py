@@ -13,11 +13,10 @@ import pytest
 import yaml
 
 from haptic_accel.bags.recorded import Recorded, read_bag
-from haptic_accel.cli.emulate_can import emulate_can
-from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.graph.files import read_parameter_file
 from running import Command
+from verbs import refusal, status_of
 
 Start = Callable[..., Command]
 
@@ -88,10 +87,8 @@ def written(folder: Path) -> dict[str, CanParameters]:
 
 
 def test_both_arms_may_be_on_one_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status = emulate_can(
-        [f"folder:={tmp_path}", "interface:=virtual", "channel:=one", "duration:=0.05"]
-    )
-    assert status == 0
+    bus = ["interface:=virtual", "channel:=one"]
+    assert status_of("emulate", "can", f"folder:={tmp_path}", *bus, "duration:=0.05") == 0
     assert f"rate:=500 config:={tmp_path}/can.yaml" in capsys.readouterr().out
     given = written(tmp_path)
     nodes = [
@@ -105,7 +102,7 @@ def test_without_a_folder_there_is_a_new_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    assert emulate_can(["duration:=0.05", "kinematics:=stage"]) == 0
+    assert status_of("emulate", "can", "duration:=0.05", "kinematics:=stage") == 0
     (folder,) = tmp_path.iterdir()
     assert os.listdir(folder) == ["can.yaml"]
     assert written(folder)["master_device"]["kinematics"] == "stage"
@@ -123,6 +120,4 @@ def test_without_a_folder_there_is_a_new_one(
     ],
 )
 def test_a_wrong_argument_is_refused_in_one_line(word: str, what: str) -> None:
-    with pytest.raises(ParameterError, match=what) as error:
-        emulate_can([word, "duration:=0.05"])
-    assert "\n" not in str(error.value)
+    assert refusal("emulate", "can", word, "duration:=0.05").startswith(what)

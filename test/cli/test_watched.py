@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.cli.watched import bench_scope
-from haptic_accel.core.parameters import ParameterError
 from running import Command
+from verbs import refusal
 
 
 def test_the_graph_is_measured_without_and_with_a_scope_that_is_looked_at(
@@ -43,5 +42,5 @@ def test_the_graph_is_measured_without_and_with_a_scope_that_is_looked_at(
 def test_what_the_benchmark_sets_itself_is_refused(
     words: list[str], seconds: float, rounds: int, named: str
 ) -> None:
-    with pytest.raises(ParameterError, match=f"^{named}"):
-        bench_scope(words, seconds=seconds, rounds=rounds, browser="", json_file=None)
+    options = ["--seconds", seconds, "--rounds", rounds]
+    assert refusal("bench", "scope", *options, *words).startswith(named)

@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import GraphArguments, described, parse_arguments
+from haptic_accel.graph.arguments import GraphArguments, parse_arguments
+from haptic_accel.graph.words import described
 
 
 def test_no_words_are_the_defaults() -> None:
@@ -25,15 +26,15 @@ def test_words_have_their_types() -> None:
 
 
 def test_every_argument_is_described_with_its_default() -> None:
-    names = [name for name, _, _ in described()]
+    names = [name for name, _, _ in described(GraphArguments)]
     listed = ["controller", "surface", "master", "slave", "rate", "duration", "record"]
     listed += ["bag", "config", "seed"]
     assert set(listed) <= set(names)
-    texts = {name: text for name, _, text in described()}
+    texts = {name: text for name, _, text in described(GraphArguments)}
     assert "[Hz]" in texts["rate"]
     assert "none, constant, dynamic" in texts["controller"]
     # What is shown as a default can be given as a word.
-    words = [f"{name}:={default}" for name, default, _ in described()]
+    words = [f"{name}:={default}" for name, default, _ in described(GraphArguments)]
     assert parse_arguments(words) == GraphArguments()
 
 

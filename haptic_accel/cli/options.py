@@ -1,0 +1,153 @@
+"""Declarations that the verbs share: ``key:=value`` words, options, and their help."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+
+import click
+from click.shell_completion import CompletionItem
+
+from haptic_accel.cli.lazy import write_examples
+from haptic_accel.core.parameters import Checked, schema
+from haptic_accel.graph.words import described
+
+F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
+Describe: TypeAlias = Callable[[], Sequence[tuple[str, str, str]]]
+
+
+class Words(click.Argument):
+    """The ``key:=value`` words of a verb.
+
+    Parameters
+    ----------
+    kinds : tuple of type
+        Dataclasses that declare the keys.
+    describe : callable, optional
+        Returns name, default and description of every key; those of `kinds` otherwise.
+    """
+
+    def __init__(
+        self,
+        declarations: Sequence[str],
+        kinds: Sequence[type[Checked]],
+        describe: Describe | None = None,
+        **settings: Any,
+    ) -> None:
+        super().__init__(declarations, nargs=-1, **settings)
+        self.kinds = kinds
+        self.describe = describe or (lambda: [line for kind in kinds for line in described(kind)])
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete keys, the values of those that have choices, and otherwise files."""
+        key, separator, _ = incomplete.partition(":=")
+        if not separator:
+            keys = [f"{name}:=" for name, _, _ in self.describe()]
+            found = [CompletionItem(key) for key in keys if key.startswith(incomplete)]
+            return found or [CompletionItem(incomplete, type="file")]
+        choices = [
+            choice
+            for kind in self.kinds
+            if key in schema(kind)
+            for choice in schema(kind)[key][1].choices
+        ]
+        words = [f"{key}:={choice}" for choice in choices]
+        return [CompletionItem(word) for word in words if word.startswith(incomplete)]
+
+
+class WordOption(click.Option):
+    """An option that means the same as the word ``name:=VALUE``."""
+
+
+class Verb(click.Command):
+    """A verb whose help lists its words with defaults and units, and examples.
+
+    Parameters
+    ----------
+    examples : sequence of str
+        Command lines.
+    """
+
+    def __init__(self, *declared: Any, examples: Sequence[str] = (), **settings: Any) -> None:
+        super().__init__(*declared, **settings)
+        self.examples = examples
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the verb, with the options that mean a word among its words."""
+        for parameter in self.params:
+            if isinstance(parameter, WordOption):
+                value = ctx.params.pop(str(parameter.name))
+                if value is not None:
+                    ctx.params["words"] += (f"{parameter.name}:={value}",)
+        return super().invoke(ctx)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the words and the examples."""
+        for parameter in self.params:
+            if isinstance(parameter, Words):
+                with formatter.section("Arguments, each as key:=value"):
+                    formatter.write_dl(
+                        [
+                            (name, f"{text} (default: {default or 'empty'})")
+                            for name, default, text in parameter.describe()
+                        ]
+                    )
+        write_examples(formatter, self.examples)
+
+
+def listed_words(text: str) -> list[str]:
+    """Read words with commas between."""
+    return text.split(",") if text else []
+
+
+def listed_numbers(kind: Callable[[str], T]) -> Callable[[str], list[T]]:
+    """Return what reads numbers with commas between."""
+
+    def read(text: str) -> list[T]:
+        try:
+            return [kind(word) for word in text.split(",")]
+        except ValueError:
+            raise click.BadParameter(f"{text!r}: must be numbers with commas between") from None
+
+    return read
+
+
+FILE = click.Path(path_type=Path)
+"""A path that need not exist."""
+
+json_option = click.option(
+    "--json", "json_file", type=FILE, metavar="FILE", help="Write the results as JSON."
+)
+out_option = click.option(
+    "--out",
+    type=FILE,
+    metavar="FOLDER",
+    help="New folder for the results (default: results/<date and time>).",
+)
+
+
+def words(
+    *kinds: type[Checked], describe: Describe | None = None, metavar: str = "[key:=value ...]"
+) -> Callable[[F], F]:
+    """Let a verb take ``key:=value`` words, in any order among its options."""
+    return click.argument("words", cls=Words, kinds=kinds, describe=describe, metavar=metavar)
+
+
+def word_options(names: Iterable[str], metavar: str = "VALUE") -> Callable[[F], F]:
+    """Let a verb take some of its words as options too."""
+
+    def declare(verb: F) -> F:
+        for name in reversed([*names]):
+            option = f"--{name.replace('_', '-')}"
+            text = f"The same as {name}:={metavar}."
+            verb = click.option(option, cls=WordOption, metavar=metavar, help=text)(verb)
+        return verb
+
+    return declare
+
+
+def listed(values: Iterable[float | str]) -> str:
+    """Write values with commas between."""
+    return ",".join(value if isinstance(value, str) else f"{value:g}" for value in values)

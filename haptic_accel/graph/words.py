@@ -1,0 +1,77 @@
+"""Reading and describing ``key:=value`` words by the dataclass that declares them.
+
+Imports nothing heavy, so that an emergency stop starts at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, TypeVar
+
+from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.core.parameters import Checked, ParameterError, schema, suggestion
+
+A = TypeVar("A", bound=Checked)
+
+
+def parse_words(words: Iterable[str], kind: type[A]) -> A:
+    """Read ``key:=value`` words.
+
+    Parameters
+    ----------
+    words : iterable of str
+    kind : type
+        Dataclass that declares the keys.
+
+    Raises
+    ------
+    ParameterError
+        A word of another form, an unknown key, a key given twice, a value not allowed.
+    """
+    known = schema(kind)
+    values: dict[str, Any] = {}
+    for word in words:
+        key, separator, text = word.partition(":=")
+        if not separator:
+            raise ParameterError(f"{word!r}: must have the form key:=value")
+        if key not in known:
+            raise unknown_key(key, known)
+        if key in values:
+            raise ParameterError(f"{key}: given twice")
+        values[key] = _value(text, known[key][0])
+    return kind(**values)
+
+
+def unknown_key(key: str, known: Iterable[str]) -> ParameterError:
+    """Return the error that names the nearest key, and every key there is."""
+    known = list(known)
+    return ParameterError(
+        f"{key}: no such argument{suggestion(key, known)}; there are {', '.join(known)}"
+    )
+
+
+def _value(text: str, default: Any) -> Any:
+    """Read a word as its argument's type; other text stays as it is and is refused later."""
+    if isinstance(default, str):
+        return text
+    if isinstance(default, bool):
+        return {"true": True, "false": False}.get(text.lower(), text)
+    try:
+        return float(text) if isinstance(default, float) else int(text)
+    except ValueError:
+        return text
+
+
+def described(kind: type[Checked]) -> list[tuple[str, str, str]]:
+    """Return name, default and description of every argument, for help texts."""
+    lines = []
+    recording = schema(RecordingOptions)
+    # Options of the recording are needed least often: last.
+    for name, (default, specification) in sorted(
+        schema(kind).items(), key=lambda item: item[0] in recording
+    ):
+        shown = str(default).lower() if isinstance(default, bool) else f"{default}"
+        unit = f" [{specification.unit}]" if specification.unit else ""
+        allowed = f"; one of {', '.join(specification.choices)}" if specification.choices else ""
+        lines.append((name, shown, specification.text + unit + allowed))
+    return lines

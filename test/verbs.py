@@ -1,0 +1,31 @@
+"""Verbs of the command line, run in this process."""
+
+from __future__ import annotations
+
+import io
+from contextlib import redirect_stderr
+
+from haptic_accel.cli.main import main
+
+
+def status_of(*words: object) -> int:
+    """Run ``haptic-accel WORDS`` and return its exit status."""
+    try:
+        main([str(word) for word in words])
+    except SystemExit as end:
+        assert isinstance(end.code, int)
+        return end.code
+    raise AssertionError("the command did not exit")
+
+
+def refusal(*words: object) -> str:
+    """Run a command that is refused, and return the message of the one line it writes."""
+    written = io.StringIO()
+    with redirect_stderr(written):
+        status = status_of(*words)
+    text = written.getvalue()
+    assert status == 2, text
+    (line,) = text.splitlines()
+    command, _, message = line.partition(": ")
+    assert command == "haptic-accel"
+    return message
