@@ -18,6 +18,7 @@ from haptic_accel.core.control.compensation import (
 )
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.coupling.engagement import EngagementParameters, timeout_parameter
 from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import AccelerometerParameters
@@ -47,11 +48,6 @@ def rate_parameter() -> Any:
         low=50.0,
         high=HIGHEST_RATE,
     )
-
-
-def timeout_parameter() -> Any:
-    """Declare how long silence is borne, which several nodes share."""
-    return parameter(0.1, "silence after which forces go to zero", unit="s", low=0.005, high=10.0)
 
 
 def scope_host_parameter() -> Any:
@@ -123,26 +119,8 @@ class RestamperNodeParameters(Checked):
 
 
 @dataclass(frozen=True)
-class CouplerNodeParameters(CouplingParameters):
-    """Of `coupler`."""
-
-    timeout: float = timeout_parameter()
-    duration: float = parameter(
-        0.0,
-        "time from engaging to the end of the graph; 0 for no end",
-        unit="s",
-        low=0.0,
-        high=1e6,
-    )
-    listeners: int = parameter(
-        1,
-        "subscribers of each arm's force to wait for before engaging: its device, a recorder",
-        low=0,
-        high=100,
-    )
-    compensated: bool = parameter(
-        False, "whether to wait for the compensator's first force before engaging"
-    )
+class CouplerNodeParameters(CouplingParameters, EngagementParameters):
+    """Parameters of the node `coupler`."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,215 @@
+"""The decision when the two arms are coupled: engage, release, take again, end.
+
+It has no clock: times are the caller's, in s from any origin and never backwards.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from haptic_accel.core.parameters import Checked, parameter
+
+ARMS = ("master", "slave")
+
+STEP_PERIOD = 0.02
+"""Interval at which `Engagement.step` is to be called, s."""
+
+WARNING_PERIOD = 5.0
+"""Interval between "waiting for ..." warnings, s."""
+
+STOPPED = "emergency stop"
+"""Reason for free arms while the emergency stop is not released."""
+
+DISENGAGED = "let go on request"
+"""Reason for free arms after a request to release them."""
+
+
+def timeout_parameter() -> Any:
+    """Declare the silence that is allowed, which several nodes share."""
+    return parameter(0.1, "silence after which forces go to zero", unit="s", low=0.005, high=10.0)
+
+
+@dataclass(frozen=True)
+class EngagementParameters(Checked):
+    """Conditions for engaging, and for the end."""
+
+    timeout: float = timeout_parameter()
+    duration: float = parameter(
+        0.0,
+        "time from engaging to the end of the graph; 0 for no end",
+        unit="s",
+        low=0.0,
+        high=1e6,
+    )
+    listeners: int = parameter(
+        1,
+        "subscribers of each arm's force to wait for before engaging: its device, a recorder",
+        low=0,
+        high=100,
+    )
+    compensated: bool = parameter(False, "wait for the compensator's first force before engaging")
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Actions that are due now.
+
+    Attributes
+    ----------
+    engage, release : bool
+        Couple the arms where they are; uncouple them and take their forces off.
+    latch : bool
+        Publish the emergency stop again on behalf of its sender, who may end.
+    finished : bool
+        The duration is over; stays true.
+    warning : str
+        A line for the log; empty for none.
+    """
+
+    engage: bool = False
+    release: bool = False
+    latch: bool = False
+    finished: bool = False
+    warning: str = ""
+
+
+class Engagement:
+    """State machine of the coupling: free or engaged.
+
+    The arms engage when both positions are fresh, the compensator has made a force, and every
+    expected subscriber of the arms' forces is there. They are released when an arm falls
+    silent, on request, and by the emergency stop, and are taken again when the reason has gone.
+
+    Parameters
+    ----------
+    parameters : EngagementParameters
+    now : float
+        Time of the start, s.
+
+    Attributes
+    ----------
+    engaged : bool
+    stopped : bool
+        The emergency stop is not released.
+    compensated : bool
+        The compensator's force was received, or need not be.
+    """
+
+    def __init__(self, parameters: EngagementParameters, now: float) -> None:
+        self._parameters = parameters
+        self.engaged = False
+        self.compensated = not parameters.compensated
+        self._received = dict.fromkeys(ARMS, -math.inf)
+        self._wanted = True
+        self._stopped_since: float | None = None
+        self._latched = False
+        self._first_engaged: float | None = None
+        self._warned = now
+
+    @property
+    def stopped(self) -> bool:
+        """The emergency stop is not released."""
+        return self._stopped_since is not None
+
+    def position_received(self, arm: str, now: float) -> None:
+        """Note a position of an arm, one of `ARMS`."""
+        self._received[arm] = now
+
+    def force_received(self) -> None:
+        """Note a force of the compensator."""
+        self.compensated = True
+
+    def stop(self, stop: bool, now: float) -> bool:
+        """Follow the emergency stop or its release; return whether that is new."""
+        if stop == self.stopped:
+            return False
+        self._stopped_since = now if stop else None
+        return True
+
+    def latch(self, stop: bool) -> None:
+        """Note that the emergency stop or its release was published by the caller."""
+        self._latched = stop
+
+    def request(self, engage: bool) -> str:
+        """Ask for engaging or release; return why that is refused, empty if it is not."""
+        if engage and self.stopped:
+            return f"{STOPPED}: release it first"
+        self._wanted = engage
+        return ""
+
+    def missing(self, now: float, listeners: int) -> str:
+        """Return what engaging waits for, or what has gone; empty when all is there.
+
+        Parameters
+        ----------
+        now : float
+            s.
+        listeners : int
+            Subscribers of the arm's force that has fewer of them.
+        """
+        p = self._parameters
+        if self._held:
+            return self._held
+        silent = [arm for arm in ARMS if now - self._received[arm] > p.timeout]
+        if silent:
+            return f"waiting for the position of {' and '.join(silent)}"
+        if self.engaged:
+            return ""
+        if not self.compensated:
+            return "waiting for the compensator's force"
+        if listeners < p.listeners:
+            return (
+                "waiting for subscribers of the arms' forces: there are"
+                f" {listeners} of {p.listeners}"
+            )
+        return ""
+
+    def step(self, now: float, listeners: int) -> Decision:
+        """Return what is to be done now; arguments as for `missing`."""
+        missing = self.missing(now, listeners)
+        engage = not (self.engaged or missing)
+        release = self.engaged and bool(missing)
+        if engage:
+            self.engaged = True
+            if self._first_engaged is None:
+                self._first_engaged = now
+        elif release:
+            self.engaged = False
+        return Decision(
+            engage=engage,
+            release=release,
+            latch=self._must_latch(now),
+            finished=self._is_over(now),
+            warning=f"let go: {missing}" if release else self._due_warning(now, missing),
+        )
+
+    @property
+    def _held(self) -> str:
+        """Why the arms are to be free; empty if they are not."""
+        if self.stopped:
+            return STOPPED
+        return "" if self._wanted else DISENGAGED
+
+    def _must_latch(self, now: float) -> bool:
+        # Not at once: the message may be the caller's own, which it is about to note.
+        return (
+            not self._latched
+            and self._stopped_since is not None
+            and now - self._stopped_since > STEP_PERIOD
+        )
+
+    def _is_over(self, now: float) -> bool:
+        duration = self._parameters.duration
+        return (
+            duration > 0
+            and self._first_engaged is not None
+            and (now - self._first_engaged >= duration)
+        )
+
+    def _due_warning(self, now: float, missing: str) -> str:
+        if not missing or self._held or now - self._warned <= WARNING_PERIOD:
+            return ""
+        self._warned = now
+        return missing

@@ -1,0 +1,202 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.coupling.engagement import (
+    ARMS,
+    DISENGAGED,
+    STEP_PERIOD,
+    STOPPED,
+    WARNING_PERIOD,
+    Decision,
+    Engagement,
+    EngagementParameters,
+)
+
+TIMEOUT = 0.1
+NOTHING = Decision()
+ENGAGE = Decision(engage=True)
+
+
+class Run:
+    """An engagement whose time goes on as a test says."""
+
+    def __init__(self, **parameters: float | bool) -> None:
+        self.now = 100.0
+        known = EngagementParameters(timeout=TIMEOUT, **parameters)  # type: ignore[arg-type]
+        self.engagement = Engagement(known, self.now)
+        self.listeners = 2
+
+    def step(self, seconds: float = STEP_PERIOD, arms: tuple[str, ...] = ARMS) -> Decision:
+        """Let time pass, receive positions of arms, and decide."""
+        self.now += seconds
+        for arm in arms:
+            self.engagement.position_received(arm, self.now)
+        return self.engagement.step(self.now, self.listeners)
+
+    @property
+    def missing(self) -> str:
+        return self.engagement.missing(self.now, self.listeners)
+
+
+def test_the_arms_engage_once_both_positions_are_there() -> None:
+    run = Run()
+    assert run.step(arms=()) == NOTHING
+    assert run.missing == "waiting for the position of master and slave"
+    assert run.step(arms=("slave",)) == NOTHING
+    assert run.missing == "waiting for the position of master"
+    assert run.step() == ENGAGE
+    assert run.engagement.engaged
+    assert run.step() == NOTHING
+
+
+def test_engaging_waits_for_the_compensator() -> None:
+    run = Run(compensated=True)
+    assert run.step() == NOTHING
+    assert run.missing == "waiting for the compensator's force"
+    run.engagement.force_received()
+    assert run.step() == ENGAGE
+
+
+def test_engaging_waits_for_every_subscriber_but_does_not_end_with_one() -> None:
+    run = Run(listeners=2)
+    run.listeners = 1
+    assert run.step() == NOTHING
+    assert run.missing.endswith("there are 1 of 2")
+    run.listeners = 2
+    assert run.step() == ENGAGE
+    run.listeners = 0
+    assert run.step() == NOTHING
+    assert run.engagement.engaged
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_the_arms_are_released_when_one_falls_silent_and_taken_again(arm: str) -> None:
+    run = Run()
+    run.step()
+    (other,) = set(ARMS) - {arm}
+    assert run.step(0.9 * TIMEOUT, (other,)) == NOTHING
+    released = run.step(0.2 * TIMEOUT, (other,))
+    assert released == Decision(release=True, warning=f"let go: waiting for the position of {arm}")
+    assert not run.engagement.engaged
+    assert run.step() == ENGAGE
+
+
+def test_a_request_releases_the_arms_until_the_next() -> None:
+    run = Run()
+    run.step()
+    assert run.engagement.request(False) == ""
+    assert run.step() == Decision(release=True, warning=f"let go: {DISENGAGED}")
+    assert run.step(2 * WARNING_PERIOD) == NOTHING
+    assert run.missing == DISENGAGED
+    assert run.engagement.request(True) == ""
+    assert run.step() == ENGAGE
+
+
+def test_the_emergency_stop_releases_the_arms_and_refuses_to_engage() -> None:
+    run = Run()
+    run.step()
+    assert run.engagement.stop(True, run.now)
+    assert not run.engagement.stop(True, run.now)
+    assert run.step(0.0) == Decision(release=True, warning=f"let go: {STOPPED}")
+    assert run.engagement.request(True) == f"{STOPPED}: release it first"
+    assert run.missing == STOPPED
+    assert run.engagement.stop(False, run.now)
+    assert run.step(0.0) == ENGAGE
+
+
+def test_a_release_of_the_stop_does_not_undo_a_request() -> None:
+    run = Run()
+    run.engagement.request(False)
+    run.engagement.stop(True, run.now)
+    run.engagement.stop(False, run.now)
+    assert run.step() == NOTHING
+    assert run.missing == DISENGAGED
+
+
+def test_a_stop_of_another_is_latched_once_its_own_time_is_over() -> None:
+    run = Run()
+    run.engagement.stop(True, run.now)
+    assert not run.step(0.0).latch
+    assert run.step(1.1 * STEP_PERIOD).latch
+    run.engagement.latch(True)
+    assert not run.step().latch
+
+
+def test_a_stop_that_the_caller_published_is_not_published_again() -> None:
+    run = Run()
+    run.engagement.latch(True)
+    run.engagement.stop(True, run.now)
+    assert not run.step(1.0).latch
+
+
+def test_the_duration_counts_from_the_first_time_the_arms_engage() -> None:
+    run = Run(duration=5.0)
+    assert not run.step(20.0, arms=()).finished
+    run.step()
+    run.step(2.0, arms=())
+    run.step()
+    assert not run.step(2.9).finished
+    assert run.step(0.2).finished
+    assert run.step().finished
+
+
+def test_no_duration_is_no_end() -> None:
+    run = Run()
+    run.step()
+    assert not run.step(1e9).finished
+
+
+def test_what_is_waited_for_is_said_again_and_again_but_not_too_often() -> None:
+    run = Run()
+    said = [run.step(WARNING_PERIOD / 10, ()).warning for _ in range(35)]
+    assert [line for line in said if line] == ["waiting for the position of master and slave"] * 3
+
+
+def test_a_stop_is_not_warned_of() -> None:
+    run = Run()
+    run.engagement.stop(True, run.now)
+    assert run.step(2 * WARNING_PERIOD).warning == ""
+
+
+Event = Callable[[Run], object]
+
+EVENTS: dict[str, Event] = {
+    "both": lambda run: run.step(),
+    "master": lambda run: run.step(arms=("master",)),
+    "silence": lambda run: run.step(2 * TIMEOUT, ()),
+    "force": lambda run: run.engagement.force_received(),
+    "stop": lambda run: run.engagement.stop(True, run.now),
+    "released": lambda run: run.engagement.stop(False, run.now),
+    "engage": lambda run: run.engagement.request(True),
+    "disengage": lambda run: run.engagement.request(False),
+    "alone": lambda run: setattr(run, "listeners", 0),
+    "listened to": lambda run: setattr(run, "listeners", 2),
+}
+
+
+@given(st.lists(st.sampled_from(sorted(EVENTS)), max_size=60))
+def test_whatever_happens_the_arms_are_coupled_only_while_nothing_is_missing(
+    events: list[str],
+) -> None:
+    run = Run(compensated=True, listeners=2)
+    stopped = False
+    was_engaged = False
+    for name in events:
+        EVENTS[name](run)
+        stopped = {"stop": True, "released": False}.get(name, stopped)
+        decision = run.engagement.step(run.now, run.listeners)
+        engaged = run.engagement.engaged
+        assert engaged == (not run.missing)
+        assert not (engaged and (stopped or not run.engagement.compensated))
+        assert not (decision.engage and decision.release)
+        if name not in ("both", "master", "silence"):
+            assert (decision.engage, decision.release) == (
+                engaged and not was_engaged,
+                was_engaged and not engaged,
+            )
+        was_engaged = engaged
