@@ -1,12 +1,13 @@
 """Installation of the ament_python package, for colcon and for pip."""
 
+import re
 from glob import glob
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
 NAME = "haptic_accel"
-VERSION = "0.1.0"
+VERSION = re.findall(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text())[0]
 
 NODES = (
     "master_device",
@@ -55,7 +56,7 @@ setup(
     maintainer_email="haptic-accel@users.noreply.github.com",
     license="Apache-2.0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={f"{NAME}.pages": ["templates/*", "assets/*"]},
+    package_data={NAME: ["py.typed"], f"{NAME}.pages": ["templates/*", "assets/*"]},
     data_files=data_files(),
     # Templates are read as files.
     zip_safe=False,

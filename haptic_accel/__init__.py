@@ -1,1 +1,3 @@
 """Teleoperation with high-frequency acceleration feedback."""
+
+__version__ = "0.2.0"

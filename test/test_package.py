@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 from catkin_pkg.package import Package, parse_package
 
+from haptic_accel import __version__
+
 SOURCE = Path(__file__).resolve().parents[1]
 NODES = (
     "master_device",
@@ -160,7 +162,11 @@ def test_versions_agree(installation: Installation, manifest: Package) -> None:
     (metadata,) = installation.code.parent.glob("haptic_accel-*-info")
     newest = re.search(r"^(\d\S*) \(.*\)\n-+$", (SOURCE / "CHANGELOG.rst").read_text(), re.M)
     assert newest is not None
-    assert PathDistribution(metadata).version == manifest.version == newest[1]
+    assert PathDistribution(metadata).version == manifest.version == newest[1] == __version__
+
+
+def test_type_checkers_of_others_see_the_types(installation: Installation) -> None:
+    assert (installation.code / "py.typed").is_file()
 
 
 def test_every_import_is_a_dependency(manifest: Package) -> None:

@@ -10,13 +10,13 @@ from collections.abc import Mapping
 from importlib import metadata
 from typing import Any
 
+from haptic_accel import __version__
 from haptic_accel.core.parameters import ParameterError
 
 PREFIX = "haptic_accel."
 """Of the names in a bag's custom data."""
 
 VERSION, ARGUMENTS, PARAMETERS, HOST = "version", "arguments", "parameters", "host"
-DISTRIBUTION = "haptic_accel"
 
 
 def custom_data(text: str) -> dict[str, str]:
@@ -34,7 +34,7 @@ def custom_data(text: str) -> dict[str, str]:
     """
     given = _object(text)
     facts = {
-        VERSION: software_version(),
+        VERSION: __version__,
         ARGUMENTS: json.dumps(given.get(ARGUMENTS, {})),
         PARAMETERS: json.dumps(given.get(PARAMETERS, {})),
         HOST: json.dumps(host()),
@@ -59,14 +59,6 @@ def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
 def facts_text(arguments: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the JSON that `custom_data` takes."""
     return json.dumps({ARGUMENTS: dict(arguments), PARAMETERS: parameters})
-
-
-def software_version() -> str:
-    """Return this package's version, "unknown" where it is not installed."""
-    try:
-        return metadata.version(DISTRIBUTION)
-    except metadata.PackageNotFoundError:
-        return "unknown"
 
 
 def host() -> dict[str, Any]:

@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from haptic_accel.bags.facts import custom_data, facts_of, facts_text, software_version
+from haptic_accel import __version__
+from haptic_accel.bags.facts import custom_data, facts_of, facts_text
 from haptic_accel.core.parameters import ParameterError
 
 
@@ -14,7 +15,7 @@ def test_what_goes_into_a_bag_comes_out() -> None:
     facts = facts_of({**stored, "another.program": "says something"})
     assert facts["arguments"] == arguments
     assert facts["parameters"] == parameters
-    assert facts["version"] == software_version()
+    assert facts["version"] == __version__
     assert {"python", "system", "ros_distro", "cores"} <= set(facts["host"])
     assert set(facts) == {"arguments", "parameters", "version", "host"}
 
