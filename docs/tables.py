@@ -1,0 +1,49 @@
+"""Writes the tables of arguments in the documentation, which come from the code.
+
+``python docs/tables.py`` puts each between its marks in a page: a line with the comment
+``arguments: NAME``, and one with the comment ``end``.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from haptic_accel.core.parameters import Checked
+from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, described
+
+FOLDER = Path(__file__).parent
+
+ARGUMENTS: dict[str, type[Checked]] = {"teleop": GraphArguments, "identify": IdentifyArguments}
+
+PLACE = re.compile(r"(<!-- arguments: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def table(kind: type[Checked]) -> str:
+    """Return the arguments of a dataclass as a table in Markdown."""
+    rows = [
+        f"| `{name}` | {f'`{default}`' if default else ''} | {text.replace('|', chr(92) + '|')} |"
+        for name, default, text in described(kind)
+    ]
+    return "\n".join(["| argument | default | meaning |", "|---|---|---|", *rows, ""])
+
+
+def with_tables(text: str) -> str:
+    """Return a page with its tables as the code has them."""
+
+    def filled(place: re.Match[str]) -> str:
+        return f"{place[1]}{table(ARGUMENTS[place[2]])}{place[3]}"
+
+    return PLACE.sub(filled, text)
+
+
+def main() -> None:
+    """Write the tables of all pages anew."""
+    for page in sorted(FOLDER.glob("*.md")):
+        text = page.read_text()
+        if (new := with_tables(text)) != text:
+            page.write_text(new)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""The documentation: its tables agree with the code, its links lead somewhere."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from haptic_accel.core.control.controllers.interface import Controller, Loop
+from haptic_accel.core.topics import TOPICS
+
+SOURCE = Path(__file__).resolve().parents[2]
+DOCS = sorted((SOURCE / "docs").glob("*.md"))
+PAGES = [*DOCS, *sorted(SOURCE.glob("*.md"))]
+
+READERS = re.compile(r"^\*For: [^*]+\.\*$", re.MULTILINE)
+LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)")
+FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+
+
+def tables() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("tables", SOURCE / "docs" / "tables.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the names by which a page's headings are linked."""
+    headings = re.findall(r"^#+ (.*)$", FENCE.sub("", page.read_text()), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in headings}
+
+
+@pytest.mark.parametrize("page", DOCS, ids=lambda page: page.name)
+def test_tables_of_arguments_are_those_of_the_code(page: Path) -> None:
+    text = page.read_text()
+    assert tables().with_tables(text) == text, "run: python docs/tables.py"
+
+
+def test_every_set_of_arguments_has_a_table() -> None:
+    pages = "".join(page.read_text() for page in DOCS)
+    marked = set(re.findall(r"<!-- arguments: (\w+)", pages))
+    assert marked == set(tables().ARGUMENTS)
+
+
+def test_the_table_of_topics_is_that_of_the_code() -> None:
+    text = (SOURCE / "docs" / "topics.md").read_text()
+    section = text.split("## Topics\n")[1].split("\n## ")[0]
+    listed = {
+        (name, kind.replace("/", "/msg/"), "latched" in line)
+        for line in section.splitlines()
+        if line.startswith("| `")
+        for names, kind in [re.match(r"\| (.*?) \| `(.*?)`", line).groups()]  # type: ignore[union-attr]
+        for name in re.findall(r"`([^`]+)`", names)
+    }
+    assert listed == {(topic.name, topic.type, topic.latched) for topic in TOPICS}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_relative_link_leads_somewhere(page: Path) -> None:
+    for link in LINK.findall(FENCE.sub("", page.read_text())):
+        if "://" in link or link.startswith("mailto:"):
+            continue
+        path, _, anchor = link.partition("#")
+        target = page if not path else page.parent / path
+        assert target.exists(), link
+        if anchor:
+            assert anchor in anchors(target), link
+
+
+@pytest.mark.parametrize("page", DOCS, ids=lambda page: page.name)
+def test_every_page_says_for_whom_it_is(page: Path) -> None:
+    title, blank, readers = page.read_text().splitlines()[:3]
+    assert title.startswith("# ")
+    assert not blank
+    assert READERS.match(readers), readers
+
+
+def test_every_page_is_in_the_index() -> None:
+    index = (SOURCE / "docs" / "README.md").read_text()
+    listed = set(LINK.findall(index))
+    assert {page.name for page in DOCS} - {"README.md"} <= listed
+
+
+def test_the_controller_that_contributing_shows_is_one() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (SOURCE / "CONTRIBUTING.md").read_text(), re.S)
+    module = ModuleType("half")
+    sys.modules["half"] = module  # where dataclasses look for annotations
+    try:
+        exec(code, module.__dict__)
+    finally:
+        del sys.modules["half"]
+    controller = module.HalfController(module.HalfParameters(), Loop(1000.0))
+    assert controller.force(2.0, 0.0) == 0.128
+    assert isinstance(controller, Controller)
+
+
+def test_the_readme_is_short() -> None:
+    assert len((SOURCE / "README.md").read_text().splitlines()) <= 150
+
+
+@pytest.mark.parametrize("picture", sorted((SOURCE / "docs").glob("*.svg")), ids=lambda p: p.name)
+def test_pictures_are_well_formed(picture: Path) -> None:
+    assert ElementTree.parse(picture).getroot().tag.endswith("svg")
