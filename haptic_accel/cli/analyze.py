@@ -19,8 +19,8 @@ from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.summary import AVERAGE, averages, summary
 from haptic_accel.analysis.tables import FIGURES, Group, groups
 from haptic_accel.analysis.writing import as_json, write_analysis, write_json
-from haptic_accel.cli.experiment import check_writable, make_folder
 from haptic_accel.cli.options import FILE, Verb, json_option, out_option
+from haptic_accel.cli.output import check_writable, make_folder
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
 from haptic_accel.core.evaluation.statistics import Interval, mean_interval
 from haptic_accel.core.process import DONE, FAILED

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import sys
@@ -25,8 +24,10 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.bags.trials import AGE_OF, LABELS, Delivery, durations, read_delivery
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, Verb, json_option, listed, listed_numbers, words
-from haptic_accel.cli.teleop import StopOnSignal, conclude
+from haptic_accel.cli.output import save
+from haptic_accel.cli.running import StopOnSignal, conclude
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, EXECUTOR, FAILED, INTERRUPTED
 from haptic_accel.core.topics import SIGNALS
@@ -113,14 +114,6 @@ def _spent(pid: int) -> tuple[float, float]:
     """Return CPU time used by a process, and when, s."""
     used = psutil.Process(pid).cpu_times()
     return used.user + used.system, time.monotonic()
-
-
-class StoppedError(Exception):
-    """A run was stopped or failed, which has been shown; its exit status."""
-
-    def __init__(self, status: int) -> None:
-        super().__init__(f"status {status}")
-        self.status = status
 
 
 @click.command(cls=Verb)
@@ -453,12 +446,6 @@ def _arguments(words: Sequence[str], rate: float, seconds: float) -> GraphArgume
 def _check_pairs(pairs: int) -> None:
     if not 1 <= pairs <= MOST_PAIRS:
         raise ParameterError(f"pairs = {pairs}: must be from 1 to {MOST_PAIRS}")
-
-
-def save(figures: Figures, json_file: Path | None) -> None:
-    """Write figures as JSON, if there is a file to write them to."""
-    if json_file:
-        json_file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
 
 
 def _say(line: str) -> None:

@@ -1,4 +1,4 @@
-"""Asks the nodes of a graph that runs: one place for services and parameters of others.
+"""Client of the services and parameters of a running graph.
 
 Imports ROS, which takes a while: load it where it is used.
 """
@@ -17,15 +17,20 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.validate_namespace import validate_namespace
 
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import FAILED
 from haptic_accel.nodes.middleware import middleware_defaults
 
 PATIENCE = 5.0
-"""How long a node may take to be found, and to answer, s."""
+"""Time-out for a node to be found, and to answer, s."""
 
 
-class CallError(RuntimeError):
+class CallError(StoppedError):
     """A node does not answer, or refuses; the message is one line fit to be shown."""
+
+    def __init__(self, line: str) -> None:
+        super().__init__(FAILED, line)
 
 
 class Caller:
@@ -34,7 +39,7 @@ class Caller:
     Parameters
     ----------
     node : Node
-        The caller's own, in the graph's namespace.
+        Node of the caller, in the graph's namespace.
     """
 
     def __init__(self, node: Node) -> None:
@@ -50,14 +55,14 @@ class Caller:
         service : str
             Name relative to the graph's namespace.
         request
-            Of that type.
+            Request of that type.
         patience : float
-            How long the answer may take, s.
+            Time-out for the answer, s.
 
         Raises
         ------
         CallError
-            There is no such service, or it does not answer.
+            The service does not exist, or does not answer.
         """
         client = self.node.create_client(kind, service)
         try:
@@ -72,7 +77,7 @@ class Caller:
         raise CallError(f"{name}: does not answer; is the graph running?")
 
     def set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
-        """Set parameters of a node by dotted name, all or none.
+        """Set parameters of a node by dotted name, all of them or none.
 
         Raises
         ------
@@ -89,12 +94,12 @@ class Caller:
 
 @contextmanager
 def connected(namespace: str) -> Iterator[Caller]:
-    """Join the graph of a namespace for a while.
+    """Join the graph of a namespace while the context is entered.
 
     Raises
     ------
     ParameterError
-        The namespace cannot be one.
+        The namespace is not a valid ROS namespace.
     """
     absolute = "/" + namespace.strip("/")
     try:

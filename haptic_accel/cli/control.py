@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
-from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.core.process import DONE
 from haptic_accel.graph.files import surface_parameters
 from haptic_accel.graph.processes import RECORDING
 from haptic_accel.graph.words import parse_words
@@ -25,30 +24,28 @@ DEVICES = ("slave_device", "master_device")
 """Nodes that can be armed; the one that the user holds last."""
 
 KEEP = "keep"
-"""What leaves a setting as it is."""
+"""Value that leaves a setting as it is."""
 
 
 def _switch(text: str) -> Any:
-    """Declare what can be switched on, off, or left."""
+    """Declare a setting that can be switched on or off."""
     return parameter(KEEP, text, choices=(KEEP, "true", "false"))
 
 
 @dataclass(frozen=True)
 class ControlArguments(Checked):
-    """What can be changed."""
+    """Settings that can be changed."""
 
     controller: str = parameter(KEEP, "controller that takes over", choices=(KEEP, *CONTROLLERS))
-    frozen: str = _switch("whether the adaptive controller's grip stays")
-    reset: bool = parameter(False, "start all controllers anew, and forget the grip")
+    frozen: str = _switch("freeze the grip estimate of the adaptive controller")
+    reset: bool = parameter(False, "restart all controllers, and forget the grip estimate")
     surface: str = parameter(
-        KEEP, "what the simulated slave touches: plywood, text, vinyl, or a .yaml file"
+        KEEP, "surface under the simulated tool: plywood, text, vinyl, or a .yaml file"
     )
-    grip: str = parameter(
-        KEEP, "how the simulated hand holds the handle", choices=(KEEP, *POSTURES)
-    )
-    arm: bool = parameter(False, "allow forces again that a device refuses until armed")
-    engage: str = _switch("whether the arms are coupled")
-    namespace: str = parameter("", "of the graph")
+    grip: str = parameter(KEEP, "grip of the simulated hand", choices=(KEEP, *POSTURES))
+    arm: bool = parameter(False, "allow forces again where a device refuses them until armed")
+    engage: str = _switch("couple the arms")
+    namespace: str = parameter("", "namespace of the graph")
 
 
 @click.command(
@@ -72,33 +69,29 @@ def control(words: Sequence[str]) -> int:
     if not (any(values.values()) or asked):
         settings = [name for name in schema(ControlArguments) if name != "namespace"]
         raise ParameterError(f"control: must be given one of {', '.join(settings)}")
-    # ROS takes a while to import: only who talks to it waits for that.
+    # ROS takes a while to import: wrong words are refused without it.
     from std_srvs.srv import SetBool, Trigger
 
     from haptic_accel.cli.calling import CallError, connected
 
-    try:
-        with connected(arguments.namespace) as graph:
-            for node, given in values.items():
-                if given:
-                    graph.set_parameters(node, given)
-            if arguments.reset:
-                graph.call(Trigger, "compensator/reset", Trigger.Request())
-            if arguments.arm:
-                _arm(graph)
-            if arguments.engage != KEEP:
-                engage = SetBool.Request(data=arguments.engage == "true")
-                response = graph.call(SetBool, "coupler/engage", engage)
-                if not response.success:
-                    raise CallError(f"coupler: {response.message}")
-    except CallError as error:
-        print(f"haptic-accel: {error}", file=sys.stderr)
-        return FAILED
+    with connected(arguments.namespace) as graph:
+        for node, given in values.items():
+            if given:
+                graph.set_parameters(node, given)
+        if arguments.reset:
+            graph.call(Trigger, "compensator/reset", Trigger.Request())
+        if arguments.arm:
+            _arm(graph)
+        if arguments.engage != KEEP:
+            engage = SetBool.Request(data=arguments.engage == "true")
+            response = graph.call(SetBool, "coupler/engage", engage)
+            if not response.success:
+                raise CallError(f"coupler: {response.message}")
     return DONE
 
 
 def _arm(graph: Caller) -> None:
-    """Let both devices take forces again, or say which does not."""
+    """Let both devices accept forces again, or name those that refuse."""
     from std_srvs.srv import Trigger
 
     from haptic_accel.cli.calling import CallError

@@ -11,9 +11,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from haptic_accel.cli.bench import save
-from haptic_accel.cli.experiment import check_writable
 from haptic_accel.cli.options import Verb, json_option, words
+from haptic_accel.cli.output import check_writable, save
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.interface import Loop

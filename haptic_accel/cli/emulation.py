@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from haptic_accel.cli.teleop import StopOnSignal
+from haptic_accel.cli.running import StopOnSignal
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.graph.arguments import GraphArguments

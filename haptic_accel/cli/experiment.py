@@ -29,7 +29,8 @@ from haptic_accel.cli.options import (
     word_options,
     words,
 )
-from haptic_accel.cli.teleop import StopOnSignal, conclude
+from haptic_accel.cli.output import check_writable, make_folder
+from haptic_accel.cli.running import StopOnSignal, conclude
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation, evaluate
 from haptic_accel.core.parameters import ParameterError
@@ -475,33 +476,3 @@ def _cell(measured: Sequence[float], paper: float | None, digits: int = 1) -> st
 
 def _defined(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of a report.
-
-    Raises
-    ------
-    ParameterError
-        It exists already or cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=False)
-    except FileExistsError:
-        raise ParameterError(f"out = '{folder}': must be a folder to make") from None
-    except OSError as error:
-        raise ParameterError(f"out = '{folder}': {error.strerror}") from None
-
-
-def check_writable(file: Path) -> None:
-    """Refuse a file that cannot be written, before anything runs for it.
-
-    Raises
-    ------
-    ParameterError
-        Naming the file and the reason.
-    """
-    try:
-        file.open("a", encoding="utf-8").close()
-    except OSError as error:
-        raise ParameterError(f"json = '{file}': {error.strerror}") from None

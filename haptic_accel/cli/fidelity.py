@@ -16,9 +16,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from haptic_accel.cli.bench import save
-from haptic_accel.cli.experiment import SURFACES, check_writable
+from haptic_accel.cli.experiment import SURFACES
 from haptic_accel.cli.options import Verb, json_option, listed, listed_words
+from haptic_accel.cli.output import check_writable, save
 from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.inversion import Plant, causal_bound, measured_spectrum

@@ -21,7 +21,6 @@ from rich.table import Table
 
 from haptic_accel.analysis.identification_report import ModelError, write_identification_report
 from haptic_accel.bags.trials import read_excited, read_force_age
-from haptic_accel.cli.experiment import check_writable, make_folder
 from haptic_accel.cli.options import (
     Verb,
     json_option,
@@ -31,7 +30,8 @@ from haptic_accel.cli.options import (
     word_options,
     words,
 )
-from haptic_accel.cli.teleop import StopOnSignal, conclude
+from haptic_accel.cli.output import check_writable, make_folder
+from haptic_accel.cli.running import StopOnSignal, conclude
 from haptic_accel.core.actuator.travel import SuspensionParameters
 from haptic_accel.core.identification import (
     DEFAULT_FREE,

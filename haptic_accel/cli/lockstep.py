@@ -9,9 +9,9 @@ from pathlib import Path
 
 import click
 
-from haptic_accel.cli.bench import save
 from haptic_accel.cli.experiment import run_lockstep
 from haptic_accel.cli.options import Verb, json_option, words
+from haptic_accel.cli.output import save
 from haptic_accel.core.process import DONE
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 

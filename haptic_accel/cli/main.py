@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import click
 
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.lazy import Lazy, LazyGroup
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED, WRONG_ARGUMENTS
@@ -143,6 +144,10 @@ def main(words: Sequence[str] | None = None) -> None:
         message = error.format_message() if isinstance(error, click.ClickException) else str(error)
         print(f"haptic-accel: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(WRONG_ARGUMENTS)
+    except StoppedError as end:
+        if str(end):
+            print(f"haptic-accel: {end}", file=sys.stderr)
+        sys.exit(end.status)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED)
 

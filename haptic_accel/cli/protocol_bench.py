@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haptic_accel.cli.bench import save
 from haptic_accel.cli.options import Verb, json_option
+from haptic_accel.cli.output import save
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.devices.serial.device import MISSING_LIBRARY

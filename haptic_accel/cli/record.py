@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,7 +9,7 @@ import click
 
 from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.core.process import DONE
 from haptic_accel.graph.words import parse_words
 
 PATIENCE = 120.0
@@ -44,14 +43,9 @@ def record(action: str, words: Sequence[str]) -> int:
 
     from haptic_accel.cli.calling import CallError, connected
 
-    try:
-        with connected(arguments.namespace) as graph:
-            response = graph.call(Trigger, f"recorder/{action}", Trigger.Request(), PATIENCE)
-    except CallError as error:
-        print(f"haptic-accel: {error}", file=sys.stderr)
-        return FAILED
+    with connected(arguments.namespace) as graph:
+        response = graph.call(Trigger, f"recorder/{action}", Trigger.Request(), PATIENCE)
     if not response.success:
-        print(f"haptic-accel: recorder: {response.message}", file=sys.stderr)
-        return FAILED
+        raise CallError(f"recorder: {response.message}")
     print(response.message)
     return DONE

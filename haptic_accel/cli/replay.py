@@ -15,10 +15,9 @@ from rich.table import Table
 
 from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.trial_bag import write_trial
-from haptic_accel.cli.bench import save
-from haptic_accel.cli.experiment import check_writable, make_folder
 from haptic_accel.cli.options import FILE, Verb, json_option, listed_words, words
-from haptic_accel.cli.teleop import StopOnSignal, conclude, show
+from haptic_accel.cli.output import check_writable, make_folder, save
+from haptic_accel.cli.running import StopOnSignal, conclude, show
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
 from haptic_accel.core.parameters import ParameterError

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import click
 
 from haptic_accel.cli.options import Verb, words
-from haptic_accel.cli.teleop import StopOnSignal
+from haptic_accel.cli.running import StopOnSignal
 from haptic_accel.core.parameters import parameter
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.graph.node_parameters import ScopeNodeParameters

@@ -14,9 +14,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from haptic_accel.cli.bench import MEBI, save
+from haptic_accel.cli.bench import MEBI
 from haptic_accel.cli.options import Verb, json_option, words
-from haptic_accel.cli.teleop import StopOnSignal, conclude
+from haptic_accel.cli.output import save
+from haptic_accel.cli.running import StopOnSignal, conclude
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments

@@ -21,9 +21,11 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.bags.trials import AGE_OF, LABELS, durations, read_delivery
-from haptic_accel.cli.bench import Figures, StoppedError, Usage, save
+from haptic_accel.cli.bench import Figures, Usage
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import Verb, json_option, words
-from haptic_accel.cli.teleop import StopOnSignal, conclude
+from haptic_accel.cli.output import save
+from haptic_accel.cli.running import StopOnSignal, conclude
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments

@@ -146,7 +146,7 @@ def test_a_bag_with_markup_in_its_name_is_only_a_name(tmp_path: Path) -> None:
         (["bag", "--shift", "soon"], "shift = 'soon': must be paper, measured"),
         (["bag", "--compare"], "compare: needs two bags or folders"),
         (["bag", "--compare", "surface:a,b"], "compare = 'surface:a,b'"),
-        (["bag", "--out", "there"], "out = 'there': must be a folder to make"),
+        (["bag", "--out", "there"], "out = 'there': must be a new folder"),
         (["bag", "--json", "no/where.json"], "json = 'no/where.json'"),
     ],
 )
