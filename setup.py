@@ -71,8 +71,8 @@ setup(
         "click>=8.1",
         "jinja2>=3.1",
         "psutil>=5.9",
-        # 0.10 came to write MCAP only in its last releases.
-        "rosbags>=0.11",
+        # What bags/rosbags_adapter.py imports is in these versions.
+        "rosbags>=0.11.9,<0.12",
         # As rosbags has it, for bags that are read by chunks.
         "backports.zstd; python_version<'3.14'",
         "lz4",

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from haptic_accel.bags.metadata import read_metadata
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
 
 Row = tuple[str, int, bytes]
 """Topic, when it was recorded in ns, and the message."""
@@ -30,25 +23,17 @@ def with_rosbags(bag: Path) -> list[Row]:
 
 def with_mcap(bag: Path) -> list[Row]:
     """Return a bag's messages as mcap's own reader reads its files one by one."""
-    metadata = read_metadata(bag)
     rows: list[Row] = []
-    with TemporaryDirectory() as folder:
-        for entry in metadata.files:
-            file = bag / entry.name
-            if metadata.compression_mode == "file":
-                file = Path(folder) / entry.name
-                file.write_bytes(zstd.decompress((bag / entry.name).read_bytes()))
-            with file.open("rb") as stream:
-                reader = make_reader(stream, validate_crcs=True)
-                assert reader.get_header().profile == "ros2"
-                summary = reader.get_summary()
-                assert summary is not None
-                assert summary.statistics is not None
-                assert summary.statistics.message_count == entry.messages
-                rows += [
-                    (channel.topic, message.log_time, message.data)
-                    for _, channel, message in reader.iter_messages()
-                ]
-    if metadata.compression_mode == "message":
-        rows = [(topic, time, zstd.decompress(data)) for topic, time, data in rows]
+    for entry in read_metadata(bag).files:
+        with (bag / entry.name).open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            assert reader.get_header().profile == "ros2"
+            summary = reader.get_summary()
+            assert summary is not None
+            assert summary.statistics is not None
+            assert summary.statistics.message_count == entry.messages
+            rows += [
+                (channel.topic, message.log_time, message.data)
+                for _, channel, message in reader.iter_messages()
+            ]
     return rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from haptic_accel.bags.recorded import COMPRESSED, MCAP_SUFFIX, METADATA, SQLITE_SUFFIX
+from haptic_accel.bags.folder import is_bag
 from haptic_accel.core.parameters import ParameterError
 
 
@@ -24,9 +24,9 @@ def find_bags(path: Path) -> list[Path]:
     """
     if not path.exists():
         raise ParameterError(f"{path}: no such file or folder")
-    if not path.is_dir() or _is_bag(path):
+    if not path.is_dir() or is_bag(path):
         return [path]
-    found = [folder for folder in _folders(path) if _is_bag(folder)]
+    found = [folder for folder in _folders(path) if is_bag(folder)]
     if not found:
         raise ParameterError(f"{path}: must be a bag, or a folder with bags in it")
     return found
@@ -35,11 +35,3 @@ def find_bags(path: Path) -> list[Path]:
 def _folders(path: Path) -> Iterable[Path]:
     """Return all folders below one, sorted; links are not followed, they may lead in a ring."""
     return sorted(f for f in path.rglob("*") if f.is_dir() and not f.is_symlink())
-
-
-def _is_bag(folder: Path) -> bool:
-    suffixes = (MCAP_SUFFIX, SQLITE_SUFFIX)
-    return (folder / METADATA).is_file() or any(
-        file.is_file() and file.name.removesuffix(COMPRESSED).endswith(suffixes)
-        for file in folder.iterdir()
-    )

@@ -15,7 +15,7 @@ from haptic_accel.analysis.measures import PERCENT, Shift
 from haptic_accel.analysis.segments import cut
 from haptic_accel.analysis.tables import group_row, trial_row
 from haptic_accel.analysis.tables import groups as grouped
-from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.evaluation.statistics import PairedDifference
 from haptic_accel.core.parameters import ParameterError
 

@@ -14,7 +14,7 @@ import numpy as np
 from haptic_accel.analysis.finding import find_bags
 from haptic_accel.analysis.measures import Measures, Shift, measure
 from haptic_accel.analysis.segments import Cut, Stretch, cut
-from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
 
 

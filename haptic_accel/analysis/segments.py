@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.bags.recorded import Recorded, Signal
+from haptic_accel.bags.reading import Bag, Signal
 from haptic_accel.bags.trials import AGE_OF, durations
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import SuspensionParameters
@@ -161,12 +161,12 @@ class Cut:
     problems: list[str]
 
 
-def cut(recorded: Recorded) -> Cut:
+def cut(recorded: Bag) -> Cut:
     """Cut a bag where the condition changes and where the arms let go.
 
     Parameters
     ----------
-    recorded : Recorded
+    recorded : Bag
 
     Returns
     -------
@@ -217,7 +217,7 @@ def _consequence(name: str, missing: Sequence[str]) -> str:
     }[name]
 
 
-def _rate(recorded: Recorded, problems: list[str]) -> float | None:
+def _rate(recorded: Bag, problems: list[str]) -> float | None:
     """Return the samples per second that the stamps have, as named where it is that."""
     found = next(
         (
@@ -268,7 +268,7 @@ class _Known:
         At the beginning.
     """
 
-    def __init__(self, recorded: Recorded, rate: float, problems: list[str]) -> None:
+    def __init__(self, recorded: Bag, rate: float, problems: list[str]) -> None:
         self.rate = rate
         self._parameters = _mapping(recorded.facts.get("parameters"))
         arguments = _mapping(recorded.facts.get("arguments"))
@@ -319,7 +319,7 @@ class _Known:
         name = self.of_node("slave_device").get(f"{_SURFACE}name")
         return str(name or Path(asked).stem or UNKNOWN)
 
-    def _pair(self, recorded: Recorded, arguments: Mapping[str, Any]) -> tuple[str, ...]:
+    def _pair(self, recorded: Bag, arguments: Mapping[str, Any]) -> tuple[str, ...]:
         if not arguments:
             return (recorded.path.name,)
         seed = arguments.get("seed", self.of_node("slave_device").get("seed", ""))
@@ -336,7 +336,7 @@ def _mapping(value: Any) -> dict[str, Any]:
 
 
 def _parts(
-    recorded: Recorded, known: _Known, span: tuple[int, int], problems: list[str]
+    recorded: Bag, known: _Known, span: tuple[int, int], problems: list[str]
 ) -> list[tuple[Condition, int, int]]:
     """Return condition, first and last moment of what can be analysed, ns."""
     coupled = _coupled(recorded, span, problems)
@@ -353,9 +353,7 @@ def _parts(
     return parts
 
 
-def _coupled(
-    recorded: Recorded, span: tuple[int, int], problems: list[str]
-) -> list[tuple[int, int]]:
+def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[tuple[int, int]]:
     """Return when the arms were coupled, ns: while forces came that were not zero."""
     forces = recorded.signals.get(topics.MASTER_ARM_FORCE.name)
     if forces is None:
@@ -375,7 +373,7 @@ def _coupled(
     return [(max(first, span[0]), min(last, span[1])) for first, last in pairs]
 
 
-def _conditions(recorded: Recorded, known: _Known) -> list[tuple[int, Condition]]:
+def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, Condition]]:
     """Return the conditions of a bag and when each began, ns; the first has always been."""
     conditions = [(0, known.condition)]
     for change in sorted(recorded.changes, key=lambda change: change.received):
@@ -408,7 +406,7 @@ ALTERED = " (altered)"
 
 
 def _stretch(
-    recorded: Recorded, known: _Known, condition: Condition, number: int, low: int, high: int
+    recorded: Bag, known: _Known, condition: Condition, number: int, low: int, high: int
 ) -> Stretch:
     """Put one stretch on its grid."""
     rate = known.rate
@@ -466,7 +464,7 @@ def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:
 
 
 def _delivery(
-    recorded: Recorded,
+    recorded: Bag,
     seen: Mapping[str, Any],
     late: Mapping[str, int],
     start: int,
@@ -506,7 +504,7 @@ def _transit(forces: Signal | None, start: int, end: int) -> FloatArray:
     return waited / NANOSECONDS
 
 
-def _ages(recorded: Recorded, end: int) -> dict[str, float]:
+def _ages(recorded: Bag, end: int) -> dict[str, float]:
     """Return the ages that the master's device reported last in a stretch, or soon behind it."""
     reports = [d for d in recorded.diagnostics if d.node == "master_device"]
     within = [d for d in reports if d.received <= end] or reports[:1]

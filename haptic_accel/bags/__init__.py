@@ -1,1 +1,1 @@
-"""Bags: how they are written, read back and mended. No ROS is needed for any of it."""
+"""Bags: written, read and repaired, without ROS."""

@@ -1,4 +1,4 @@
-"""Type definitions as a bag carries them, so that it can be read where a type is unknown."""
+"""Type definitions, which a bag carries so that it can be read where a type is not installed."""
 
 from __future__ import annotations
 
@@ -16,12 +16,9 @@ from rosbags.interfaces import (
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-SERIALIZATION = "cdr"
-"""How ROS 2 serialises messages."""
-
 
 class UndefinedTypeError(LookupError):
-    """No definition of a message type can be had; the message is one line."""
+    """There is no definition of a message type; the message is one line."""
 
 
 def connection(number: int, topic: str, kind: str, offered: Sequence[Qos]) -> Connection:
@@ -36,7 +33,7 @@ def connection(number: int, topic: str, kind: str, offered: Sequence[Qos]) -> Co
     kind : str
         Message type, as in ``std_msgs/msg/String``.
     offered : sequence of Qos
-        What its publishers offer.
+        Quality of service that its publishers offer.
 
     Raises
     ------
@@ -51,14 +48,14 @@ def connection(number: int, topic: str, kind: str, offered: Sequence[Qos]) -> Co
         MessageDefinition(MessageDefinitionFormat.MSG, definition),
         digest,
         0,
-        ConnectionExtRosbag2(SERIALIZATION, list(offered)),
+        ConnectionExtRosbag2("cdr", list(offered)),
         None,
     )
 
 
 @cache
 def _definition(kind: str) -> tuple[str, str]:
-    """Return a type's text with those it is made of, and its hash (REP 2016)."""
+    """Return the text of a type with those it contains, and its hash (REP 2016)."""
     types = _types()
     try:
         _add_installed(types, kind)
@@ -74,7 +71,7 @@ def _types() -> Typestore:
 
 
 def _add_installed(types: Typestore, kind: str) -> None:
-    """Register a type, and those it is made of, from the .msg files of installed packages."""
+    """Register a type, and those it contains, from the .msg files of installed packages."""
     if kind in types.fielddefs:
         return
     found = get_types_from_msg(_message_file(kind).read_text(encoding="utf-8"), kind)
@@ -86,7 +83,7 @@ def _add_installed(types: Typestore, kind: str) -> None:
 
 
 def _message_file(kind: str) -> Path:
-    # Looked for only for types that rosbags does not know: needs an installed ROS 2.
+    # Imported only for types that rosbags does not know: needs an installed ROS 2.
     from ament_index_python.packages import get_package_share_directory
 
     package, _, name = kind.split("/")
@@ -94,7 +91,7 @@ def _message_file(kind: str) -> Path:
 
 
 def _names(parsed: object) -> Iterator[str]:
-    """Yield every text in nested tuples and lists: type names are among them."""
+    """Yield every text in nested tuples and lists; type names are among them."""
     if isinstance(parsed, str):
         yield parsed
     elif isinstance(parsed, (tuple, list)):

@@ -1,4 +1,4 @@
-"""What a bag says of itself: a year later it is still known what was run, and on what."""
+"""Facts stored in a bag, so that it is known later which run it holds, and on which machine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from haptic_accel import __version__
 from haptic_accel.core.parameters import ParameterError
 
 PREFIX = "haptic_accel."
-"""Of the names in a bag's custom data."""
+"""Prefix of the facts among the keys of a bag's custom data."""
 
 VERSION, ARGUMENTS, PARAMETERS, HOST = "version", "arguments", "parameters", "host"
 
@@ -30,7 +30,7 @@ def custom_data(text: str) -> dict[str, str]:
     Raises
     ------
     ParameterError
-        It is no JSON object.
+        It is not a JSON object.
     """
     given = _object(text)
     facts = {
@@ -43,7 +43,7 @@ def custom_data(text: str) -> dict[str, str]:
 
 
 def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
-    """Return the facts in a bag's custom data; what is no JSON stays text."""
+    """Return the facts in a bag's custom data; what is not JSON stays text."""
     facts: dict[str, Any] = {}
     for key, value in custom.items():
         if not key.startswith(PREFIX):
@@ -62,7 +62,7 @@ def facts_text(arguments: Mapping[str, Any], parameters: Mapping[str, Mapping[st
 
 
 def host() -> dict[str, Any]:
-    """Return what is known of the machine and its software."""
+    """Return name, system and software of this machine."""
     return {
         "name": platform.node(),
         "python": platform.python_version(),
@@ -73,7 +73,7 @@ def host() -> dict[str, Any]:
 
 
 def ros_distro() -> str:
-    """Return the ROS 2 distribution: of the environment, or of the wheels installed."""
+    """Return the ROS 2 distribution of the environment, or that of the wheels installed."""
     wheels = (
         re.fullmatch(r"ros[-_](\w+)[-_]rclpy", d.name or "") for d in metadata.distributions()
     )

@@ -1,22 +1,19 @@
-"""The files of a bag while it is recorded: split, compressed, described, and saved."""
+"""The files of a bag while it is recorded: split, described, and saved."""
 
 from __future__ import annotations
 
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 
 from rosbags.interfaces import Connection
 
-from haptic_accel.bags.compression import compress_file, is_compressed, message_compressor
-from haptic_accel.bags.metadata import FileEntry, Metadata, topic_entry
-from haptic_accel.bags.recording_options import FILE, MESSAGE, NONE, RecordingOptions
-from haptic_accel.bags.storage import SUFFIXES, Storage, open_storage
+from haptic_accel.bags.chunked_writer import ChunkedWriter
+from haptic_accel.bags.folder import MCAP
+from haptic_accel.bags.metadata import FileEntry, Metadata, file_entry, topic_entry
+from haptic_accel.bags.recording_options import ZSTD_FAST, RecordingOptions
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 
@@ -24,8 +21,8 @@ from haptic_accel.core.sampling import NANOSECONDS
 class BagFiles:
     """A bag's folder with its files, the last of which is written.
 
-    Nothing is raised while recording: the first OSError ends it, what was saved by then stays
-    readable, and what comes is counted.
+    Nothing is raised while recording: the first OSError ends it, the messages saved by then stay
+    readable, and later ones are counted.
 
     Parameters
     ----------
@@ -33,18 +30,18 @@ class BagFiles:
         Folder to make.
     options : RecordingOptions
     facts : mapping
-        What the bag says of itself, text by name.
+        Custom data of the bag, text by name.
 
     Attributes
     ----------
-    written, lost : int
-        Messages in the bag, or about to be; messages that are not.
+    lost : int
+        Messages that are not in the bag.
     bytes : int
-        Of all messages written.
+        Size of all messages written.
     failure : str
-        What ended the recording, empty as long as it goes on.
+        Error that ended the recording, empty as long as it goes on.
     trouble : str
-        What did not work and ended nothing, empty if all did.
+        Error that ended nothing, empty without.
 
     Raises
     ------
@@ -62,13 +59,10 @@ class BagFiles:
         self._finished: list[FileEntry] = []
         self._counts: Counter[int] = Counter()  # messages of the finished files
         self._given = 0  # messages, to the file that is written
-        self._begun = 0  # when its first message was recorded
-        self._compressing: dict[str, Future[Path]] = {}
-        self._compressor = ThreadPoolExecutor(1, "bag compressor")
-        self._compress = message_compressor() if options.compression_mode == MESSAGE else None
+        self._begun = 0  # time at which its first message was recorded
         try:
             path.mkdir(parents=True)
-            self._file: Storage | None = self._open(0)
+            self._file: ChunkedWriter | None = self._open(0)
             self._metadata().write(path)
         except OSError as error:
             raise ParameterError(
@@ -82,12 +76,12 @@ class BagFiles:
 
     @property
     def file_names(self) -> list[str]:
-        """The bag's files, the last of which is written until the bag is closed."""
+        """Names of the bag's files, the last of which is written until the bag is closed."""
         return [file.name for file in self._entries]
 
     @property
     def free_space(self) -> int:
-        """Left on the disk, bytes; 0 where the folder is gone."""
+        """Free space on the disk, bytes; 0 if the folder is gone."""
         try:
             return shutil.disk_usage(self.path).free
         except OSError:
@@ -105,8 +99,6 @@ class BagFiles:
         if not self._file or self.failure:
             self.lost += 1
             return
-        if self._compress:
-            data = self._compress(data)
         try:
             self._file.write(topic, received, data)
         except OSError as error:
@@ -119,12 +111,10 @@ class BagFiles:
 
     def flush(self) -> None:
         """Bring everything to the disk."""
-        self._attempt(lambda file: file.flush())
-        if any(future.done() for future in self._compressing.values()):
-            self._take_compressed()
+        self._attempt(ChunkedWriter.flush)
 
     def split(self) -> None:
-        """Put what comes into another file; where that cannot be made, go on with this one."""
+        """Continue in another file; if that cannot be made, in the same one."""
         if self.failure:
             return
         try:
@@ -137,22 +127,17 @@ class BagFiles:
         if self.failure:
             following.path.unlink(missing_ok=True)
             return
-        self._count_finished()
         self._file = following
-        for known in self._connections:
-            self._attempt(partial(_add, known))
+        self._attempt(self._add_known)
         self._renew_metadata()
 
     def close(self) -> None:
-        """Finish the last file, compress what is to be, and write the metadata."""
+        """Finish the last file and write the metadata."""
         self._attempt(self._close_file)
-        self._count_finished()
         self._renew_metadata()
-        self._compressor.shutdown(wait=True)
-        self._take_compressed()
 
     def summary(self, dropped: int) -> str:
-        """Return one line: what is saved, and what is not.
+        """Return one line about the messages that are saved and those that are not.
 
         Parameters
         ----------
@@ -169,8 +154,8 @@ class BagFiles:
             f" read, {dropped} are not{trouble}"
         )
 
-    def _attempt(self, action: Callable[[Storage], None]) -> None:
-        """Do with the file what may fail, unless the recording has."""
+    def _attempt(self, action: Callable[[ChunkedWriter], None]) -> None:
+        """Apply an action to the file, unless the recording has failed."""
         if not self._file or self.failure:
             return
         try:
@@ -199,80 +184,39 @@ class BagFiles:
             return True
         return bool(duration) and received - self._begun >= duration * NANOSECONDS
 
-    def _open(self, number: int) -> Storage:
-        storage = self._options.storage
-        name = f"{self.path.name}_{number}{SUFFIXES[storage]}"
-        return open_storage(storage, self.path / name, self._options.storage_preset_profile)
+    def _open(self, number: int) -> ChunkedWriter:
+        compressed = self._options.storage_preset_profile == ZSTD_FAST
+        return ChunkedWriter(self.path / f"{self.path.name}_{number}{MCAP}", compressed=compressed)
 
-    def _close_file(self, file: Storage) -> None:
+    def _add_known(self, file: ChunkedWriter) -> None:
+        for known in self._connections:
+            file.add(known)
+
+    def _close_file(self, file: ChunkedWriter) -> None:
+        """Finish the file and list it among those that are finished."""
         file.flush()
-        file.close(self._metadata().text)
-
-    def _count_finished(self) -> None:
-        """Count the file that was written among those that are finished."""
-        file, self._file = self._file, None
-        if not file:
-            return
-        self._finished.append(_entry(file))
+        file.finish(self._metadata().text)
+        self._finished.append(file_entry(file.path.name, file.kept))
         self._counts.update(file.kept.counts)
+        self._file = None
         self._given = self._begun = 0
-        if self._options.compression_mode == FILE and not self.failure:
-            self._compressing[file.path.name] = self._compressor.submit(compress_file, file.path)
 
-    def _take_compressed(self) -> None:
-        """List files under the names they have compressed; what they were goes after that."""
-        replaced = []
-        for name in [name for name, future in self._compressing.items() if future.done()]:
-            try:
-                compressed = self._compressing.pop(name).result()
-            except OSError as error:
-                self.trouble = f"{self.path / name} cannot be compressed: {_reason(error)}"
-                continue
-            replaced.append(name)
-            self._finished = [
-                replace(file, name=compressed.name) if file.name == name else file
-                for file in self._finished
-            ]
-        if replaced and self._renew_metadata():
-            for name in replaced:
-                (self.path / name).unlink(missing_ok=True)
-
-    def _renew_metadata(self) -> bool:
+    def _renew_metadata(self) -> None:
         try:
             self._metadata().write(self.path)
         except OSError as error:
             self.trouble = f"{self.path}/metadata.yaml cannot be written: {_reason(error)}"
-            return False
-        return True
 
     @property
     def _entries(self) -> list[FileEntry]:
-        return [*self._finished, *([_entry(self._file)] if self._file else [])]
+        file = self._file
+        return [*self._finished, *([file_entry(file.path.name, file.kept)] if file else [])]
 
     def _metadata(self) -> Metadata:
-        """Return what the bag is, as far as it is saved."""
+        """Return the bag's metadata as far as it is saved."""
         counts = self._counts + (self._file.kept.counts if self._file else Counter())
-        entries = self._entries
-        mode = self._options.compression_mode
-        if mode == NONE or (mode == FILE and not any(is_compressed(e.name) for e in entries)):
-            mode = ""
-        return Metadata(
-            self._options.storage,
-            tuple(entries),
-            tuple(topic_entry(known, counts[known.id]) for known in self._connections),
-            mode,
-            self._options.compression_format if mode else "",
-            self._facts,
-        )
-
-
-def _add(known: Connection, file: Storage) -> None:
-    file.add(known)
-
-
-def _entry(file: Storage) -> FileEntry:
-    kept = file.kept
-    return FileEntry(file.path.name, kept.start, kept.end, kept.messages)
+        topics = tuple(topic_entry(known, counts[known.id]) for known in self._connections)
+        return Metadata(tuple(self._entries), topics, self._facts)
 
 
 def _reason(error: OSError) -> str:

@@ -1,4 +1,4 @@
-"""Reads an MCAP file whole, by chunks rather than by messages, and as far as it is intact.
+"""Reads an MCAP file by chunks, as far as it is intact.
 
 The readers of `rosbags` and `mcap` give one message at a time, which for ten minutes of this graph
 takes a minute or two, and refuse a file that was cut off. Here a chunk's messages stay one block
@@ -11,13 +11,19 @@ from __future__ import annotations
 import io
 import struct
 import sys
+from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
+import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
 import numpy.typing as npt
+import yaml
+
+from haptic_accel.bags.rosbags_adapter import Channel, Schema
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -28,28 +34,59 @@ IntArray = npt.NDArray[np.int64]
 ByteArray = npt.NDArray[np.uint8]
 
 MAGIC = b"\x89MCAP0\r\n"
+NEVER = 2**63 - 1
+"""Start time of a file without messages, ns, as rosbag2 has it."""
 
-_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _INDEX, _METADATA, _END = 3, 4, 5, 6, 7, 12, 15
-_RECORD = struct.Struct("<BQ")  # kind and length of what follows
-_MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+LOOSE = 1 << 20
+"""Size of the blocks in which records outside chunks are read, bytes."""
+
+# Kinds of records.
+_NOTHING, _FOOTER_KIND, _SCHEMA, _CHANNEL, MESSAGE, _CHUNK, _INDEX = 0, 2, 3, 4, 5, 6, 7
+_STATISTICS, _METADATA, _DATA_END = 11, 12, 15
+_LOOSE_KINDS = (_SCHEMA, _CHANNEL, MESSAGE)
+RECORD = struct.Struct("<BQ")  # kind, and length of the content
+MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK_HEADER = struct.Struct("<QQQI")  # start, end, uncompressed size, CRC
+_FOOTER = struct.Struct("<BQQQI8s")  # with its record's header, and the mark at the file's end
+# Messages; schemas, channels, attachments, metadata, chunks; start, end, size of the counts.
+_STATISTICS_HEADER = struct.Struct("<QHIIIIQQI")
+_COUNT = struct.Struct("<HQ")  # channel, messages
 _ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
-DATA = _RECORD.size + _MESSAGE_HEADER.size
-"""Where a message's data starts behind its record's start, bytes."""
+DATA = RECORD.size + MESSAGE_HEADER.size
+"""Distance of a message's data from the start of its record, bytes."""
+
+Entries = dict[int, tuple[IntArray, IntArray]]
+"""Times and places of a chunk's messages, by number of their channel."""
+
+_DAMAGED = (ValueError, RuntimeError, LookupError, struct.error, zstd.ZstdError)
 
 
-class Channel(NamedTuple):
-    """A topic of a file.
+@dataclass
+class Tally:
+    """Number and times of a file's messages.
 
     Attributes
     ----------
-    topic, type : str
-        Full name, and type as in ``geometry_msgs/msg/AccelStamped``.
+    counts : Counter
+        Messages by number of their channel.
+    start, end : int
+        Times at which the first and the last message were recorded, system time in ns; `NEVER`
+        and 0 without messages.
     """
 
-    topic: str
-    type: str
+    counts: Counter[int] = field(default_factory=Counter)
+    start: int = NEVER
+    end: int = 0
+
+    @property
+    def messages(self) -> int:
+        """Number of messages."""
+        return self.counts.total()
+
+    def plus(self, counts: Counter[int], start: int, end: int) -> Tally:
+        """Return the tally with more messages."""
+        return Tally(self.counts + counts, min(self.start, start), max(self.end, end))
 
 
 @dataclass(frozen=True)
@@ -58,44 +95,90 @@ class Block:
 
     Attributes
     ----------
-    channel : Channel
+    topic, type : str
+        Full name, and type as in ``geometry_msgs/msg/AccelStamped``.
     received : ndarray of int64, shape (n,)
-        When each was recorded, system time in ns.
+        Times at which they were recorded, system time in ns.
     bytes : ndarray of uint8
         The block.
     starts, ends : ndarray of int64, shape (n,)
-        Where each message's data lies in it.
+        Bounds of each message's data in it.
     """
 
-    channel: Channel
+    topic: str
+    type: str
     received: IntArray
     bytes: ByteArray
     starts: IntArray
     ends: IntArray
 
 
+@dataclass(frozen=True)
+class Chunk:
+    """Records of a chunk, decompressed and whole, with the places of its messages."""
+
+    records: bytes
+    compression: str = ""
+    entries: Entries = field(default_factory=dict)
+
+
 @dataclass
 class McapFile:
-    """An MCAP file, read by iterating over `blocks`.
+    """An MCAP file to read: by its index, by chunks, or by blocks of messages.
 
     Attributes
     ----------
-    channels : dict
+    schemas, channels : dict
         By number, as far as read.
     metadata : dict
         Texts of the metadata records, by record and key.
     problems : list of str
-        What keeps the file from being whole; to be looked at after reading.
-    end : int
-        Where the last intact record ends, bytes; after reading.
+        Damage found while reading, a line each.
+    unfinished : str
+        How the file ended where it was not closed, in one line; empty where it was.
     """
 
     path: Path
+    schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
-    end: int = 0
-    _schemas: dict[int, str] = field(default_factory=dict)
+    unfinished: str = ""
+
+    @property
+    def custom_data(self) -> dict[str, str]:
+        """The bag's custom data as a closed file repeats it; empty where there is none."""
+        text = self.metadata.get("rosbag2", {}).get("serialized_metadata", "")
+        with suppress(yaml.YAMLError, ValueError, TypeError, AttributeError):
+            return dict((yaml.safe_load(text) or {}).get("custom_data") or {})
+        self.problems.append(f"{self.path.name}: its metadata cannot be read")
+        return {}
+
+    def read_index(self) -> Tally:
+        """Read schemas, channels and statistics from the index at the file's end.
+
+        Raises
+        ------
+        ValueError
+            There is no index, or it is damaged.
+        OSError
+            The file cannot be read.
+        """
+        with self.path.open("rb") as file:
+            size = _checked_size(file)
+            file.seek(max(0, size - _FOOTER.size))
+            kind, _, start, *_, magic = _FOOTER.unpack(file.read().rjust(_FOOTER.size, b"\0"))
+            if kind != _FOOTER_KIND or magic != MAGIC or not 0 < start < size:
+                raise ValueError("it has no index")
+            file.seek(start)
+            statistics = b""
+            for kind, content in _records(file, size):
+                self._declare(kind, content)
+                if kind == _STATISTICS:
+                    statistics = content
+        if self.problems or len(statistics) < _STATISTICS_HEADER.size:
+            raise ValueError("its index is damaged")
+        return _tally(statistics)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the messages in the order of the file, a block per chunk and channel.
@@ -107,147 +190,205 @@ class McapFile:
         OSError
             It cannot be read.
         """
-        with self.path.open("rb") as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                raise ValueError("it is not an MCAP file")
-            chunk: bytes | None = None
-            index: dict[int, npt.NDArray[np.void]] = {}
-            for kind, content in self._records(file):
-                if kind == _INDEX:
-                    number, length = struct.unpack_from("<HI", content)
-                    index[number] = np.frombuffer(content, _ENTRY, length // _ENTRY.itemsize, 6)
+        for chunk in self.chunks():
+            block = np.frombuffer(chunk.records, np.uint8)
+            for number, (times, starts) in chunk.entries.items():
+                if not len(times) or number not in self.channels:
                     continue
-                yield from self._unpacked(chunk, index)
-                chunk, index = None, {}
+                if int(starts.max()) + DATA > block.size:
+                    self.problems.append(f"{self.path.name}: the index of a chunk is wrong")
+                    continue
+                lengths = _little_endian(block, starts + 1, 8)
+                ends = starts + RECORD.size + lengths
+                channel = self.channels[number]
+                yield Block(channel.topic, channel.schema, times, block, starts + DATA, ends)
+
+    def chunks(self, *, by_index: bool = True) -> Iterator[Chunk]:
+        """Yield the file's chunks; records outside chunks are gathered into some.
+
+        Parameters
+        ----------
+        by_index : bool
+            Take the places of messages from the index behind each chunk, where there is one,
+            instead of from the records themselves.
+
+        Raises
+        ------
+        ValueError, OSError
+            As `blocks`.
+        """
+        with self.path.open("rb") as file:
+            size = _checked_size(file)
+            chunk, loose, ended = Chunk(b""), bytearray(), False
+            for kind, content in _records(file, size):
+                if kind == _INDEX:
+                    if by_index:
+                        chunk.entries.update(_entries(content))
+                    continue
+                if chunk.records:
+                    yield self._complete(chunk)
+                    chunk = Chunk(b"")
+                if kind in _LOOSE_KINDS:
+                    loose += RECORD.pack(kind, len(content)) + content
+                if loose and (kind not in _LOOSE_KINDS or len(loose) > LOOSE):
+                    yield self._walked(Chunk(bytes(loose)))
+                    loose.clear()
                 if kind == _CHUNK:
-                    chunk = self._chunk(content)
-                elif kind == _MESSAGE:
-                    # A file without chunks: each message is a block of its own.
-                    yield from self._unpacked(_RECORD.pack(kind, len(content)) + content, {})
+                    chunk = self._decompressed(content)
                 else:
                     self._declare(kind, content)
-            yield from self._unpacked(chunk, index)
+                ended = kind == _DATA_END
+                if ended:
+                    break
+            # Behind the last chunk of a file that was cut off, the index may lack channels.
+            yield self._walked(chunk)
+            yield self._walked(Chunk(bytes(loose)))
+            if not ended:
+                self.unfinished = f"{self.path.name} was cut off: read as far as it is intact"
+            elif not _has_end(file, size):
+                self.unfinished = f"{self.path.name} was not closed: it has no index"
 
-    def _records(self, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-        """Yield kind and content of the records up to the end of the data.
-
-        What is cut off is left out, but for a chunk, which is yielded as far as it is there.
-        """
-        size = file.seek(0, io.SEEK_END)
-        self.end = file.seek(len(MAGIC))
-        while len(header := file.read(_RECORD.size)) == _RECORD.size:
-            kind, length = _RECORD.unpack(header)
-            if self.end + _RECORD.size + length > size:
-                if kind == _CHUNK:
-                    yield kind, file.read()
-                break
-            content = file.read(length)
-            self.end += _RECORD.size + length
-            yield kind, content
-            if kind == _END:
-                self._check_close(file, size)
-                return
-        self.problems.append(f"{self.path.name} was cut off: read as far as it is intact")
-
-    def _check_close(self, file: BinaryIO, size: int) -> None:
-        file.seek(size - len(MAGIC))
-        if file.read() != MAGIC:
-            self.problems.append(f"{self.path.name} was not closed: it has no index")
-
-    def _chunk(self, content: bytes) -> bytes:
-        """Return a chunk's records, none where it is damaged."""
+    def _decompressed(self, content: bytes) -> Chunk:
+        """Return a chunk as far as it is there; without records where it is damaged."""
         try:
             _, _, size, _ = _CHUNK_HEADER.unpack_from(content)
-            place = _CHUNK_HEADER.size
-            compression, place = _text(content, place)
+            compression, place = _text(content, _CHUNK_HEADER.size)
             (length,) = struct.unpack_from("<Q", content, place)
             records = content[place + 8 : place + 8 + length]
             if compression == "zstd":
                 records = zstd.decompress(records)
             elif compression == "lz4":
-                import lz4.frame  # type: ignore[import-untyped]
-
                 records = lz4.frame.decompress(records)
             elif compression:
                 raise ValueError(f"compression {compression!r}")
             # A chunk that was cut off and is not compressed has whole messages all the same.
-            if len(records) != size and compression:
+            if len(records) != size and (compression or len(records) == length):
                 raise ValueError(f"{len(records)} bytes in place of {size}")
-        except (ValueError, RuntimeError, struct.error, zstd.ZstdError, ImportError) as error:
-            self.problems.append(f"{self.path.name}: a chunk cannot be read: {error}")
-            return b""
-        return records
+        except _DAMAGED as error:
+            reason = " ".join(str(error).split())
+            self.problems.append(f"{self.path.name}: a chunk cannot be read: {reason}")
+            return Chunk(b"")
+        return Chunk(records, compression)
 
-    def _unpacked(
-        self, chunk: bytes | None, index: dict[int, npt.NDArray[np.void]]
-    ) -> Iterator[Block]:
-        """Yield a chunk's messages by channel."""
-        if not chunk:
-            return
-        found = {number: (entry["time"], entry["offset"]) for number, entry in index.items()}
-        if any(number not in self.channels for number in found) or not found:
-            found = self._walk(chunk)
-        block = np.frombuffer(chunk, np.uint8)
-        for number, (times, places) in found.items():
-            if not len(times) or number not in self.channels:
-                continue
-            starts = np.asarray(places, dtype=np.int64)
-            if int(starts.max()) + DATA > block.size:
-                self.problems.append(f"{self.path.name}: the index of a chunk is wrong")
-                continue
-            lengths = _little_endian(block, starts + 1, 8)
-            ends = starts + _RECORD.size + lengths
-            received = np.asarray(times, dtype=np.int64)
-            yield Block(self.channels[number], received, block, starts + DATA, ends)
+    def _complete(self, chunk: Chunk) -> Chunk:
+        """Return a chunk with the places of its messages: from its index, or by a walk."""
+        if not chunk.entries or any(number not in self.channels for number in chunk.entries):
+            return self._walked(chunk)
+        return chunk
 
-    def _walk(self, chunk: bytes) -> dict[int, tuple[IntArray, IntArray]]:
-        """Return times and places of a chunk's messages by channel, declaring what it declares."""
+    def _walked(self, chunk: Chunk) -> Chunk:
+        """Return a chunk cut to its whole records, with the places of its messages.
+
+        Schemas and channels are declared on the way.
+        """
         found: dict[int, list[tuple[int, int]]] = {}
-        place = 0
-        while place + _RECORD.size <= len(chunk):
-            kind, length = _RECORD.unpack_from(chunk, place)
-            behind = place + _RECORD.size
-            if behind + length > len(chunk):
+        records, place = chunk.records, 0
+        while place + RECORD.size <= len(records):
+            kind, length = RECORD.unpack_from(records, place)
+            start = place + RECORD.size
+            if kind == _NOTHING or start + length > len(records):
                 break
-            if kind == _MESSAGE:
-                number, _, time, _ = _MESSAGE_HEADER.unpack_from(chunk, behind)
+            if kind == MESSAGE and length >= MESSAGE_HEADER.size:
+                number, _, time, _ = MESSAGE_HEADER.unpack_from(records, start)
                 found.setdefault(number, []).append((time, place))
             else:
-                self._declare(kind, chunk[behind : behind + length])
-            place = behind + length
-        return {
-            number: (
-                np.array([time for time, _ in rows], dtype=np.uint64).astype(np.int64),
-                np.array([place for _, place in rows], dtype=np.int64),
-            )
-            for number, rows in found.items()
+                self._declare(kind, records[start : start + length])
+            place = start + length
+        entries = {
+            number: _pair(np.array(rows, np.uint64).view(_ENTRY)) for number, rows in found.items()
         }
+        return Chunk(records[:place], chunk.compression, entries)
 
     def _declare(self, kind: int, content: bytes) -> None:
         """Take note of a schema, a channel or metadata."""
+        try:
+            self._note(kind, content)
+        except _DAMAGED as error:
+            self.problems.append(f"{self.path.name}: a record cannot be read: {error}")
+
+    def _note(self, kind: int, content: bytes) -> None:
         if kind == _SCHEMA:
             (number,) = struct.unpack_from("<H", content)
-            self._schemas[number], _ = _text(content, 2)
+            name, encoding, data = _texts(content, 2, 3)
+            self.schemas[number] = Schema(number, name, encoding, data)
         elif kind == _CHANNEL:
             number, schema = struct.unpack_from("<HH", content)
-            topic, _ = _text(content, 4)
-            self.channels[number] = Channel(topic, self._schemas.get(schema, ""))
+            topic, encoding = _texts(content, 4, 2)
+            pairs = content[4 + 4 + len(topic.encode()) + 4 + len(encoding.encode()) + 4 :]
+            name = self.schemas[schema].name if schema in self.schemas else ""
+            self.channels[number] = Channel(number, name, topic, encoding, pairs)
         elif kind == _METADATA:
             name, place = _text(content, 0)
-            (length,) = struct.unpack_from("<I", content, place)
-            place += 4
-            end = place + length
-            pairs = self.metadata.setdefault(name, {})
-            while place < end:
-                key, place = _text(content, place)
-                pairs[key], place = _text(content, place)
+            self.metadata.setdefault(name, {}).update(text_map(content[place + 4 :]))
+
+
+def text_map(content: bytes) -> dict[str, str]:
+    """Return a map of texts from a record, without its length."""
+    texts = []
+    place = 0
+    while place < len(content):
+        text, place = _text(content, place)
+        texts.append(text)
+    return dict(zip(texts[::2], texts[1::2], strict=True))
+
+
+def _checked_size(file: BinaryIO) -> int:
+    """Return a file's size and go behind the mark at its beginning."""
+    size = file.seek(0, io.SEEK_END)
+    file.seek(0)
+    if file.read(len(MAGIC)) != MAGIC:
+        raise ValueError("it is not an MCAP file")
+    return size
+
+
+def _has_end(file: BinaryIO, size: int) -> bool:
+    file.seek(max(0, size - len(MAGIC)))
+    return file.read() == MAGIC
+
+
+def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
+    """Yield kind and content of the records that are whole, and of a chunk that is cut off."""
+    while len(header := file.read(RECORD.size)) == RECORD.size:
+        kind, length = RECORD.unpack(header)
+        cut_off = file.tell() + length > size
+        # Where power was cut, a file may end in zeros.
+        if kind == _NOTHING or (cut_off and kind != _CHUNK):
+            return
+        yield kind, file.read(min(length, size))
+
+
+def _tally(statistics: bytes) -> Tally:
+    """Return what a statistics record says of a file's messages."""
+    messages, *_, start, end, size = _STATISTICS_HEADER.unpack_from(statistics)
+    counts = Counter(dict(_COUNT.iter_unpack(statistics[_STATISTICS_HEADER.size :][:size])))
+    return Tally(counts, start, end) if messages else Tally()
+
+
+def _entries(index: bytes) -> Entries:
+    """Return what a message index record says of the chunk before it."""
+    number, length = struct.unpack_from("<HI", index)
+    return {number: _pair(np.frombuffer(index, _ENTRY, length // _ENTRY.itemsize, 6))}
+
+
+def _pair(entries: npt.NDArray[np.void]) -> tuple[IntArray, IntArray]:
+    flat = entries.reshape(-1)
+    return flat["time"].astype(np.int64), flat["offset"].astype(np.int64)
 
 
 def _text(content: bytes, place: int) -> tuple[str, int]:
-    """Return a text with its length before it, and where it ends."""
+    """Return a text with its length before it, and the place behind it."""
     (length,) = struct.unpack_from("<I", content, place)
-    place += 4
-    return content[place : place + length].decode("utf-8", "replace"), place + length
+    start = place + 4
+    return content[start : start + length].decode("utf-8", "replace"), start + length
+
+
+def _texts(content: bytes, place: int, number: int) -> list[str]:
+    """Return successive texts."""
+    found = []
+    for _ in range(number):
+        text, place = _text(content, place)
+        found.append(text)
+    return found
 
 
 def _little_endian(block: ByteArray, places: IntArray, size: int) -> IntArray:

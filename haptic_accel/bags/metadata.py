@@ -1,4 +1,4 @@
-"""A bag's metadata.yaml: what rosbag2 wants to know of a bag before it opens its files."""
+"""A bag's metadata.yaml, which rosbag2 reads before it opens the bag's files."""
 
 from __future__ import annotations
 
@@ -10,23 +10,25 @@ from typing import Any
 
 import yaml
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
-from rosbags.rosbag2.errors import ReaderError
-from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
+from rosbags.rosbag2 import ReaderError
 
-FILE_NAME = "metadata.yaml"
+from haptic_accel.bags.folder import METADATA
+from haptic_accel.bags.mcap import NEVER, McapFile, Tally, text_map
+from haptic_accel.bags.rosbags_adapter import Channel, dump_qos_v9, parse_qos
+
 VERSION = 9
-"""Of the file, as Jazzy and newer write it."""
+"""Version of metadata.yaml, as Jazzy and newer write it."""
 
-NEVER = 2**63 - 1
-"""Start of a bag without messages, ns, as rosbag2 has it."""
+STORAGE = "mcap"
+"""Storage identifier of the bags written here."""
 
-# Those of libyaml, where PyYAML has it, are ten times as quick.
+# With libyaml, where PyYAML has it, ten times as fast.
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 _ROOT = "rosbag2_bagfile_information"
 _LONG = 2**31 - 1
-"""Columns: no text is broken into lines."""
+"""Line width, columns, at which no text is broken."""
 
 
 class MetadataError(Exception):
@@ -42,10 +44,10 @@ class FileEntry:
     name : str
         Relative to the bag's folder.
     start, end : int
-        When its first and last message were recorded, system time in ns; `NEVER` and 0
+        Times at which its first and last message were recorded, system time in ns; `NEVER` and 0
         without messages.
     messages : int
-        How many.
+        Number of messages.
     """
 
     name: str
@@ -56,7 +58,7 @@ class FileEntry:
 
 @dataclass(frozen=True)
 class TopicEntry:
-    """One topic of a bag: name, type, how it was offered, and how many messages."""
+    """One topic of a bag: name, type, quality of service offered, and number of messages."""
 
     name: str
     type: str
@@ -68,39 +70,39 @@ class TopicEntry:
 
 @dataclass(frozen=True)
 class Metadata:
-    """What metadata.yaml says.
+    """Content of metadata.yaml.
 
     Attributes
     ----------
-    storage : str
-        ``mcap`` or ``sqlite3``.
     files : tuple of FileEntry
         In the order recorded.
     topics : tuple of TopicEntry
-    compression_mode, compression_format : str
-        Empty without compression.
     custom : dict
         The bag's own facts, text by name.
+    storage : str
+        ``mcap``, or in another program's bag ``sqlite3``.
+    compression_mode, compression_format : str
+        Compression of files or messages by another program; empty without.
     distro : str
         ROS distribution whose type definitions the bag carries.
     """
 
-    storage: str
     files: tuple[FileEntry, ...]
     topics: tuple[TopicEntry, ...] = ()
+    custom: Mapping[str, str] = field(default_factory=dict)
+    storage: str = STORAGE
     compression_mode: str = ""
     compression_format: str = ""
-    custom: Mapping[str, str] = field(default_factory=dict)
     distro: str = "jazzy"
 
     @property
     def messages(self) -> int:
-        """How many messages the bag holds."""
+        """Number of messages in the bag."""
         return sum(file.messages for file in self.files)
 
     @property
     def start(self) -> int:
-        """When the first message was recorded, system time in ns."""
+        """Time at which the first message was recorded, system time in ns."""
         return min((file.start for file in self.files), default=NEVER)
 
     @property
@@ -110,19 +112,19 @@ class Metadata:
 
     @property
     def text(self) -> str:
-        """What a storage file keeps of it for rosbag2."""
+        """Copy that a storage file keeps for rosbag2."""
         return _yaml(self._content())
 
     def write(self, folder: Path) -> None:
-        """Write metadata.yaml so that at every moment a whole one is there.
+        """Write metadata.yaml so that a whole one exists at every moment.
 
         Raises
         ------
         OSError
-            It cannot be written; one that was there before stays.
+            It cannot be written; one that existed before stays.
         """
-        path = folder / FILE_NAME
-        new = path.with_name(FILE_NAME + ".tmp")
+        path = folder / METADATA
+        new = path.with_name(METADATA + ".tmp")
         with new.open("w", encoding="utf-8") as file:
             file.write(_yaml({_ROOT: self._content()}))
             file.flush()
@@ -147,7 +149,7 @@ class Metadata:
 
 
 def topic_entry(connection: Connection, messages: int) -> TopicEntry:
-    """Return what metadata.yaml says of a topic."""
+    """Return the entry of a topic."""
     assert isinstance(connection.ext, ConnectionExtRosbag2)
     return TopicEntry(
         connection.topic,
@@ -159,38 +161,62 @@ def topic_entry(connection: Connection, messages: int) -> TopicEntry:
     )
 
 
+def channel_entry(channel: Channel, messages: int) -> TopicEntry:
+    """Return the entry of an MCAP file's channel."""
+    texts = text_map(channel.metadata)
+    return TopicEntry(
+        channel.topic,
+        channel.schema,
+        channel.message_encoding,
+        tuple(parse_qos(texts.get("offered_qos_profiles", ""))),
+        texts.get("topic_type_hash", ""),
+        messages,
+    )
+
+
+def file_entry(name: str, tally: Tally) -> FileEntry:
+    """Return the entry of an MCAP file that holds so many messages."""
+    return FileEntry(name, tally.start, tally.end, tally.messages)
+
+
+def file_metadata(file: McapFile, name: str, tally: Tally) -> Metadata:
+    """Return the metadata of a bag that has one file, whose channels were read."""
+    topics = tuple(channel_entry(c, tally.counts[c.id]) for c in file.channels.values())
+    return Metadata((file_entry(name, tally),), topics)
+
+
 def read_metadata(folder: Path) -> Metadata:
     """Read a bag's metadata.yaml, of any version of rosbag2 that has one.
 
     Raises
     ------
     MetadataError
-        There is none, or it is not one.
+        There is none, or it cannot be read.
     """
-    path = folder / FILE_NAME
+    path = folder / METADATA
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), _LOADER)[_ROOT]
-        return _metadata(content)
+        return _metadata(yaml.load(path.read_text(encoding="utf-8"), _LOADER)[_ROOT])
     except OSError as error:
         raise MetadataError(f"{path}: {error.strerror}") from None
-    except (yaml.YAMLError, ReaderError, KeyError, TypeError, ValueError) as error:
-        raise MetadataError(f"{path}: is no metadata of a bag: {_line(error)}") from None
+    except (yaml.YAMLError, ReaderError, LookupError, TypeError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise MetadataError(f"{path}: is not metadata of a bag: {reason}") from None
 
 
 def qos_text(offered: Sequence[Qos]) -> str:
-    """Return how a topic is offered as storage files have it."""
+    """Return the quality of service offered for a topic, as storage files have it."""
     return _yaml(dump_qos_v9(list(offered))).strip()
 
 
 def _metadata(content: dict[str, Any]) -> Metadata:
-    mode = content.get("compression_mode") or ""
+    mode = str(content.get("compression_mode") or "").lower()
     return Metadata(
-        storage=content["storage_identifier"],
         files=tuple(_files(content)),
         topics=tuple(_read_topic(topic) for topic in content["topics_with_message_count"]),
-        compression_mode="" if mode.lower() == "none" else mode.lower(),
+        custom=dict(content.get("custom_data") or {}),
+        storage=content["storage_identifier"],
+        compression_mode="" if mode == "none" else mode,
         compression_format=content.get("compression_format") or "",
-        custom=content.get("custom_data") or {},
         distro=content.get("ros_distro") or "",
     )
 
@@ -248,7 +274,3 @@ def _yaml(content: Any) -> str:
     return str(
         yaml.dump(content, Dumper=_DUMPER, sort_keys=False, width=_LONG, allow_unicode=True)
     )
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())

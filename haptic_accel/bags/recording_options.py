@@ -1,4 +1,4 @@
-"""How a bag is recorded: what a user may choose, named as `ros2 bag record` names it."""
+"""Options of a recording, named as `ros2 bag record` names them."""
 
 from __future__ import annotations
 
@@ -7,39 +7,30 @@ from dataclasses import dataclass
 
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
-MCAP, SQLITE3 = "mcap", "sqlite3"
-NONE, FILE, MESSAGE = "none", "file", "message"
-ZSTD = "zstd"
+NONE = "none"
 ZSTD_FAST = "zstd_fast"
 
 
 @dataclass(frozen=True)
 class RecordingOptions(Checked):
-    """What is recorded besides the graph's own topics, and in which form."""
+    """Form of a bag, and topics recorded besides the graph's own."""
 
-    storage: str = parameter(MCAP, "form of the bag", choices=(MCAP, SQLITE3))
-    compression_mode: str = parameter(
-        NONE,
-        "what compression_format compresses: files once they are full, or each message",
-        choices=(NONE, FILE, MESSAGE),
-    )
-    compression_format: str = parameter(ZSTD, "of compression_mode", choices=(ZSTD,))
     storage_preset_profile: str = parameter(
-        NONE, "zstd_fast compresses the chunks of an MCAP file", choices=(NONE, ZSTD_FAST)
+        NONE, "zstd_fast compresses the chunks of the MCAP file", choices=(NONE, ZSTD_FAST)
     )
     max_bag_size: int = parameter(
-        0, "size from which another file follows, bytes; 0 for one file", low=0
+        0, "file size at which the bag is split, bytes; 0 for one file", low=0
     )
     max_bag_duration: float = parameter(
-        0.0, "time after which another file follows; 0 for one file", unit="s", low=0.0, high=1e6
+        0.0, "duration after which the bag is split; 0 for one file", unit="s", low=0.0, high=1e6
     )
-    topics: str = parameter("", "topics to record besides the graph's own, with commas between")
-    regex: str = parameter("", "regular expression; topics it is found in are recorded too")
-    exclude_regex: str = parameter("", "regular expression; what regex found is not recorded")
-    start_paused: bool = parameter(False, "whether to wait for haptic-accel record start")
+    topics: str = parameter("", "topics to record besides the graph's own, separated by commas")
+    regex: str = parameter("", "regular expression; topics that match it are recorded too")
+    exclude_regex: str = parameter("", "regular expression that excludes topics found by regex")
+    start_paused: bool = parameter(False, "wait for haptic-accel record start before recording")
 
     def __post_init__(self) -> None:
-        """Check all fields, and whether they go together.
+        """Check all fields, and that they go together.
 
         Raises
         ------
@@ -51,11 +42,6 @@ class RecordingOptions(Checked):
             _check_expression(name, getattr(self, name))
         if self.exclude_regex and not self.regex:
             raise ParameterError(f"exclude_regex = {self.exclude_regex!r}: must come with regex")
-        if self.storage == SQLITE3 and self.storage_preset_profile != NONE:
-            raise ParameterError(
-                f"storage_preset_profile = {self.storage_preset_profile!r}: must be {NONE} with"
-                f" storage:={SQLITE3}"
-            )
 
     @property
     def named_topics(self) -> list[str]:
@@ -63,7 +49,7 @@ class RecordingOptions(Checked):
         return self.topics.replace(",", " ").split()
 
     def finds(self, topic: str) -> bool:
-        """Whether the expressions ask for a topic, by its full name."""
+        """Return whether the expressions select a topic, by its full name."""
         if not self.regex or not re.search(self.regex, topic):
             return False
         return not (self.exclude_regex and re.search(self.exclude_regex, topic))

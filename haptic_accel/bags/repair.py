@@ -1,77 +1,77 @@
-"""Mends bags whose recording was cut off: by kill -9, by a power cut, by a full disk."""
+"""Repairs bags whose recording was cut off: by kill -9, by a power cut, by a full disk."""
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rosbags.rosbag2 import Reader
-
-from haptic_accel.bags.compression import MAGIC as COMPRESSED_MAGIC
-from haptic_accel.bags.compression import compress_file, decompress_file, is_compressed
-from haptic_accel.bags.inspection import (
-    JOURNAL,
-    Contents,
-    DamagedError,
-    inspect,
-    merged,
-    storage_files,
-    storage_of,
-)
+from haptic_accel.bags.chunked_writer import ChunkedWriter
+from haptic_accel.bags.folder import MCAP, METADATA, MUST_BE, free_name, storage_files
+from haptic_accel.bags.mcap import McapFile
 from haptic_accel.bags.metadata import (
-    FILE_NAME,
     Metadata,
     MetadataError,
+    TopicEntry,
+    file_metadata,
     read_metadata,
 )
-from haptic_accel.bags.rebuilding import (
-    custom_data_of,
-    rebuild_mcap,
-    rebuild_sqlite,
-    undo_transaction,
-)
-from haptic_accel.bags.recording_options import FILE, MCAP, MESSAGE, ZSTD
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 
 DAMAGED = ".damaged"
-"""Behind the name of what was there before."""
+"""Suffix added to the name of a file that was replaced."""
 
-_LEFT_OVERS = (f"*.{ZSTD}.tmp", f"{FILE_NAME}.tmp")
-"""What was being written when the recording was cut off."""
+
+class DamagedError(Exception):
+    """A file of a bag cannot be read by its index; the message is one line."""
 
 
 @dataclass
 class Repair:
-    """What was done to a bag.
+    """Result of repairing a bag.
 
     Attributes
     ----------
     path : Path
     messages : int
-        In the bag now.
+        Number of messages in the bag now.
     duration : float
-        From the first to the last, s.
-    mended : list of str
+        Time from the first to the last, s.
+    repairs : list of str
         A line for each change; empty where nothing had to be changed.
     problems : list of str
-        What could not be mended, a line each.
+        Damage that could not be repaired, a line each.
     """
 
     path: Path
     messages: int = 0
     duration: float = 0.0
-    mended: list[str] = field(default_factory=list)
+    repairs: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+
+
+def inspect(path: Path) -> Metadata:
+    """Return the metadata of one MCAP file by its index.
+
+    Raises
+    ------
+    DamagedError
+        It has none, or is not an MCAP file.
+    """
+    file = McapFile(path)
+    try:
+        return file_metadata(file, path.name, file.read_index())
+    except (OSError, ValueError) as error:
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise DamagedError(f"{path.name}: was not closed, or is damaged: {reason}") from None
 
 
 def repair(path: Path) -> Repair:
     """Make a bag whole again; one that is whole stays as it is.
 
-    What is replaced is kept beside, its name with `DAMAGED` behind.
+    A file that is replaced is kept beside, its name with `DAMAGED` behind.
 
     Parameters
     ----------
@@ -81,181 +81,127 @@ def repair(path: Path) -> Repair:
     Raises
     ------
     ParameterError
-        It is no bag.
+        It is not a bag, or not one of MCAP files.
     OSError
         Something cannot be written.
     """
     if not path.is_dir():
         raise ParameterError(f"{path}: must be the folder of a bag")
-    if not storage_files(path):
-        raise ParameterError(f"{path}: must be a bag: it has no .mcap or .db3 file")
-    return _Mender(path).mend()
+    files = storage_files(path)
+    if not files:
+        raise ParameterError(f"{path}: {MUST_BE}")
+    others = [file.name for file in files if file.suffix != MCAP]
+    if others:
+        raise ParameterError(f"{path}: must be a bag of .mcap files to repair, has {others[0]}")
+    done = Repair(path)
+    try:
+        before = read_metadata(path)
+        custom = before.custom
+    except MetadataError:
+        before = None
+        custom = _custom_data(files)
+    for left_over in path.glob(f"{METADATA}.tmp"):
+        left_over.unlink()
+    found = [_repaired(file, dict(custom), done) for file in files]
+    whole = [metadata for metadata in found if metadata]
+    now = replace(
+        before or Metadata(()),
+        files=tuple(file for metadata in whole for file in metadata.files),
+        topics=_merged(whole),
+        custom=custom,
+    )
+    done.messages = now.messages
+    done.duration = now.duration / NANOSECONDS if now.messages else 0.0
+    if whole and not (before and _counts(before) == _counts(now)):
+        if (path / METADATA).exists():
+            _set_aside(path / METADATA)
+        now.write(path)
+        done.repairs.append(f"{METADATA}: written anew")
+    return done
 
 
-class _Mender:
-    """Goes through a bag's files, then through its metadata."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._done = Repair(folder)
-        self._metadata: Metadata | None = None
-        try:
-            self._metadata = read_metadata(folder)
-        except MetadataError:
-            self._custom = self._custom_of_files()
-        else:
-            self._custom = dict(self._metadata.custom)
-
-    def mend(self) -> Repair:
-        for pattern in _LEFT_OVERS:
-            for left_over in self._folder.glob(pattern):
-                left_over.unlink()
-        found = [self._file(path) for path in self._without_doubles()]
-        contents = self._compressed_alike([kept for kept in found if kept])
-        self._renew_metadata(contents)
-        return self._done
-
-    def _without_doubles(self) -> list[Path]:
-        """Return the bag's files; of one both plain and compressed, the compressed."""
-        files = storage_files(self._folder)
-        names = {path.name for path in files}
-        doubles = [path for path in files if f"{path.name}.{ZSTD}" in names]
-        for path in doubles:
-            self._set_aside(path)
-            self._done.mended.append(f"{path.name}: is there compressed")
-        return [path for path in files if path not in doubles]
-
-    def _file(self, path: Path) -> Contents | None:
-        """Return what a file holds, mended if need be; None where it is beyond that."""
-        with TemporaryDirectory(dir=self._folder) as work:
-            plain = path
-            if is_compressed(path.name):
-                plain = Path(work) / path.name.removesuffix(f".{ZSTD}")
-                decompress_file(path, plain)
+def _repaired(path: Path, custom: dict[str, str], done: Repair) -> Metadata | None:
+    """Return the metadata of a file, rebuilt if need be; None where nothing can be read."""
+    try:
+        return inspect(path)
+    except DamagedError as damage:
+        with TemporaryDirectory(dir=path.parent) as work:
+            rebuilt = Path(work) / path.name
             try:
-                contents = inspect(plain)
-            except DamagedError as damage:
-                try:
-                    rebuilt = self._rebuilt(plain, Path(work))
-                    contents = inspect(rebuilt)
-                except DamagedError as error:
-                    self._done.problems.append(f"{error}: set aside")
-                    self._set_aside(path)
-                    return None
-                if is_compressed(path.name):
-                    rebuilt = compress_file(rebuilt)
-                self._replace(path, rebuilt)
-                self._done.mended.append(f"{damage}: {contents.file.messages} messages kept")
-        return replace(contents, file=replace(contents.file, name=path.name))
-
-    def _rebuilt(self, plain: Path, work: Path) -> Path:
-        """Return a whole file of the same name made from one that is not."""
-        rebuilt = work / "rebuilt" / plain.name
-        rebuilt.parent.mkdir()
-        if storage_of(plain) == MCAP:
-            self._done.problems += rebuild_mcap(plain, rebuilt, self._custom)
-            return rebuilt
-        # On a copy, with its journal: the original is kept as it was found.
-        shutil.copy2(plain, rebuilt)
-        journal = plain.with_name(plain.name + JOURNAL)
-        if journal.exists():
-            shutil.copy2(journal, rebuilt.with_name(rebuilt.name + JOURNAL))
-        try:
-            undo_transaction(rebuilt)
-        except DamagedError:
-            rescued = work / "rescued" / plain.name
-            rescued.parent.mkdir()
-            self._done.problems += rebuild_sqlite(rebuilt, rescued)
-            return rescued
-        return rebuilt
-
-    def _compressed_alike(self, files: Sequence[Contents]) -> list[Contents]:
-        """Compress what is not where other files of the bag are: it is all or none."""
-        names = [contents.file.name for contents in files]
-        if not any(map(is_compressed, names)):
-            return list(files)
-        alike = []
-        for contents in files:
-            name = contents.file.name
-            if not is_compressed(name):
-                plain = self._folder / name
-                name = compress_file(plain).name
-                plain.unlink()
-                self._done.mended.append(f"{name}: compressed as the others are")
-            alike.append(replace(contents, file=replace(contents.file, name=name)))
-        return alike
-
-    def _renew_metadata(self, files: Sequence[Contents]) -> None:
-        """Write the metadata anew where it says something else than the files."""
-        topics = merged(files)
-        before = self._metadata
-        now = Metadata(
-            storage_of(self._folder / files[0].file.name) if files else MCAP,
-            tuple(contents.file for contents in files),
-            topics,
-            custom=self._custom,
-        )
-        mode = self._compression_mode(files)
-        now = replace(now, compression_mode=mode, compression_format=ZSTD if mode else "")
-        if before:
-            now = replace(now, distro=before.distro)
-        self._done.messages = now.messages
-        self._done.duration = now.duration / NANOSECONDS if now.messages else 0.0
-        if not files or (before and _said(before) == _said(now)):
-            return
-        if before or (self._folder / FILE_NAME).exists():
-            self._set_aside(self._folder / FILE_NAME)
-        now.write(self._folder)
-        self._done.mended.append(f"{FILE_NAME}: written anew")
-
-    def _compression_mode(self, files: Sequence[Contents]) -> str:
-        if any(is_compressed(contents.file.name) for contents in files):
-            return FILE
-        if self._metadata and self._metadata.compression_mode != FILE:
-            return self._metadata.compression_mode
-        return MESSAGE if self._compressed_messages(files) else ""
-
-    def _compressed_messages(self, files: Sequence[Contents]) -> bool:
-        """Look at the first message: one that is not compressed does not begin like that."""
-        for contents in files:
-            with Reader(self._folder / contents.file.name) as reader:
-                for _, _, data in reader.messages():
-                    return bytes(data[:4]) == COMPRESSED_MAGIC
-        return False
-
-    def _custom_of_files(self) -> dict[str, str]:
-        """Return what a bag without metadata says of itself in those of its files it closed."""
-        for path in storage_files(self._folder):
-            if storage_of(path) == MCAP and not is_compressed(path.name):
-                custom = custom_data_of(path)
-                if custom:
-                    return custom
-        return {}
-
-    def _replace(self, path: Path, by: Path) -> None:
-        self._set_aside(path)
-        by.replace(path)
-
-    def _set_aside(self, path: Path) -> None:
-        """Rename what was there before, with its journal."""
-        for found in (path, path.with_name(path.name + JOURNAL)):
-            if found.exists():
-                found.rename(_free(found.with_name(found.name + DAMAGED)))
+                done.problems += _rebuild(path, rebuilt, custom)
+            except ValueError as error:
+                done.problems.append(f"{path.name}: {error}: set aside")
+                _set_aside(path)
+                return None
+            metadata = inspect(rebuilt)
+            _set_aside(path)
+            rebuilt.replace(path)
+        done.repairs.append(f"{damage}: {metadata.messages} messages kept")
+        return metadata
 
 
-def _said(metadata: Metadata) -> tuple[object, ...]:
-    """Return what of metadata must agree with the files."""
+def _rebuild(damaged: Path, target: Path, custom: dict[str, str]) -> list[str]:
+    """Write the intact content of an MCAP file into another, with an index.
+
+    Chunks stay as they are. Of a last one that was cut off, and is not compressed, whole messages
+    are kept.
+
+    Returns
+    -------
+    list of str
+        Chunks that could not be kept, a line each.
+
+    Raises
+    ------
+    ValueError
+        It is not an MCAP file.
+    """
+    source = McapFile(damaged)
+    rebuilt: ChunkedWriter | None = None
+    for chunk in source.chunks(by_index=False):
+        rebuilt = rebuilt or ChunkedWriter(target, compressed=bool(chunk.compression))
+        rebuilt.take(chunk)
+    rebuilt = rebuilt or ChunkedWriter(target)
+    rebuilt.schemas = list(source.schemas.values())
+    rebuilt.channels = [c for c in source.channels.values() if c.schema]
+    content = file_metadata(source, damaged.name, rebuilt.kept)
+    rebuilt.finish(replace(content, custom=custom).text)
+    return source.problems
+
+
+def _merged(files: Sequence[Metadata]) -> tuple[TopicEntry, ...]:
+    """Return the topics of several files with the sums of their messages."""
+    topics: dict[tuple[str, str], TopicEntry] = {}
+    for metadata in files:
+        for topic in metadata.topics:
+            key = (topic.name, topic.type)
+            before = topics[key].messages if key in topics else 0
+            topics[key] = replace(topic, messages=before + topic.messages)
+    return tuple(topics.values())
+
+
+def _counts(metadata: Metadata) -> tuple[object, ...]:
+    """Return the part of metadata that must agree with the files."""
     return (
         [(file.name, file.messages) for file in metadata.files],
         sorted((t.name, t.type, t.messages) for t in metadata.topics),
-        metadata.compression_mode,
     )
 
 
-def _free(path: Path) -> Path:
-    """Return a name that is not taken."""
-    found, number = path, 2
-    while found.exists():
-        found = path.with_name(f"{path.name}-{number}")
-        number += 1
-    return found
+def _custom_data(files: Sequence[Path]) -> dict[str, str]:
+    """Return the custom data of the first file that was closed with some."""
+    for path in files:
+        file = McapFile(path)
+        try:
+            for _ in file.chunks():
+                continue
+        except (OSError, ValueError):
+            continue
+        if file.metadata and file.custom_data:
+            return file.custom_data
+    return {}
+
+
+def _set_aside(path: Path) -> None:
+    """Rename a file that is replaced."""
+    path.rename(free_name(path.with_name(path.name + DAMAGED)))

@@ -1,4 +1,4 @@
-"""Recording that is started, paused, split and stopped: one bag after another."""
+"""A recording that is started, paused, split and stopped: one bag after another."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rosbags.interfaces import Qos
 
+from haptic_accel.bags.folder import free_name
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
 from haptic_accel.core.parameters import ParameterError
@@ -16,7 +17,7 @@ from haptic_accel.core.parameters import ParameterError
 RECORDING, PAUSED, STOPPED = "recording", "paused", "stopped"
 
 Answer = tuple[bool, str]
-"""Whether it was done, and one line: what, or why not."""
+"""Success of a request, and one line about it."""
 
 
 @dataclass(frozen=True)
@@ -28,17 +29,17 @@ class _Topic:
 
 
 class RecordingSession:
-    """What a user does to a recording; not for more than one thread.
+    """Start, pause, split and stop recording; not for more than one thread.
 
     Parameters
     ----------
     bag : str
-        Folder to make; empty for one of today's date and time. Later bags get a number.
+        Folder to make; empty for one named by date and time. Later bags get a number.
     capacity : int
-        Messages that may wait for the disk.
+        Messages that the queue may hold.
     options : RecordingOptions
     facts : mapping
-        What every bag says of itself, text by name.
+        Custom data of every bag, text by name.
 
     Attributes
     ----------
@@ -87,18 +88,18 @@ class RecordingSession:
 
     @property
     def state(self) -> str:
-        """Recording, paused or stopped."""
+        """`RECORDING`, `PAUSED` or `STOPPED`."""
         if self._stopped:
             return STOPPED
         return PAUSED if self.writer.paused else RECORDING
 
     @property
     def path(self) -> Path:
-        """Folder of the bag."""
+        """Folder of the bag, or of the last one."""
         return self.writer.files.path
 
     def start(self) -> Answer:
-        """Go on after a pause, or begin another bag after a stop."""
+        """Continue after a pause, or begin another bag after a stop."""
         if self.state == RECORDING:
             return False, f"{self.path}: is being recorded already"
         if self.state == PAUSED:
@@ -116,14 +117,14 @@ class RecordingSession:
         return True, f"{self.path}: recording"
 
     def pause(self) -> Answer:
-        """Leave out what comes."""
+        """Leave out messages until the next start."""
         if self.state != RECORDING:
             return False, f"{self.path}: is {self.state} already"
         self.writer.pause()
         return True, f"{self.path}: paused"
 
     def split(self) -> Answer:
-        """Put what comes into another file of the bag."""
+        """Continue in another file of the bag."""
         if self.state == STOPPED:
             return False, f"{self.path}: is {self.state}: nothing to split"
         self.writer.split()
@@ -145,17 +146,9 @@ class RecordingSession:
         path = Path(self._bag or f"bags/{datetime.now():%Y-%m-%d_%H-%M-%S}")
         self._bags += 1
         if self._bags > 1:
-            path = _free(path)
+            path = free_name(path)
         return BagWriter(path, self._capacity, options, self._facts)
 
 
-def _free(path: Path) -> Path:
-    """Return the first of ``path-2``, ``path-3`` and so on that is not there."""
-    number = 2
-    while (found := path.with_name(f"{path.name}-{number}")).exists():
-        number += 1
-    return found
-
-
 def _leave_out(message: bytes) -> None:
-    """Take a message that no bag is to have."""
+    """Discard a message."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.bags.recorded import Recorded, Signal, read_bag
+from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.evaluation.histogram import QUANTILES
 from haptic_accel.core.identification import RecordingError
@@ -185,7 +185,7 @@ def read_delivery(bag: Path, rate: float) -> Delivery:
 class _Coupled:
     """A bag's content, and the stretch of the sampling grid on which every signal was there."""
 
-    def __init__(self, recorded: Recorded, rate: float) -> None:
+    def __init__(self, recorded: Bag, rate: float) -> None:
         self.signals = recorded.signals
         self._diagnostics = recorded.diagnostics
         self._rate, self._period = rate, NANOSECONDS / rate

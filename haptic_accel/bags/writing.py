@@ -13,14 +13,18 @@ from rosbags.interfaces import Connection, Qos
 
 from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
-from haptic_accel.bags.gaps import StampGaps
 from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.core.cdr import STAMP_BYTES, unpack_stamps
+from haptic_accel.core.sampling import missing_samples
 
 FLUSH_PERIOD = 0.5
-"""How much a power cut takes at most, s."""
+"""Interval between flushes, s: a power cut takes no more."""
 
 DRAIN_PERIOD = 0.02
-"""How often the queue is emptied, s: waking for each message would cost more than writing it."""
+"""Interval at which the queue is emptied, s: a wake-up for each message would cost more."""
+
+ENOUGH = 20
+"""Stamps from which a topic's period is known."""
 
 Message = tuple[Connection, int, bytes]
 Command = Callable[[], None]
@@ -28,16 +32,16 @@ Command = Callable[[], None]
 
 @dataclass(frozen=True)
 class Load:
-    """How hard it is to keep up.
+    """Load of the writer.
 
     Attributes
     ----------
     waiting, highest : int
-        Messages that wait, and the most that did since this was last asked.
+        Messages in the queue now, and the most since this was last requested.
     flush_time : float
-        Longest time that the disk took since this was last asked, s.
+        Longest time that a flush took since this was last requested, s.
     free_space : int
-        Left on the disk, bytes.
+        Free space on the disk, bytes.
     """
 
     waiting: int
@@ -54,17 +58,19 @@ class BagWriter:
     path : Path
         Folder to make.
     capacity : int
-        Messages that may wait.
+        Messages that the queue may hold.
     options : RecordingOptions
     facts : mapping
-        What the bag says of itself, text by name.
+        Custom data of the bag, text by name.
 
     Attributes
     ----------
     files : BagFiles
-        What is written, to be read only.
+        Files written, to be read only.
     paused : bool
-        Whether messages are left out.
+        Messages are left out.
+    missing : int
+        Samples missing between the stamps of messages.
 
     Raises
     ------
@@ -80,7 +86,8 @@ class BagWriter:
         self._capacity = capacity
         self._overflow = 0
         self._topics = 0
-        self._gaps: dict[int, StampGaps] = {}
+        self.missing = 0
+        self._stamps: dict[int, list[bytes]] = {}
         self._highest = 0
         self._flush_time = 0.0
         # One thread appends, another takes from the other end: that needs no lock.
@@ -92,16 +99,16 @@ class BagWriter:
     def connect(
         self, topic: str, kind: str, offered: Sequence[Qos], *, sampled: bool = False
     ) -> Callable[[bytes], None]:
-        """Add a topic; return what to call with each serialised message.
+        """Add a topic; return a function to call with each serialised message.
 
         Parameters
         ----------
         topic, kind : str
             Full name and message type.
         offered : sequence of Qos
-            What its publishers offer.
+            Quality of service that its publishers offer.
         sampled : bool
-            Whether its messages have stamps on a grid, so that gaps can be counted.
+            Its messages have stamps on a sampling grid, so that gaps can be counted.
 
         Raises
         ------
@@ -111,7 +118,7 @@ class BagWriter:
         added = connection(self._topics + 1, topic, kind, offered)
         self._topics = added.id
         if sampled:
-            self._gaps[added.id] = StampGaps()
+            self._stamps[added.id] = []
         self._queue.append(lambda: self.files.add(added))
         queue, capacity, now = self._queue, self._capacity, time.time_ns
 
@@ -127,36 +134,31 @@ class BagWriter:
 
     @property
     def dropped(self) -> int:
-        """Messages for which the queue had no room, or the disk none."""
+        """Number of messages for which the queue or the disk had no room."""
         return self._overflow + self.files.lost
 
-    @property
-    def missing(self) -> int:
-        """Samples that stamps show to be missing."""
-        return sum(gaps.missing for gaps in self._gaps.values())
-
     def take_load(self) -> Load:
-        """Return how hard it is to keep up."""
+        """Return the load since the last call."""
         waiting = len(self._queue)
         highest, self._highest = max(self._highest, waiting), 0
         flush_time, self._flush_time = self._flush_time, 0.0
         return Load(waiting, highest, flush_time, self.files.free_space)
 
     def pause(self) -> None:
-        """Leave out what comes."""
+        """Leave out messages from now on."""
         self.paused = True
         self._queue.append(self._forget_stamps)
 
     def resume(self) -> None:
-        """Record what comes."""
+        """Record messages again."""
         self.paused = False
 
     def split(self) -> None:
-        """Put what comes into another file."""
+        """Continue in another file."""
         self._queue.append(self.files.split)
 
     def close(self) -> str:
-        """Write what waits and finish the bag; return one line: what is saved and what not."""
+        """Write the queue, finish the bag and return `BagFiles.summary`."""
         self._closing.set()
         self._thread.join()
         return self.files.summary(self.dropped)
@@ -165,7 +167,7 @@ class BagWriter:
         try:
             self._record()
         except Exception as error:
-            # A fault in here must not pass for a recording.
+            # A fault here must not pass for a recording.
             self.files.failure = f"{type(error).__name__}: {error}"
             raise
 
@@ -181,8 +183,8 @@ class BagWriter:
         self.files.close()
 
     def _drain(self) -> None:
-        """Take what waits now; what comes meanwhile waits for the next time."""
-        queue, write, gaps = self._queue, self.files.write, self._gaps
+        """Write the messages that wait now; later ones wait for the next time."""
+        queue, write, stamps = self._queue, self.files.write, self._stamps
         waiting = len(queue)
         self._highest = max(self._highest, waiting)
         for _ in range(waiting):
@@ -191,17 +193,24 @@ class BagWriter:
                 item()
                 continue
             topic, received, data = item
-            if topic.id in gaps:
-                gaps[topic.id].take(data)
+            if topic.id in stamps:
+                stamps[topic.id].append(data[STAMP_BYTES])
             write(topic, received, data)
 
     def _flush(self) -> None:
-        for gaps in self._gaps.values():
-            gaps.count()
+        self._count_missing()
         start = time.monotonic()
         self.files.flush()
         self._flush_time = max(self._flush_time, time.monotonic() - start)
 
+    def _count_missing(self) -> None:
+        for stamps in self._stamps.values():
+            if len(stamps) >= ENOUGH:
+                self.missing += missing_samples(unpack_stamps(b"".join(stamps)))
+                del stamps[:-1]
+
     def _forget_stamps(self) -> None:
-        for gaps in self._gaps.values():
-            gaps.forget()
+        """Count up to here: what comes does not follow what came."""
+        self._count_missing()
+        for stamps in self._stamps.values():
+            stamps.clear()

@@ -1,4 +1,4 @@
-"""``haptic-accel bag``: what is in a bag, and mending one whose recording was cut off."""
+"""``haptic-accel bag``: contents of a bag, and repair of one whose recording was cut off."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from haptic_accel.bags.compression import is_compressed
 from haptic_accel.bags.facts import ARGUMENTS, HOST, PARAMETERS, VERSION, facts_of
-from haptic_accel.bags.inspection import DamagedError, inspect, storage_files
+from haptic_accel.bags.folder import MCAP, MUST_BE, storage_files
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
-from haptic_accel.bags.repair import Repair, repair
+from haptic_accel.bags.repair import DamagedError, Repair, inspect, repair
 from haptic_accel.cli.options import FILE, Verb, json_option
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
@@ -26,20 +25,20 @@ from haptic_accel.core.sampling import NANOSECONDS
 
 MEGABYTE = 1e6
 
-MEND = "haptic-accel bag repair makes it whole"
+REPAIR = "haptic-accel bag repair makes it whole"
 
 
 @dataclass(frozen=True)
 class Described:
-    """A bag as its metadata has it.
+    """Description of a bag by its metadata.
 
     Attributes
     ----------
     metadata : Metadata
     size : int
-        Of its files, bytes.
+        Size of its files, bytes.
     problems : list of str
-        What keeps the bag from being whole.
+        Differences between metadata and files, a line each.
     """
 
     metadata: Metadata
@@ -60,7 +59,7 @@ def info(path: Path, json_file: Path | None) -> int:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     console.print(_table(metadata))
     for problem in found.problems:
-        console.print(f"{problem}: {MEND}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"{problem}: {REPAIR}", highlight=False, markup=False, soft_wrap=True)
     if json_file:
         _write(json_file, _figures(path, found))
     return DONE
@@ -89,12 +88,12 @@ def repair_bags(paths: Sequence[Path], json_file: Path | None) -> int:
 
 
 def described(path: Path) -> Described:
-    """Return what a bag's metadata says, and whether its files agree.
+    """Return a bag's metadata, compared with its files.
 
     Raises
     ------
     ParameterError
-        It is no bag, or has no metadata.
+        It is not a bag, or has no metadata.
     """
     if not path.is_dir():
         raise ParameterError(f"{path}: must be the folder of a bag")
@@ -103,8 +102,8 @@ def described(path: Path) -> Described:
         metadata = read_metadata(path)
     except MetadataError as error:
         if files:
-            raise ParameterError(f"{error}: {MEND}") from None
-        raise ParameterError(f"{path}: must be a bag: it has no .mcap or .db3 file") from None
+            raise ParameterError(f"{error}: {REPAIR}") from None
+        raise ParameterError(f"{path}: {MUST_BE}") from None
     problems = []
     for entry in metadata.files:
         problem = _problem(path / entry.name, entry.messages)
@@ -116,13 +115,13 @@ def described(path: Path) -> Described:
 
 
 def _problem(file: Path, messages: int) -> str:
-    """Return what is wrong with a file; a compressed one is not looked into."""
+    """Return the problem of a file; one of another form than ours is not read."""
     if not file.exists():
         return f"{file.name}: is missing"
-    if is_compressed(file.name):
+    if file.suffix != MCAP:
         return ""
     try:
-        found = inspect(file).file.messages
+        found = inspect(file).messages
     except DamagedError as error:
         return str(error)
     return "" if found == messages else f"{file.name}: has {found} messages, not {messages}"
@@ -137,7 +136,7 @@ def _when(metadata: Metadata) -> str:
 
 
 def _lines(found: Described) -> list[str]:
-    """Return what is known of a bag besides its topics, a line each."""
+    """Return form and facts of a bag, a line each."""
     metadata = found.metadata
     form = f"{metadata.storage}, {len(metadata.files)} file(s), {found.size / MEGABYTE:.1f} MB"
     if metadata.compression_mode:
@@ -155,7 +154,7 @@ def _lines(found: Described) -> list[str]:
 
 
 def _joined(values: Any) -> str:
-    """Return names and values in one line; empty ones say nothing and are left out."""
+    """Return names and values in one line, without empty ones."""
     if not isinstance(values, Mapping):
         return str(values)
     return ", ".join(f"{name} {value}" for name, value in values.items() if value != "")
@@ -191,12 +190,12 @@ def _figures(path: Path, found: Described) -> dict[str, Any]:
 
 
 def _tell(done: Repair) -> None:
-    for line in (*done.mended, *done.problems):
+    for line in (*done.repairs, *done.problems):
         print(f"{done.path}: {line}")
     if done.problems and not done.messages:
         print(f"{done.path}: nothing in it can be read")
         return
-    said = "is whole again" if done.mended else "is whole"
+    said = "is whole again" if done.repairs else "is whole"
     print(f"{done.path}: {said}: {done.messages} messages in {done.duration:.2f} s")
 
 

@@ -28,7 +28,7 @@ from haptic_accel.graph.node_parameters import HIGHEST_RATE
 from haptic_accel.graph.words import described, parse_words, unknown_key
 
 if TYPE_CHECKING:
-    from haptic_accel.bags.recorded import Recorded
+    from haptic_accel.bags.reading import Bag
 
 DEVICE = "device"
 """The usual source of a replay."""
@@ -81,14 +81,14 @@ class Replay:
         Those of the graph that it takes place in.
     inherited : dict
         Which of these are the bag's.
-    bag : Recorded or None
+    bag : Bag or None
         What was read to find them; None for a CSV or WAV file.
     """
 
     own: ReplayArguments
     graph: GraphArguments
     inherited: dict[str, Any]
-    bag: Recorded | None
+    bag: Bag | None
 
 
 def replay_arguments(words: Iterable[str]) -> Replay:
@@ -107,7 +107,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
     own, given = _parsed(words)
     bag = None
     if is_bag(own.bag):
-        from haptic_accel.bags.recorded import read_bag
+        from haptic_accel.bags.reading import read_bag
 
         bag = read_bag(Path(own.bag))
     inherited = _inherited(bag, given) if bag else {}
@@ -160,7 +160,7 @@ def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
     return parsed, {name: getattr(graph, name) for name in graph_names if name in keys}
 
 
-def _check_source(own: ReplayArguments, values: dict[str, Any], bag: Recorded | None) -> None:
+def _check_source(own: ReplayArguments, values: dict[str, Any], bag: Bag | None) -> None:
     """Refuse a source that cannot play what is asked for, and a replay that plays nothing."""
     if own.source == PLAYED_TOPICS and bag is None:
         raise ParameterError(f"bag = '{own.bag}': must be a bag with source:={PLAYED_TOPICS}")
@@ -175,14 +175,14 @@ def _check_source(own: ReplayArguments, values: dict[str, Any], bag: Recorded | 
         )
 
 
-def _sampling_rate(own: ReplayArguments, slave: str, bag: Recorded | None) -> float:
+def _sampling_rate(own: ReplayArguments, slave: str, bag: Bag | None) -> float:
     """Return the graph's rate: as given, or that of the arm which is replayed."""
     arm = SLAVE if slave in (REPLAY, PLAYED_TOPICS) else MASTER
     rate = own.sampling_rate or (bag_rate(bag, arm) if bag else DEFAULT_RATE)
     return float(checked("sampling_rate", rate, *schema(GraphArguments)["rate"]))
 
 
-def _inherited(bag: Recorded, given: dict[str, Any]) -> dict[str, Any]:
+def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
     """Return the arguments that a bag was recorded with and that hold for its replay.
 
     Raises

@@ -10,7 +10,7 @@ import pytest
 
 from bagging import BagContent, facts, write_bag
 from haptic_accel.analysis.segments import SETTLING, UNKNOWN, Cut, cut
-from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 
 RATE = 1000.0

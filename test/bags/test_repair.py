@@ -13,11 +13,12 @@ from tempfile import TemporaryDirectory
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.metadata import read_metadata
-from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.repair import repair
 from haptic_accel.core.parameters import ParameterError
@@ -35,10 +36,7 @@ FLUSHED = 30
 FORMS = {
     "mcap": RecordingOptions(),
     "chunks compressed": RecordingOptions(storage_preset_profile="zstd_fast"),
-    "messages compressed": RecordingOptions(compression_mode="message"),
-    "files compressed": RecordingOptions(compression_mode="file", max_bag_duration=4e-8),
     "split": RecordingOptions(max_bag_duration=4e-8),
-    "sqlite3": RecordingOptions(storage="sqlite3"),
 }
 
 
@@ -83,14 +81,13 @@ def test_all_that_was_flushed_is_there_after_a_repair(memory: Path, form: str) -
     done = repair(bag)
     assert done.messages == len(with_rosbags(bag))
     assert with_rosbags(bag)[: len(flushed)] == flushed
-    if FORMS[form].storage == "mcap":
-        assert with_mcap(bag)[: len(flushed)] == flushed
+    assert with_mcap(bag)[: len(flushed)] == flushed
     assert read_metadata(bag).custom == FACTS
-    assert done.mended
+    assert done.repairs
     assert done.problems == []
     assert any(name.endswith(".damaged") for name in state(bag))
     before = state(bag)
-    assert repair(bag).mended == []
+    assert repair(bag).repairs == []
     assert state(bag) == before
 
 
@@ -131,17 +128,6 @@ def test_without_metadata_a_bag_is_put_together_from_its_files(memory: Path) -> 
     assert [topic.digest for topic in metadata.topics] == [topic.digest for topic in TOPICS]
 
 
-def test_an_sqlite_file_that_is_cut_off_is_read_up_to_there(memory: Path) -> None:
-    bag, flushed = killed(memory, FORMS["sqlite3"], 3000)
-    file = bag / "bag_0.db3"
-    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    done = repair(bag)
-    kept = with_rosbags(bag)
-    assert 0 < len(kept) < len(flushed)
-    assert kept == flushed[: len(kept)]
-    assert done.problems
-
-
 def test_what_is_no_mcap_file_at_all_is_set_aside(memory: Path) -> None:
     bag, flushed = killed(memory, FORMS["split"], 100)
     last = max(bag.glob("*.mcap"))
@@ -158,8 +144,16 @@ def test_a_whole_bag_stays_as_it_is(memory: Path) -> None:
     files.write(TOPICS[0], START, b"x")
     files.close()
     before = state(memory / "bag")
-    assert repair(memory / "bag").mended == []
+    assert repair(memory / "bag").repairs == []
     assert state(memory / "bag") == before
+
+
+def test_a_bag_of_another_form_is_refused_and_stays(tmp_path: Path) -> None:
+    Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3).open()
+    before = state(tmp_path / "bag")
+    with pytest.raises(ParameterError, match=r"must be a bag of \.mcap files.*bag\.db3$"):
+        repair(tmp_path / "bag")
+    assert state(tmp_path / "bag") == before
 
 
 def test_a_folder_that_is_no_bag_is_refused(tmp_path: Path) -> None:
@@ -175,7 +169,7 @@ import sys, time
 from pathlib import Path
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
-bag = BagWriter(Path(sys.argv[1]), 100_000, RecordingOptions(storage=sys.argv[2]), {})
+bag = BagWriter(Path(sys.argv[1]), 100_000, RecordingOptions(), {})
 put = bag.connect("/x", "std_msgs/msg/String", [])
 while True:
     put(bytes(100))
@@ -192,13 +186,12 @@ ATTEMPTS = 4
 """A machine that stalls just before the end saves nothing meanwhile: not in all of these."""
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_after_kill_9_at_most_the_last_second_is_lost(tmp_path: Path, storage: str) -> None:
-    moments = random.Random(storage)
+def test_after_kill_9_at_most_the_last_second_is_lost(tmp_path: Path) -> None:
+    moments = random.Random("mcap")
     gaps = []
     for attempt in range(ATTEMPTS):
         bag = tmp_path / f"bag{attempt}"
-        words = [sys.executable, "-c", RECORDING, str(bag), storage]
+        words = [sys.executable, "-c", RECORDING, str(bag)]
         with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as child:
             assert child.stdout
             assert child.stdout.readline() == "recording\n"
@@ -208,8 +201,7 @@ def test_after_kill_9_at_most_the_last_second_is_lost(tmp_path: Path, storage: s
         repair(bag)
         rows = with_rosbags(bag)
         assert len(read_bag(bag).counts) == 1
-        if storage == "mcap":
-            assert with_mcap(bag) == rows
+        assert with_mcap(bag) == rows
         gaps.append(end - rows[-1][1])
         if gaps[-1] <= GAP:
             return

@@ -113,11 +113,11 @@ def test_samples_that_did_not_come_are_counted_by_their_stamps(tmp_path: Path) -
 
 
 FULL = """
-import resource, sys, time
+import resource, time
 from pathlib import Path
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import FLUSH_PERIOD, BagWriter
-bag = BagWriter(Path("bag"), 100_000, RecordingOptions(storage=sys.argv[1]), {"fact": "kept"})
+bag = BagWriter(Path("bag"), 100_000, RecordingOptions(), {"fact": "kept"})
 put = bag.connect("/x", "std_msgs/msg/String", [])
 for number in range(300):
     put(bytes(1000))
@@ -133,10 +133,9 @@ print(bag.files.trouble)
 """
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_what_was_saved_before_the_disk_was_full_can_be_read(tmp_path: Path, storage: str) -> None:
+def test_what_was_saved_before_the_disk_was_full_can_be_read(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", FULL, storage],
+        [sys.executable, "-c", FULL],
         cwd=tmp_path,
         capture_output=True,
         text=True,
@@ -145,7 +144,7 @@ def test_what_was_saved_before_the_disk_was_full_can_be_read(tmp_path: Path, sto
     assert done.returncode == 0, done.stderr
     line, trouble = done.stdout.splitlines()
     # A limit on the size of files stands for the disk, which a test cannot fill.
-    assert "File too large" in line or "disk I/O error" in line
+    assert "File too large" in line
     assert "300 messages up to" in line
     assert line.endswith("are saved and can be read, 501 are not")
     assert trouble == ""

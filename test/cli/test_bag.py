@@ -43,7 +43,7 @@ def test_a_bag_explains_itself(bag: Path, capsys: pytest.CaptureFixture[str]) ->
     assert figures["problems"] == []
 
 
-def test_a_bag_that_was_cut_off_is_known_and_mended(
+def test_a_bag_that_was_cut_off_is_known_and_repaired(
     bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     killed = bag.with_name("killed")
@@ -54,10 +54,10 @@ def test_a_bag_that_was_cut_off_is_known_and_mended(
     shown = capsys.readouterr().out
     assert f"{bag}: is whole: 2 messages in 0.50 s" in shown
     assert f"{killed}: is whole again: 2 messages in 0.50 s" in shown
-    whole, mended = json.loads(report.read_text())
-    assert whole["mended"] == []
-    assert (mended["path"], mended["messages"]) == (str(killed), 2)
-    assert mended["mended"]
+    whole, repaired = json.loads(report.read_text())
+    assert whole["repairs"] == []
+    assert (repaired["path"], repaired["messages"]) == (str(killed), 2)
+    assert repaired["repairs"]
     assert status_of("bag", "info", killed) == 0
     assert "repair" not in capsys.readouterr().out
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from haptic_accel.bags.recorded import Recorded, read_bag
+from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.graph.files import read_parameter_file
 from running import Command
@@ -23,7 +23,7 @@ Start = Callable[..., Command]
 RATE = 100.0  # Hz, so that it runs beside other tests
 
 
-def tips(bag: Recorded, until: int) -> tuple[np.ndarray, np.ndarray]:
+def tips(bag: Bag, until: int) -> tuple[np.ndarray, np.ndarray]:
     """Return how far both tips have gone at the master's samples, before a time in ns."""
     master, slave = (bag.signals[f"{arm}/measured_cp"] for arm in ("master", "slave"))
     wanted = master.received < until
@@ -36,7 +36,7 @@ def tips(bag: Recorded, until: int) -> tuple[np.ndarray, np.ndarray]:
     return moved[0] - moved[0][0], moved[1] - moved[1][0]
 
 
-def slave_counts(bag: Recorded, name: str) -> list[tuple[int, int]]:
+def slave_counts(bag: Bag, name: str) -> list[tuple[int, int]]:
     """Return when the slave's device reported which count."""
     reports = [found for found in bag.diagnostics if found.node.endswith("slave_device")]
     return [(found.received, int(found.values[name])) for found in reports]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.bags.trials import read_trial
 from running import Command
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bag_maker import write_bag
-from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.cli.replay import lockstep_trial, play_command
 from haptic_accel.core import topics
 from haptic_accel.devices.playback.device import SLAVE, ReplayParameters, read_track

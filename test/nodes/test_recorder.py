@@ -17,7 +17,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from haptic_accel.bags.metadata import Metadata, read_metadata
-from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.bags.repair import repair
 from haptic_accel.core.topics import TOPICS
 from observing import Observer

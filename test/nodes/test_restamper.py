@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bag_maker import NANOSECONDS, write_bag
-from haptic_accel.bags.recorded import Recorded, Signal, read_bag
+from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.topics import Topic
 from running import Command
@@ -55,7 +55,7 @@ def on_bag(stamps: np.ndarray, found: Signal, values: np.ndarray) -> np.ndarray:
     return np.rint(steps).astype(int) + int(sample)
 
 
-def desired_by_sample(recorded: Recorded) -> dict[int, float]:
+def desired_by_sample(recorded: Bag) -> dict[int, float]:
     """Return the desired acceleration by sample of the bag, where nothing was lost before."""
     tool = recorded.signals[topics.TOOL_ACCELERATION.name]
     desired = recorded.signals[topics.DESIRED_ACCELERATION.name]
@@ -103,7 +103,7 @@ def test_the_device_and_played_topics_give_the_controller_the_same_input(
     assert np.abs(force[-10:]).max() < 1e-3
 
 
-def check_what_was_recorded(recorded: Recorded, bag: Path, slave: str) -> None:
+def check_what_was_recorded(recorded: Bag, bag: Path, slave: str) -> None:
     """Check that a bag says what was replayed, and that every force was caused by a sample."""
     assert recorded.facts["arguments"]["replay"] == str(bag)
     assert recorded.facts["arguments"]["slave"] == slave

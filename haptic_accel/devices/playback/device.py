@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from haptic_accel.bags.folder import is_storage
 from haptic_accel.core import topics
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.sampling import NANOSECONDS, Stamped, coupled_stretches, sampling_rate
@@ -25,12 +26,9 @@ from haptic_accel.devices.playback.files import read_recording
 from haptic_accel.devices.simulated import SimulatedDevice
 
 if TYPE_CHECKING:
-    from haptic_accel.bags.recorded import Recorded
+    from haptic_accel.bags.reading import Bag
 
 # Reading a bag takes a quarter of a second to import: only who replays one waits for it.
-
-BAG_SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
-"""Of a bag's files; a folder is a bag too."""
 
 SLOWEST, FASTEST = 0.1, 10.0
 """Range of the speed."""
@@ -161,7 +159,7 @@ def read_track(parameters: ReplayParameters, arm: Arm, rate: float) -> Track:
     if not parameters.file:
         raise ParameterError("replay.file = '': must be a bag, or a CSV or WAV file")
     if is_bag(parameters.file):
-        from haptic_accel.bags.recorded import read_bag
+        from haptic_accel.bags.reading import read_bag
 
         track = bag_track(read_bag(Path(parameters.file)), arm)
     else:
@@ -174,10 +172,10 @@ def read_track(parameters: ReplayParameters, arm: Arm, rate: float) -> Track:
 
 def is_bag(file: str) -> bool:
     """Whether a path is taken for a bag rather than for a CSV or WAV file."""
-    return Path(file).is_dir() or file.endswith(BAG_SUFFIXES)
+    return Path(file).is_dir() or is_storage(Path(file))
 
 
-def bag_track(bag: Recorded, arm: Arm) -> Track:
+def bag_track(bag: Bag, arm: Arm) -> Track:
     """Return what one arm gave in a bag, from where its arms were coupled, if they were.
 
     Raises
@@ -200,7 +198,7 @@ def bag_track(bag: Recorded, arm: Arm) -> Track:
         raise ParameterError(f"{bag.path}: {error}") from None
 
 
-def bag_rate(bag: Recorded, arm: Arm = SLAVE) -> float:
+def bag_rate(bag: Bag, arm: Arm = SLAVE) -> float:
     """Return the samples per second of an arm in a bag: as the bag says, or as it looks.
 
     Raises
@@ -221,14 +219,14 @@ def bag_rate(bag: Recorded, arm: Arm = SLAVE) -> float:
         raise ParameterError(f"{bag.path}: {error}") from None
 
 
-def start_offset(bag: Recorded, start: float) -> float:
+def start_offset(bag: Bag, start: float) -> float:
     """Return where in a bag its replay begins, s from its first message of the slave."""
     first = int(bag.signals[SLAVE.acceleration.name].received[0])
     coupled = _coupled(bag)
     return start + (max(0, coupled - first) / NANOSECONDS if coupled else 0.0)
 
 
-def _coupled(bag: Recorded) -> int | None:
+def _coupled(bag: Bag) -> int | None:
     """Return the stamp from which on both arms are there and coupled, if they ever were."""
     firsts = [
         int(bag.signals[arm.acceleration.name].stamps[0])
@@ -243,7 +241,7 @@ def _coupled(bag: Recorded) -> int | None:
     return max(firsts)
 
 
-def _stamped(bag: Recorded, topic: Topic) -> Stamped | None:
+def _stamped(bag: Bag, topic: Topic) -> Stamped | None:
     signal = bag.signals.get(topic.name)
     return (signal.stamps, signal.values) if signal else None
 

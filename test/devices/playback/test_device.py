@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bag_maker import START, write_bag
-from haptic_accel.bags.recorded import read_bag
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import Topic

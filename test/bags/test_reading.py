@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_accel.bags.recorded import Change, read_bag
+from haptic_accel.bags.reading import Change, read_bag
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, TOOL_ACCELERATION, VECTORS
 
