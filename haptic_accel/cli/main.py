@@ -27,14 +27,12 @@ EMULATE = LazyGroup(
     "emulate",
     {
         "Hardware": {
-            "can": Lazy("two arms of ODrives on CAN", "emulate_can:emulate_can"),
-            "serial": Lazy(
-                "boards of handle and tool on USB serial", "emulate_serial:emulate_serial"
-            ),
+            "can": Lazy("two arms of ODrives on CAN", "emulate:emulate_can"),
+            "serial": Lazy("boards of handle and tool on USB serial", "emulate:emulate_serial"),
         }
     },
     help="Emulate boards or arms to test the drivers without hardware.",
-    examples=["haptic-accel emulate serial", "haptic-accel emulate can faults:=silence@2"],
+    examples=["haptic-accel emulate serial", "haptic-accel emulate can faults:=estimates@2"],
 )
 BENCH = LazyGroup(
     "bench",

@@ -1,4 +1,4 @@
-"""ODrives that are not there: axes that speak CANSimple, and a virtual arm behind them.
+"""Emulated ODrives: axes that speak CANSimple, and the arm of a simulated device behind them.
 
 No bus and no clock: frames go in and out with their times, s.
 """
@@ -8,12 +8,10 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Iterable
-from typing import TypeAlias
 
 import numpy as np
 
 from haptic_accel.core.model import FloatArray, Vector
-from haptic_accel.core.rig.interface import Rig
 from haptic_accel.devices.can.load import HEARTBEAT_RATE
 from haptic_accel.devices.can.parameters import STREAMED, CanParameters
 from haptic_accel.devices.can.protocol import (
@@ -32,43 +30,42 @@ from haptic_accel.devices.can.protocol import (
     make_heartbeat,
     parse_order,
 )
+from haptic_accel.devices.interface import Device
 
 HEARTBEAT_PERIOD = 1 / HEARTBEAT_RATE
-"""s."""
+"""Period of the heartbeats, s."""
 
 ESTIMATE_NOISE = 1e-5
-"""Turns: standard deviation of an estimate (assumed: a tenth of a count of 8192)."""
+"""Standard deviation of an estimate, turns (assumed: a tenth of a count of 8192)."""
 
 PUT_BACK_AFTER = 1.0
-"""s without a torque after which the virtual arm is put back to where it began."""
+"""Time without a torque after which the arm is put back to its origin, s."""
 
 MOTOR_ERROR = {"0.5": 0x40, "0.6": 0x20}
-"""Error bit by firmware of an axis that is made to fail: MOTOR_FAILED, DRV_FAULT."""
+"""Injected error bit by firmware: MOTOR_FAILED, DRV_FAULT."""
 
 DAMPING = 1e-3
-"""m/rad: how small a Jacobian may be before the virtual arm does not follow it."""
-
-NewRig: TypeAlias = Callable[[], Rig]
+"""Damping of the inverse of a Jacobian, m/rad: near a singularity the arm does not follow."""
 
 
 class EmulatedAxis:
-    """One ODrive axis, as far as an arm needs it.
+    """ODrive axis, as far as an arm needs it.
 
     Parameters
     ----------
     node : int
     estimates_period : float
-        Between estimates that nobody asked for, s; 0 for none.
+        Period of streamed estimates, s; 0 for none.
     watchdog : float
-        Silence after which it lets go with an error, s; 0 for none, ODrive's default.
+        Time-out of the watchdog, s; 0 for none, ODrive's default.
     firmware : str
 
     Attributes
     ----------
     turns, speed : float
-        Of the motor, turns and turns per second.
+        Position and speed of the motor, turns and turns per second.
     mute : set of Command
-        What it does not send.
+        Commands that it does not send.
     """
 
     def __init__(self, node: int, estimates_period: float, watchdog: float, firmware: str) -> None:
@@ -87,22 +84,22 @@ class EmulatedAxis:
 
     @property
     def armed(self) -> bool:
-        """Whether it is in closed loop."""
+        """True while it is in closed loop."""
         return self._state is AxisState.CLOSED_LOOP_CONTROL
 
     @property
     def torque(self) -> float:
-        """Of the motor, N m."""
+        """Torque of the motor, N m."""
         return self._torque if self.armed and self._torque_mode else 0.0
 
     def fail(self, error: int) -> None:
-        """Let go with an error."""
+        """Stop with an error."""
         self._error |= error
         self._state = AxisState.IDLE
 
-    def obey(self, order: Order, now: float) -> list[Frame]:
-        """Take an order and return the answer to it."""
-        self._fed = now  # by whatever it is told (can_simple.cpp, do_command)
+    def execute(self, order: Order, now: float) -> list[Frame]:
+        """Execute an order and return the answer to it."""
+        self._fed = now  # by any command (can_simple.cpp, do_command)
         if isinstance(order, SetTorque):
             self._torque = order.torque
         elif isinstance(order, SetMode):
@@ -118,7 +115,7 @@ class EmulatedAxis:
         return []
 
     def due(self, now: float) -> list[Frame]:
-        """Return what it sends by itself at a time."""
+        """Return the periodic frames due at a time."""
         if self._watchdog and self.armed and now - self._fed > self._watchdog:
             self.fail(WATCHDOG_TIMER_EXPIRED[self._firmware])
         frames = []
@@ -144,29 +141,29 @@ class EmulatedAxis:
 
 
 class EmulatedArm:
-    """Axes that move the arm of a virtual rig.
+    """Axes that move the arm of a simulated device.
 
-    Where the rig's arm is at its origin the emulated one is in the middle of its workspace. Of
-    the tip's motion and force only what the joints can make is there.
+    The origin of the device's arm is the middle of the emulated one's workspace. Motion and force
+    of the tip are limited to the directions of the joints.
 
     Parameters
     ----------
     parameters : CanParameters
-        As the driver has them.
-    new_rig : callable
-        Makes one side of the virtual rig.
+        Parameters of the driver.
+    new_device : callable
+        Makes the simulated device.
     rate : float
-        Of the estimates, where they are streamed, Hz.
+        Rate of streamed estimates, Hz.
     watchdog : float
-        Of the axes, s.
+        Time-out of the axes' watchdogs, s.
     seed : int
-        Of the noise of the estimates.
+        Seed of the estimates' noise.
     """
 
     def __init__(
         self,
         parameters: CanParameters,
-        new_rig: NewRig,
+        new_device: Callable[[], Device],
         *,
         rate: float,
         watchdog: float = 0.0,
@@ -183,9 +180,8 @@ class EmulatedArm:
         ]
         self._by_node = {axis.node: axis for axis in self.axes}
         self._random = random.Random(seed)
-        self._new_rig = new_rig
-        self._rig = new_rig()
-        self._began: float | None = None
+        self._new_device = new_device
+        self._device = new_device()
         self._angles = self._kinematics.home
         self._torques = (0.0,) * len(self.axes)
         self._driven = False
@@ -193,37 +189,30 @@ class EmulatedArm:
 
     @property
     def driven(self) -> bool:
-        """Whether it has had a torque since it was where it began."""
+        """True if it had a torque since it was at its origin."""
         return self._driven
 
-    @property
-    def torques(self) -> tuple[float, ...]:
-        """Of the motors, N m."""
-        return self._torques
-
     def fail(self) -> None:
-        """Let the first axis have an error."""
+        """Stop the first axis with an error."""
         self.axes[0].fail(MOTOR_ERROR[self._p.firmware])
 
     def take(self, frame: Frame, now: float) -> list[Frame]:
-        """Take a frame and return the answers to it."""
+        """Process a frame and return the answers to it."""
         order = parse_order(frame)
         axis = self._by_node.get(frame.node)
-        return axis.obey(order, now) if order and axis else []
+        return axis.execute(order, now) if order and axis else []
 
     def due(self, now: float) -> list[Frame]:
-        """Let the arm move until a time, and return what its axes send then."""
+        """Move the arm until a time, and return the frames that its axes send then."""
         self._move(now)
         return [frame for axis in self.axes for frame in axis.due(now)]
 
     def _move(self, now: float) -> None:
         if self._driven and now - self._driven_at > PUT_BACK_AFTER:
-            self._rig, self._began, self._driven = self._new_rig(), None, False
-        if self._began is None:
-            self._began = now
-        self._rig.advance(now - self._began)
+            self._device, self._driven = self._new_device(), False
         self._drive(now)
-        sample = self._rig.measure()
+        sample = self._device.read(now)
+        assert sample, "simulated devices always have a sample"
         x, y, z = (a + b for a, b in zip(self._home, sample.position, strict=True))
         angles = self._kinematics.angles((x, y, z))
         jacobian = self._jacobian(angles)
@@ -236,7 +225,7 @@ class EmulatedArm:
         self._angles = angles
 
     def _drive(self, now: float) -> None:
-        """Let the torques of the motors act on the virtual arm, from the first on."""
+        """Apply the torques of the motors to the simulated arm, from the first one on."""
         torques = tuple(axis.torque for axis in self.axes)
         if any(torques):
             self._driven, self._driven_at = True, now
@@ -249,10 +238,10 @@ class EmulatedArm:
         made = _damped_solve(jacobian, jacobian @ np.array(joint))
         for place, part in zip(self._kinematics.axes, made.tolist(), strict=True):
             force[place] = part
-        self._rig.apply_arm_force((force[0], force[1], force[2]))
+        self._device.write(now, arm_force=(force[0], force[1], force[2]))
 
     def _jacobian(self, angles: tuple[float, ...]) -> FloatArray:
-        """Return the Jacobian along the axes in which the tip can be moved: it is square."""
+        """Return the square Jacobian, along the axes in which the tip can move."""
         columns = self._kinematics.jacobian(angles)
         return np.array([[column[axis] for column in columns] for axis in self._kinematics.axes])
 
@@ -261,11 +250,11 @@ class EmulatedArm:
 
 
 def _next_due(due: float, period: float, now: float) -> float:
-    """Return when something is due again; what was missed is not made up for."""
+    """Return the next time of a periodic frame; missed ones are not sent late."""
     return due + period if due + period > now else now + period
 
 
 def _damped_solve(jacobian: FloatArray, vector: FloatArray) -> FloatArray:
-    """Solve J J^T x = v, also where a direction is lost (damped least squares, Wampler 1986)."""
+    """Solve J J^T x = v, also near singularities (damped least squares, Wampler 1986)."""
     square = jacobian @ jacobian.T + DAMPING**2 * np.eye(len(jacobian))
     return np.asarray(np.linalg.solve(square, vector))

@@ -1,43 +1,147 @@
-"""How faults that an emulator is to show, and their times, are written."""
+"""Fault injection: kinds of faults, and the times when they act."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import random
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from haptic_accel.core.parameters import ParameterError
 
+DROP, GARBAGE, UNPLUG, STALL = "drop", "garbage", "unplug", "stall"
+AXIS_ERROR, HEARTBEAT, ESTIMATES, BUS_OFF = "error", "heartbeat", "estimates", "bus_off"
 
-def read_faults(text: str, known: Iterable[str]) -> list[tuple[str, float | None]]:
-    """Read words such as ``drop,error@3,unplug@8``.
+SHARE = 0.05
+"""Share of the frames that `DROP` and `GARBAGE` affect."""
+
+
+@dataclass(frozen=True)
+class FaultKind:
+    """Kind of fault.
+
+    Attributes
+    ----------
+    text : str
+        Description for users.
+    rate : float
+        Occurrences per second if no time is given; 0 to act all the time.
+    duration : float
+        Duration of such an occurrence, s.
+    """
+
+    text: str
+    rate: float = 0.0
+    duration: float = 0.0
+
+
+SERIAL_FAULTS = {
+    GARBAGE: FaultKind("random bytes are added to one frame in twenty"),
+    DROP: FaultKind("bytes of one frame in twenty are lost"),
+    STALL: FaultKind("nothing passes for a while, then all of it", rate=0.5, duration=0.05),
+    UNPLUG: FaultKind("the port is gone, and the board without power", rate=0.1, duration=1.0),
+}
+"""Faults of a board on a serial line."""
+
+CAN_FAULTS = {
+    DROP: FaultKind("one frame in twenty is lost"),
+    GARBAGE: FaultKind("random data is sent with one frame in twenty"),
+    AXIS_ERROR: FaultKind("an axis has an error until it is cleared"),
+    HEARTBEAT: FaultKind("an axis sends no heartbeats"),
+    ESTIMATES: FaultKind("an axis sends no estimates"),
+    BUS_OFF: FaultKind("no frame passes, but the adapter is there"),
+    UNPLUG: FaultKind("the adapter is gone"),
+}
+"""Faults of an arm on a CAN bus."""
+
+
+class Faults:
+    """Faults of one port, planned or injected at once.
 
     Parameters
     ----------
     text : str
-        Faults with commas between, each with the time of its beginning in s after an @, or
-        without one.
-    known : iterable of str
-        Faults there are.
+        Faults as a user writes them, such as ``drop,error@3,unplug@8``: names separated by
+        commas, with a time in s after the beginning, or without.
+    kinds : mapping
+        Possible faults, by name.
+    seconds : float
+        Duration of a fault with a time, s.
+    seed : int
 
-    Returns
-    -------
-    list of tuple
-        Each fault and its time, None where there is none.
+    Attributes
+    ----------
+    random : Random
+        Source of what the faults destroy.
 
     Raises
     ------
     ParameterError
-        An unknown fault, or a time that is none.
+        A fault is unknown, or its time is not a number.
     """
-    faults: list[tuple[str, float | None]] = []
+
+    def __init__(
+        self,
+        text: str = "",
+        kinds: Mapping[str, FaultKind] | None = None,
+        seconds: float = 1.0,
+        seed: int = 0,
+    ) -> None:
+        self.random = random.Random(seed)
+        self._kinds = kinds or {}
+        self._planned = list(_read(text, self._kinds))
+        self._seconds = seconds
+        self._ends: dict[str, float] = {}
+        self._beginning = math.inf
+        self._now = 0.0
+
+    @property
+    def begun(self) -> bool:
+        """True once the times of planned faults count."""
+        return self._beginning < math.inf
+
+    def begin(self) -> None:
+        """Count the times of planned faults from now; nothing if they do already."""
+        self._beginning = min(self._beginning, self._now)
+
+    def inject(self, name: str, seconds: float = math.inf) -> None:
+        """Let a fault act from now on, for a time in s."""
+        self._ends[name] = self._now + seconds
+
+    def active(self, name: str) -> bool:
+        """Return True while a fault acts."""
+        return self._now < self._ends.get(name, -math.inf)
+
+    def strikes(self, name: str) -> bool:
+        """Return True if a fault affects the next frame."""
+        return self.active(name) and self.random.random() < SHARE
+
+    def advance(self, now: float) -> list[str]:
+        """Begin and end faults at a time in s; return the names of those that begin."""
+        elapsed, self._now = now - self._now, now
+        begun = []
+        for planned in list(self._planned):
+            name, begin = planned
+            kind = self._kinds[name]
+            if begin is None and kind.rate:
+                if self.begun and self.random.random() < kind.rate * elapsed:
+                    self.inject(name, kind.duration)
+            elif begin is None or now - self._beginning >= begin:
+                self._planned.remove(planned)
+                self.inject(name, math.inf if begin is None else self._seconds)
+                begun.append(name)
+        return begun
+
+
+def _read(text: str, kinds: Mapping[str, FaultKind]) -> Iterator[tuple[str, float | None]]:
+    """Read faults and their times, None where no time is given."""
     for word in text.split(",") if text else []:
         name, at, when = word.strip().partition("@")
         try:
             begin = float(when) if at else 0.0
         except ValueError:
             begin = math.nan
-        if name not in known or not 0 <= begin < math.inf:
-            names = ", ".join(known)
+        if name not in kinds or not 0 <= begin < math.inf:
+            names = ", ".join(kinds)
             raise ParameterError(f"faults: {word!r}: must be NAME or NAME@SECONDS of {names}")
-        faults.append((name, begin if at else None))
-    return faults
+        yield name, begin if at else None

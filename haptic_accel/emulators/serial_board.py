@@ -1,7 +1,6 @@
-"""The device's side of the protocol, for the emulator; `firmware/haptic_handle/board.cpp` in C++.
+"""State machine of the firmware, the same as `firmware/haptic_handle/board.cpp`.
 
-Nothing here knows the time or a port: both are given. Times are us of the device's clock,
-modulo 2**32.
+Time and port are given from outside. Times are us of the device's clock, modulo 2**32.
 """
 
 from __future__ import annotations
@@ -38,36 +37,36 @@ TIMEOUT = 5_000
 """Longest time without a set-point while a current may flow, us."""
 
 STATUS_PERIOD = 100_000
-"""A status is sent as often unasked, us."""
+"""Period of statuses that are sent without a request, us."""
 
 LOWEST_RATE = 50
-"""Samples per second."""
+"""Lowest sampling rate, Hz."""
 
 CLOCKS = 1 << 32
-"""A clock, and a count of samples, begins anew after as many."""
+"""Modulus of clocks and counts of samples."""
 
 SILENT = Configuration(0, 0, 0)
-"""Before the host has configured it."""
+"""Configuration before the host sends one."""
 
 
 class Board:
-    """Takes bytes of the host and samples of its accelerometer, gives frames and a current.
+    """Board: bytes from the host and samples of its accelerometer in, frames and a current out.
 
-    It says nothing before it has heard an intact frame.
+    It sends nothing before it has received an intact frame.
 
     Parameters
     ----------
     identity : Identity
-        What it is; without a full-scale current it has no actuator.
+        Identity of the board; without a full-scale current it has no actuator.
     send : callable
-        Takes a frame's bytes; says whether there was room for them.
+        Sends a frame's bytes; returns False if there was no room for them.
 
     Attributes
     ----------
     configuration : Configuration
     state : State
     current : int
-        That is to flow, counts of `FULL_SCALE`; 0 unless armed.
+        Set-point of the current, counts of `FULL_SCALE`; 0 unless armed.
     """
 
     def __init__(self, identity: Identity, send: Callable[[bytes], bool]) -> None:
@@ -83,20 +82,20 @@ class Board:
         self._pending_clock = 0
         self._last_set = 0
         self._last_status = 0
-        self._heard = False
+        self._contacted = False
         self._faulty = False
         self._refused = self._timeouts = self._unsent = 0
 
     def receive(self, data: bytes, now: int) -> None:
-        """Take bytes of the host."""
+        """Process bytes from the host."""
         for frame in self._decoder.feed(data):
-            if not self._heard:
-                self._heard = True
+            if not self._contacted:
+                self._contacted = True
                 self._last_status = now
-            self._obey(frame, now)
+            self._execute(frame, now)
 
     def sample(self, values: Sequence[int], now: int) -> None:
-        """Take a sample, counts by axis x, y, z, and the moment it was taken at."""
+        """Process a sample, counts by axis x, y, z, taken at a time."""
         configuration = self.configuration
         if not configuration.rate:
             return
@@ -113,31 +112,31 @@ class Board:
             self._pending.clear()
 
     def tick(self, now: int) -> None:
-        """Look at the time: called at least every ms."""
+        """Check time-outs and periods; called at least every ms."""
         if self.state is State.ARMED and (now - self._last_set) % CLOCKS > TIMEOUT:
             self._timeouts += 1
             self._enter(State.TIMED_OUT, now)
-        if self._heard and (now - self._last_status) % CLOCKS >= STATUS_PERIOD:
+        if self._contacted and (now - self._last_status) % CLOCKS >= STATUS_PERIOD:
             self._report(now)
 
     def fault(self, present: bool, now: int) -> None:
-        """Take what the amplifier says of itself; a fault stays until the host disarms."""
+        """Process the amplifier's fault signal; a fault stays until the host disarms."""
         appeared = present and not self._faulty
         self._faulty = present
         if appeared:
             self._enter(State.FAULT, now)
 
     def disconnect(self) -> None:
-        """Let go of a host that has closed the port; counts stay."""
+        """Forget a host that has closed the port; counts stay."""
         self._decoder.restart()
         self.configuration = SILENT
         self._pending.clear()
-        self._heard = False
+        self._contacted = False
         self.current = 0
         if self.state is not State.FAULT:
             self.state = State.DISARMED
 
-    def _obey(self, frame: Frame, now: int) -> None:
+    def _execute(self, frame: Frame, now: int) -> None:
         refusal = self._refusal(frame)
         if refusal:
             self._send(Error(refusal, frame.type, frame.sequence), now)
@@ -159,7 +158,7 @@ class Board:
                 self._set_current(counts, now)
 
     def _refusal(self, frame: Frame) -> ErrorCode | None:
-        """Return why a frame is not obeyed; None if it is."""
+        """Return the reason for refusing a frame; None to accept it."""
         if frame.version != VERSION:
             return ErrorCode.VERSION
         if frame.type not in REQUESTS:
@@ -193,7 +192,7 @@ class Board:
         )
 
     def _configure(self, asked: Configure, now: int) -> None:
-        """Begin to sample anew; without samples, axes and number mean nothing."""
+        """Restart sampling; with a rate of 0, axes and number have no meaning."""
         self.configuration = (
             Configuration(asked.rate, asked.axes, asked.samples_per_frame)
             if asked.rate
@@ -212,27 +211,22 @@ class Board:
         self.current = max(-FULL_SCALE, counts)
 
     def _enter(self, state: State, now: int) -> None:
-        """Change the state; whatever the change, no current flows until a set-point comes."""
+        """Change the state; no current flows until the next set-point."""
         self.state = state
         self.current = 0
         self._report(now)
 
     def _report(self, now: int) -> None:
         self._last_status = now
-        status = Status(
-            self.state,
-            self.current,
-            self._decoder.received % CLOCKS,
-            self._decoder.damaged % CLOCKS,
-            self._decoder.lost % CLOCKS,
-            self._refused % CLOCKS,
-            self._timeouts % CLOCKS,
-            self._unsent % CLOCKS,
+        decoder = self._decoder
+        counts = (
+            *(decoder.received, decoder.damaged, decoder.lost),
+            *(self._refused, self._timeouts, self._unsent),
         )
-        self._send(status, now)
+        self._send(Status(self.state, self.current, *(n % CLOCKS for n in counts)), now)
 
     def _send(self, message: Message, now: int) -> None:
-        if not self._heard:
+        if not self._contacted:
             return
         if not self._send_bytes(self._encoder.encode(message, now)):
             self._unsent += 1

@@ -1,239 +1,225 @@
-"""Boards that are none: the firmware's rules behind pseudo-terminals, with faults on demand."""
+"""Emulated boards on pseudo-terminals, and the coupling of the arms that carry them."""
 
 from __future__ import annotations
 
-import os
-import random
-import tty
-from collections import Counter, deque
-from contextlib import suppress
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from haptic_accel.core.coupling.position_position import PositionPositionCoupling
+from haptic_accel.devices.interface import Device
 from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
+from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG, Faults
+from haptic_accel.emulators.pseudo_terminal import BUFFER, PseudoTerminal
 from haptic_accel.emulators.serial_board import CLOCKS, Board
-from haptic_accel.emulators.serial_faults import DROP, GARBAGE, STALL, UNPLUG
 
-STALL_TIME, UNPLUG_TIME = 0.05, 1.0
-"""s."""
+STEP = 1e-3
+"""Period of the coupling and of the boards' ticks, s (paper's servo loop)."""
 
-MOST_GARBAGE = 40
-"""Bytes at a time."""
+LONGEST_DELAY = 0.1
+"""Delay after which overdue samples are skipped, s."""
 
-MOST_DROPPED = 8
-"""Bytes at a time."""
-
-MOST_HELD = 4096
-"""Bytes that a stalled wire keeps, as a driver's buffer does."""
+MOST_GARBAGE, MOST_DROPPED = 40, 8
+"""Most bytes added and removed at once."""
 
 CLOCK_START = CLOCKS - 20_000_000
-"""us: a board's clock begins anew 20 s after the start."""
-
-
-class PseudoPort:
-    """A pseudo-terminal with a name of its own, as a USB port has, that can be pulled out."""
-
-    def __init__(self, link: Path) -> None:
-        self.link = link
-        self._master: int | None = None
-
-    @property
-    def plugged(self) -> bool:
-        """Whether it is there."""
-        return self._master is not None
-
-    def plug(self) -> None:
-        """Let it be there."""
-        master, terminal = os.openpty()
-        tty.setraw(terminal)
-        name = os.ttyname(terminal)
-        # Closed, so that the master end tells when a host opens and closes it.
-        os.close(terminal)
-        os.set_blocking(master, False)
-        self.link.unlink(missing_ok=True)
-        self.link.symlink_to(name)
-        self._master = master
-
-    def unplug(self) -> None:
-        """Pull it out."""
-        self.link.unlink(missing_ok=True)
-        if self._master is not None:
-            os.close(self._master)
-        self._master = None
-
-    def fileno(self) -> int:
-        """Return what to wait on."""
-        assert self._master is not None
-        return self._master
-
-    def read(self) -> bytes | None:
-        """Return the bytes that are there; None while no host has it open."""
-        if self._master is None:
-            return None
-        try:
-            return os.read(self._master, MOST_HELD)
-        except BlockingIOError:
-            return b""
-        except OSError:
-            return None
-
-    def write(self, data: bytes) -> bool:
-        """Write bytes if there is room; whether there was."""
-        if self._master is None:
-            return False
-        with suppress(OSError):
-            return os.write(self._master, data) == len(data)
-        return False
+"""Start of a board's clock, us: it wraps around 20 s later."""
 
 
 class EmulatedBoard:
-    """A board on a pseudo-terminal, on a wire that may be bad. Times are s of any clock.
+    """Board on a pseudo-terminal, on a line with faults. Times are s since the start.
 
     Parameters
     ----------
     identity : Identity
-    link : Path
+    path : Path
         Symbolic link to make to the terminal.
-    seed : int
-        Of the faults.
+    measure : callable
+        Returns the acceleration along z at a time, m/s^2.
+    drive : callable, optional
+        Receives a time and the current of the actuator from then on, A.
+    faults : Faults, optional
 
     Attributes
     ----------
     board : Board
-        Of now: pulled out, it loses its power, and with it all it knew.
+        State of the firmware; an unplugged board loses its power, and so its state.
+    faults : Faults
     open : bool
-        Whether a host has the port open.
-    gravity : float
-        Added to the acceleration along z, m/s^2: how it is held.
-    faults : Counter
-        How often each happened.
+        True while a host has the port open.
+    due : float
+        Time of the next step.
     """
 
-    def __init__(self, identity: Identity, link: Path, seed: int = 0) -> None:
+    def __init__(
+        self,
+        identity: Identity,
+        path: Path,
+        measure: Callable[[float], float],
+        drive: Callable[[float, float], None] | None = None,
+        faults: Faults | None = None,
+    ) -> None:
         self._identity = identity
-        self._random = random.Random(seed)
-        self._port = PseudoPort(link)
-        self._due_in: set[str] = set()
-        self._due_out: set[str] = set()
+        self._port = PseudoTerminal(path)
+        self._measure = measure
+        self._drive = drive
+        self._driven = 0.0
         self._held_out: deque[bytes] = deque()
         self._held_in = b""
-        self._stalled_until = self._unplugged_until = float("-inf")
+        self._rate = 0
+        self._next_sample = math.inf
         self.board = Board(identity, self._send)
+        self.faults = faults or Faults()
         self.open = False
-        self.gravity = 0.0
-        self.faults: Counter[str] = Counter()
-        self._now = 0.0
-        self._port.plug()
+        self.due = 0.0
 
     @property
-    def port(self) -> PseudoPort | None:
-        """What to wait on for bytes of a host; None while there can be none."""
+    def terminal(self) -> PseudoTerminal | None:
+        """Port to wait for; None while no host has it open."""
         return self._port if self.open and self._port.plugged else None
 
     @property
     def current(self) -> float:
-        """That flows, A."""
+        """Current of the actuator, A."""
         return self.board.current / FULL_SCALE * self._identity.full_scale_current
 
     @property
     def rate(self) -> int:
-        """Samples per second that the host wants; 0 for none."""
+        """Samples per second that the host has configured; 0 for none."""
         return self.board.configuration.rate
 
-    def suffer(self, fault: str, now: float, duration: float | None = None) -> None:
-        """Let something be wrong from now on.
-
-        Parameters
-        ----------
-        fault : str
-            Of `FAULTS`.
-        now : float
-            s.
-        duration : float, optional
-            Of a stall, or of being pulled out, s; of the others only the next bytes suffer, one
-            frame or so either way.
-        """
-        self.faults[fault] += 1
-        if fault == STALL:
-            self._stalled_until = now + (STALL_TIME if duration is None else duration)
-        elif fault == UNPLUG:
-            self._unplugged_until = now + (UNPLUG_TIME if duration is None else duration)
-            self._pull_out()
-        else:
-            self._due_in.add(fault)
-            self._due_out.add(fault)
-
-    def look(self, now: float) -> None:
-        """Take what the host sent, and look at the time."""
-        self._now = now
-        if not self._port.plugged and now >= self._unplugged_until:
+    def step(self, now: float) -> None:
+        """Exchange bytes with the host, drive the actuator and take the samples that are due."""
+        self.faults.advance(now)
+        if not self.faults.active(UNPLUG):
             self._port.plug()
+        elif self._port.plugged:
+            self._port.unplug()
+            self.board = Board(self._identity, self._send)
         self._receive(now)
         self.board.tick(clock(now))
-        if now >= self._stalled_until:
-            self._catch_up()
-
-    def sample(self, acceleration: float, time: float) -> None:
-        """Take a sample along z, m/s^2, at its time."""
-        share = (acceleration + self.gravity) / self._identity.full_scale_acceleration
-        counts = round(min(1.0, max(-1.0, share)) * FULL_SCALE)
-        self.board.sample((0, 0, counts), clock(time))
+        while self._held_out and not self.faults.active(STALL):
+            if not self._port.write(self._held_out[0]):
+                break
+            self._held_out.popleft()
+        if self._drive and self.current != self._driven:
+            self._driven = self.current
+            self._drive(now, self._driven)
+        self._sample(now)
+        self.due = min(now + STEP, self._next_sample)
 
     def close(self) -> None:
-        """Pull it out for good."""
+        """Remove the port."""
         self._port.unplug()
 
-    def _pull_out(self) -> None:
-        self._port.unplug()
-        self._forget_bytes()
-        self.board = Board(self._identity, self._send)
-        self.open = False
-
-    def _forget_bytes(self) -> None:
-        self._held_out.clear()
-        self._held_in = b""
-        self._stalled_until = float("-inf")
+    def _sample(self, now: float) -> None:
+        """Take the samples that are due, each at its time."""
+        if self.rate != self._rate or now - self._next_sample > LONGEST_DELAY:
+            self._rate = self.rate
+            # The next whole multiple of the period, so that both boards sample together.
+            self._next_sample = (
+                math.ceil(now * self._rate) / self._rate if self._rate else math.inf
+            )
+        while self._next_sample <= now:
+            share = self._measure(self._next_sample) / self._identity.full_scale_acceleration
+            counts = round(min(1.0, max(-1.0, share)) * FULL_SCALE)
+            self.board.sample((0, 0, counts), clock(self._next_sample))
+            self._next_sample += 1 / self._rate
 
     def _receive(self, now: float) -> None:
         data = self._port.read()
         if data is None:
             if self.open:
                 self.board.disconnect()
-                self._forget_bytes()
+                self._held_out.clear()
+                self._held_in = b""
             self.open = False
             return
         self.open = True
-        if now < self._stalled_until:
-            self._held_in = (self._held_in + data)[-MOST_HELD:]
-        elif data := self._held_in + data:
-            self._held_in = b""
-            self.board.receive(self._spoil(data, self._due_in), clock(now))
+        data = self._held_in + data
+        stalled = self.faults.active(STALL)
+        self._held_in = data[-BUFFER:] if stalled else b""
+        if data and not stalled:
+            self.board.receive(self._spoiled(data), clock(now))
 
     def _send(self, data: bytes) -> bool:
-        if self._now < self._stalled_until or self._held_out:
-            room = sum(map(len, self._held_out)) + len(data) <= MOST_HELD
-            if room:
-                self._held_out.append(data)
-            return room
-        return self._port.write(self._spoil(data, self._due_out))
+        if not (self.faults.active(STALL) or self._held_out):
+            return self._port.write(self._spoiled(data))
+        room = sum(map(len, self._held_out)) + len(data) <= BUFFER
+        if room:
+            self._held_out.append(data)
+        return room
 
-    def _catch_up(self) -> None:
-        """Let go what a stall held back."""
-        while self._held_out and self._port.write(self._held_out[0]):
-            self._held_out.popleft()
-
-    def _spoil(self, data: bytes, due: set[str]) -> bytes:
-        """Return bytes as a bad wire delivers them, once for each fault that is due."""
-        if DROP in due:
-            start = self._random.randrange(len(data))
-            data = data[:start] + data[start + self._random.randint(1, MOST_DROPPED) :]
-        if GARBAGE in due:
-            start = self._random.randrange(len(data) + 1)
-            garbage = self._random.randbytes(self._random.randint(1, MOST_GARBAGE))
+    def _spoiled(self, data: bytes) -> bytes:
+        """Return bytes as a line with faults delivers them."""
+        random = self.faults.random
+        if self.faults.strikes(DROP):
+            start = random.randrange(len(data))
+            data = data[:start] + data[start + random.randint(1, MOST_DROPPED) :]
+        if self.faults.strikes(GARBAGE):
+            start = random.randrange(len(data) + 1)
+            garbage = random.randbytes(random.randint(1, MOST_GARBAGE))
             data = data[:start] + garbage + data[start:]
-        due.clear()
         return data
 
 
+class CoupledArms:
+    """Arms of both devices, coupled to each other as soon as both boards are sampled.
+
+    The first force lets the hand explore, and the times of faults count from then.
+
+    Parameters
+    ----------
+    boards : sequence of EmulatedBoard
+    devices : sequence of Device
+        Master and slave.
+    coupling : PositionPositionCoupling
+
+    Attributes
+    ----------
+    due : float
+        Time of the next step, s.
+    """
+
+    terminal = None
+
+    def __init__(
+        self,
+        boards: Sequence[EmulatedBoard],
+        devices: Sequence[Device],
+        coupling: PositionPositionCoupling,
+    ) -> None:
+        self._boards = boards
+        self._devices = devices
+        self._coupling = coupling
+        self.due = 0.0
+
+    @property
+    def coupled(self) -> bool:
+        """True once both boards were sampled."""
+        return self._coupling.engaged
+
+    def step(self, now: float) -> None:
+        """Exchange the forces of the arms."""
+        if now < self.due:
+            return
+        self.due = now + STEP
+        master, slave = (device.read(now) for device in self._devices)
+        assert master and slave, "simulated devices always have a sample"
+        if not self.coupled:
+            if not all(board.rate for board in self._boards):
+                return
+            self._coupling.engage(master.position, slave.position)
+            for board in self._boards:
+                board.faults.begin()
+        forces = self._coupling.forces(
+            master.position, slave.position, master.velocity, slave.velocity
+        )
+        for device, force in zip(self._devices, forces, strict=True):
+            device.write(now, arm_force=force)
+
+
 def clock(time: float) -> int:
-    """Return what a board's clock shows at a time in s, us."""
+    """Return the clock of a board at a time in s, us."""
     return (CLOCK_START + round(time * 1e6)) % CLOCKS

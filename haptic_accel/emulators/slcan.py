@@ -1,4 +1,4 @@
-"""The adapter's end of slcan, a CAN bus as lines of text on a serial port, for emulation.
+"""Adapter's side of slcan, a CAN bus as lines of text on a serial port.
 
 The commands are those of the Lawicel CAN232 manual, which adapters with slcan understand; the
 other end is python-can's interface `slcan` or Linux' slcand.
@@ -11,10 +11,17 @@ from haptic_accel.devices.can.protocol import HIGHEST_ID, Frame
 END, OK, ERROR = b"\r", b"\r", b"\a"
 
 LONGEST_LINE = 26
-"""Characters: T, an extended id of 8, a length and 8 bytes of data."""
+"""Most characters of a line: T, an extended id of 8, a length and 8 bytes of data."""
 
-VERSION, SERIAL_NUMBER, NO_FLAGS = b"V1013", b"NHAPT", b"F00"
-"""Answers to V, N and F."""
+ANSWERS = {
+    **dict.fromkeys([b"", b"O", b"L", b"C", b"S", b"s", b"Z", b"M", b"m", b"W", b"X"], OK),
+    # Frames with extended ids are accepted and ignored.
+    **dict.fromkeys([b"T", b"R"], OK),
+    b"V": b"V1013" + END,
+    b"N": b"NHAPT" + END,
+    b"F": b"F00" + END,
+}
+"""Answer to a command other than a frame, by its first letter."""
 
 _ID_CHARACTERS = 3
 
@@ -27,7 +34,7 @@ def frame_line(frame: Frame) -> bytes:
 
 
 def parse_frame_line(line: bytes) -> Frame | None:
-    """Read a frame with a standard id from a line without its end; None if it is none."""
+    """Read a frame with a standard id from a line without its end; None if there is none."""
     head = 2 + _ID_CHARACTERS
     if line[:1] not in (b"t", b"r") or len(line) < head:
         return None
@@ -46,12 +53,12 @@ def parse_frame_line(line: bytes) -> Frame | None:
 
 
 class SlcanAdapter:
-    """Reads what a computer writes to an adapter.
+    """Adapter, which reads the commands of a host.
 
     Attributes
     ----------
     opened : bool
-        Whether the computer wants frames.
+        True while the host wants frames.
     """
 
     def __init__(self) -> None:
@@ -59,39 +66,26 @@ class SlcanAdapter:
         self._rest = b""
 
     def take(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Take bytes as they come.
+        """Process bytes from the host.
 
         Returns
         -------
         frames : list of Frame
-            To be put on the bus.
+            Frames for the bus.
         answer : bytes
-            For the computer.
+            Answer to the host.
         """
         *lines, rest = (self._rest + data).split(END)
-        # What has no end is no line, and not kept for ever.
+        # A line without an end is not kept for ever.
         self._rest = rest if len(rest) <= LONGEST_LINE else b""
         frames, answers = [], []
         for line in lines:
             frame = parse_frame_line(line)
             if frame is not None and self.opened:
                 frames.append(frame)
-            answers.append(OK if frame is not None and self.opened else self._obey(line))
+                answers.append(OK)
+                continue
+            if line[:1] in (b"O", b"L", b"C"):
+                self.opened = line[:1] != b"C"
+            answers.append(ANSWERS.get(line[:1], ERROR))
         return frames, b"".join(answers)
-
-    def _obey(self, line: bytes) -> bytes:
-        command = line[:1]
-        if command in (b"O", b"L"):
-            self.opened = True
-        elif command == b"C":
-            self.opened = False
-        elif command == b"V":
-            return VERSION + END
-        elif command == b"N":
-            return SERIAL_NUMBER + END
-        elif command == b"F":
-            return NO_FLAGS + END
-        elif command not in (b"", b"S", b"s", b"Z", b"M", b"m", b"W", b"X", b"T", b"R"):
-            return ERROR
-        # Frames with extended ids are nobody's here.
-        return OK

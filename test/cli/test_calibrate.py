@@ -14,6 +14,7 @@ import yaml
 
 from haptic_accel.core.model import GRAVITY
 from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
+from haptic_accel.emulators.loop import run
 from haptic_accel.emulators.serial_line import EmulatedBoard
 from haptic_accel.graph.files import read_parameter_file
 
@@ -31,10 +32,10 @@ class Turned:
 
     def __init__(self, path: Path) -> None:
         identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, 2.75, "board-7")
-        self.emulated = EmulatedBoard(identity, path)
         self.felt = lambda time: 0.0
+        self.emulated = EmulatedBoard(identity, path, lambda time: self.felt(time))
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run)
+        self._thread = threading.Thread(target=run, args=([self.emulated], self._ending.is_set))
         self._thread.start()
 
     def hold(self, gravity: float) -> None:
@@ -45,12 +46,6 @@ class Turned:
         self._ending.set()
         self._thread.join()
         self.emulated.close()
-
-    def _run(self) -> None:
-        while not self._ending.wait(0.001):
-            now = time.monotonic()
-            self.emulated.look(now)
-            self.emulated.sample(self.felt(now), now)
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -14,9 +14,7 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.parameters import from_flat
-from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
-from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
+from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.devices.can.arm import DrivenArm, State
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import (
@@ -37,7 +35,13 @@ from haptic_accel.devices.can.protocol import (
     parse_order,
     parse_report,
 )
-from haptic_accel.emulators.can_arm import EmulatedArm, EmulatedAxis, NewRig
+from haptic_accel.devices.interface import Device
+from haptic_accel.devices.simulated import (
+    SimulatedMaster,
+    SimulatedSlave,
+    SimulatedSlaveParameters,
+)
+from haptic_accel.emulators.can_arm import EmulatedArm, EmulatedAxis
 
 RATE = 500.0
 PERIOD = 1 / RATE
@@ -57,7 +61,7 @@ def axis(watchdog: float = 0.0) -> EmulatedAxis:
 def armed(watchdog: float = 0.0) -> EmulatedAxis:
     found = axis(watchdog)
     for frame in (make_torque_mode(1), make_set_state(1, CLOSED), make_input_torque(1, 0.5)):
-        found.obey(order(frame), 0.0)
+        found.execute(order(frame), 0.0)
     return found
 
 
@@ -87,19 +91,19 @@ def test_after_a_stall_it_sends_each_once() -> None:
 def test_it_answers_a_request() -> None:
     one = axis()
     one.turns = 2.5
-    (answer,) = one.obey(order(make_estimates_request(1)), 0.0)
+    (answer,) = one.execute(order(make_estimates_request(1)), 0.0)
     assert parse_report(answer) == Estimates(1, 2.5, 0.0)
 
 
 def test_it_has_a_torque_only_in_closed_loop_and_torque_control() -> None:
     one = axis()
-    one.obey(order(make_input_torque(1, 0.5)), 0.0)
+    one.execute(order(make_input_torque(1, 0.5)), 0.0)
     assert one.torque == 0.0
-    one.obey(order(make_set_state(1, CLOSED)), 0.0)
+    one.execute(order(make_set_state(1, CLOSED)), 0.0)
     assert one.torque == 0.0
-    one.obey(order(make_torque_mode(1)), 0.0)
+    one.execute(order(make_torque_mode(1)), 0.0)
     assert one.torque == 0.5
-    one.obey(order(make_set_state(1, AxisState.IDLE)), 0.0)
+    one.execute(order(make_set_state(1, AxisState.IDLE)), 0.0)
     assert one.torque == 0.0
 
 
@@ -107,7 +111,7 @@ def test_silence_makes_it_let_go_with_an_error() -> None:
     one = armed(watchdog=0.05)
     one.due(0.04)
     assert one.torque == 0.5
-    one.obey(order(make_estimates_request(1)), 0.04)  # anything feeds it
+    one.execute(order(make_estimates_request(1)), 0.04)  # anything feeds it
     one.due(0.08)
     assert one.torque == 0.5
     one.due(0.1)
@@ -118,25 +122,25 @@ def test_silence_makes_it_let_go_with_an_error() -> None:
 
 def test_with_an_error_it_does_not_go_into_closed_loop_until_cleared() -> None:
     one = armed()
-    one.obey(order(make_estop(1)), 0.0)
+    one.execute(order(make_estop(1)), 0.0)
     assert one.torque == 0.0
     assert error_names(heartbeat(one, 0.0).error, "0.6") == "ESTOP_REQUESTED"
-    one.obey(order(make_set_state(1, CLOSED)), 0.0)
+    one.execute(order(make_set_state(1, CLOSED)), 0.0)
     assert not one.armed
-    one.obey(order(make_clear_errors(1)), 0.0)
-    one.obey(order(make_set_state(1, CLOSED)), 0.0)
+    one.execute(order(make_clear_errors(1)), 0.0)
+    one.execute(order(make_set_state(1, CLOSED)), 0.0)
     assert one.armed
 
 
 frames = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans())
 
 
-def new_slave() -> Rig:
-    return SlaveRig(SlaveRigParameters(), RATE)
+def new_slave() -> Device:
+    return SimulatedSlave(SimulatedSlaveParameters(), RATE, 0)
 
 
-def new_master() -> Rig:
-    return MasterRig(MasterRigParameters(), RATE)
+def new_master() -> Device:
+    return SimulatedMaster(MasterRigParameters(), RATE, 0)
 
 
 @given(st.lists(frames, max_size=30))
@@ -151,11 +155,11 @@ def test_no_frame_is_too_strange_for_an_emulated_arm(noise: list[Frame]) -> None
 class Rigged:
     """The driver's arm and the emulated one, with nothing between."""
 
-    def __init__(self, new_rig: NewRig, seed: int = 0, **values: object) -> None:
+    def __init__(self, new_device: Callable[[], Device], seed: int = 0, **values: object) -> None:
         names = {name.replace("__", "."): value for name, value in values.items()}
         parameters = from_flat(CanParameters, names)
         self.now = 0.0
-        self.emulated = EmulatedArm(parameters, new_rig, rate=RATE, watchdog=0.05, seed=seed)
+        self.emulated = EmulatedArm(parameters, new_device, rate=RATE, watchdog=0.05, seed=seed)
         self.arm = DrivenArm(parameters, self._send)
 
     def _send(self, frames: Sequence[Frame]) -> bool:

@@ -12,14 +12,15 @@ from typing import Any
 import pytest
 
 from haptic_accel.core.parameters import ParameterError, from_flat
-from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
 from haptic_accel.devices.can.device import CanSlave
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.interface import DeviceError
+from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParameters
 from haptic_accel.emulators.can_arm import EmulatedArm
-from haptic_accel.emulators.can_bus import BusPort, Emulator, Port, SlcanPort
-from haptic_accel.emulators.can_faults import parse_faults
+from haptic_accel.emulators.can_line import BusPort, CanLine, CanPort, SlcanPort
+from haptic_accel.emulators.faults import CAN_FAULTS, Faults
+from haptic_accel.emulators.loop import run
 from running import wait_until
 
 RATE = 200.0  # Hz
@@ -33,16 +34,18 @@ CHANNELS = itertools.count()
 class Plugged:
     """A device, and the arm at the other end in a thread of its own."""
 
-    def __init__(self, port: Port, values: dict[str, Any], faults: str, seconds: float) -> None:
+    def __init__(self, port: CanPort, values: dict[str, Any], faults: str, seconds: float) -> None:
         self.parameters = from_flat(CanSlave.Parameters, {**PATIENT, **values})
-        self.port = port
         self.arm = EmulatedArm(
-            self.parameters, lambda: SlaveRig(SlaveRigParameters(), RATE), rate=RATE, watchdog=2.0
+            self.parameters,
+            lambda: SimulatedSlave(SimulatedSlaveParameters(), RATE, 0),
+            rate=RATE,
+            watchdog=2.0,
         )
-        self.emulator = Emulator([(port, [self.arm])], parse_faults(faults, seconds), self.arm)
+        self.line = CanLine(port, [self.arm], RATE, Faults(faults, CAN_FAULTS, seconds))
         self.device = CanSlave(self.parameters, RATE, 0)
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self.emulator.run, args=(RATE, self._stop.is_set))
+        self._thread = threading.Thread(target=run, args=([self.line], self._stop.is_set))
         self._thread.start()
 
     def push(self) -> None:
@@ -68,7 +71,7 @@ class Plugged:
         self.device.close()
         self._stop.set()
         self._thread.join()
-        self.emulator.close()
+        self.line.close()
 
 
 Plug = Callable[..., Plugged]
@@ -91,7 +94,7 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
         if interface == "slcan":
             path = tmp_path / f"adapter{len(made)}"
             values |= {"channel": str(path), "options": '{"sleep_after_open": 0}'}
-            port: Port = SlcanPort(path)
+            port: CanPort = SlcanPort(path)
         else:
             values["channel"] = f"test{next(CHANNELS)}"
             configuration = bus_configuration(from_flat(CanParameters, values))

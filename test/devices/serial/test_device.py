@@ -30,7 +30,7 @@ from haptic_accel.devices.serial.protocol import (
     State,
     encode,
 )
-from haptic_accel.emulators.serial_faults import DROP, GARBAGE, STALL, UNPLUG
+from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG
 from running import wait_until
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")
@@ -90,7 +90,7 @@ def test_both_sides_have_a_serial_device() -> None:
 def test_the_package_does_without_the_libraries_until_a_port_is_opened() -> None:
     code = (
         "import sys; sys.modules['serial'] = sys.modules['cobs'] = None\n"
-        "from haptic_accel.cli import bench, calibrate, emulate_serial, main\n"
+        "from haptic_accel.cli import bench, calibrate, emulate, main\n"
         "from haptic_accel.devices import SLAVES, DeviceError\n"
         "kind = SLAVES['serial']\n"
         "try: kind(kind.Parameters(port='/dev/null'), 1000.0, 0).open()\n"
@@ -214,7 +214,7 @@ def test_damage_is_counted_and_borne(bench: Make, connect: Make) -> None:
 
     def damaged() -> bool:
         for fault in (GARBAGE, DROP):
-            board.suffer(fault)
+            board.inject(fault, 0.1)
         device.write(time.monotonic(), actuator_force=1.2)
         status = device.status()
         assert status["connected"], device.problem
@@ -232,7 +232,7 @@ def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
     board = bench()
     device = connect(board)
     push(device, board, 1.2, 0.5)
-    board.suffer(UNPLUG, 0.5)
+    board.inject(UNPLUG, 0.5)
     wait_until(lambda: not device.status()["connected"], "being gone")
     device.write(time.monotonic(), actuator_force=1.2)
     assert device.arm() is False
@@ -258,7 +258,7 @@ def test_a_driver_that_may_arms_again_by_itself(bench: Make, connect: Make) -> N
     board = bench()
     device = connect(board, actuator__rearm="auto")
     push(device, board, 1.2, 0.5)
-    board.suffer(UNPLUG, 0.1)
+    board.inject(UNPLUG, 0.1)
     wait_until(lambda: device.status()["reconnects"] == 1, "being back")
     push(device, board, 1.2, 0.5)
 
@@ -267,7 +267,7 @@ def test_a_board_that_says_nothing_is_gone(bench: Make, connect: Make) -> None:
     board = bench()
     device = connect(board)
     push(device, board, 1.2, 0.5)
-    board.suffer(STALL, 1.6)
+    board.inject(STALL, 1.6)
     wait_until(lambda: "silent" in device.problem, "the silence")
     assert board.emulated.current == 0.0
     wait_until(lambda: device.status()["connected"] == 1, "being back")
@@ -278,7 +278,7 @@ def test_a_short_stall_costs_samples_and_no_more(bench: Make, connect: Make) -> 
     board = bench()
     device = connect(board)
     push(device, board, 1.2, 0.5)
-    board.suffer(STALL, 0.05)
+    board.inject(STALL, 0.05)
     wait_until(lambda: device.status()["board_timeouts"] >= 1, "the time-out")
     push(device, board, 1.2, 0.5)
     assert device.status()["reconnects"] == 0

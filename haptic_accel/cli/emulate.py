@@ -1,0 +1,323 @@
+"""``haptic-accel emulate``: boards or arms behind pseudo-terminals, with the virtual rig."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+import click
+import yaml
+
+from haptic_accel.cli.options import Verb, words
+from haptic_accel.cli.running import StopOnSignal
+from haptic_accel.core.coupling.position_position import PositionPositionCoupling
+from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter
+from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.core.trial import DEFAULT_RATE, RigParameters
+from haptic_accel.devices import MASTERS, SLAVES, Device
+from haptic_accel.devices.can.bus import bus_configuration, open_bus
+from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
+from haptic_accel.devices.connection import AUTO
+from haptic_accel.devices.serial.device import FORCE_CONSTANT, HIGHEST_RATE, MISSING_LIBRARY
+from haptic_accel.emulators.can_arm import EmulatedArm
+from haptic_accel.emulators.can_line import BusPort, CanLine, SlcanPort
+from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, FaultKind, Faults
+from haptic_accel.emulators.loop import Part, run
+from haptic_accel.graph.arguments import (
+    GraphArguments,
+    grip_argument,
+    rig_argument,
+    seed_argument,
+)
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.graph.words import parse_words
+
+if TYPE_CHECKING:
+    from haptic_accel.emulators.serial_line import EmulatedBoard
+
+MASTER, SLAVE = SIDES = "master", "slave"
+
+FIRMWARE = (1, 0, 0)
+"""Firmware version that an emulated board reports."""
+
+PATIENCE = {
+    "start_timeout": 10.0,
+    "heartbeat_timeout": 1.0,
+    "estimates_timeout": 0.5,
+    "rearm": AUTO,
+}
+"""Parameters of the CAN driver: the emulator shares its machine with the graph, and may stall."""
+
+SLCAN_OPTIONS = '{"sleep_after_open": 0}'
+"""Options of python-can, which waits two seconds for adapters that restart when opened."""
+
+
+def faults_argument(kinds: Mapping[str, FaultKind], beginning: str) -> str:
+    """Declare the faults to inject."""
+    texts = "; ".join(f"{name}: {kind.text}" for name, kind in kinds.items())
+    declared: str = parameter(
+        "", f"faults, separated by commas: NAME, or NAME@SECONDS after {beginning}. {texts}"
+    )
+    return declared
+
+
+@dataclass(frozen=True)
+class EmulationArguments(Checked):
+    """Arguments of all emulators."""
+
+    rig: str = rig_argument()
+    grip: str = grip_argument()
+    surface: str = parameter(
+        "plywood", "surface under the tool: plywood, text, vinyl, or a .yaml file"
+    )
+    seed: int = seed_argument()
+    folder: str = parameter(
+        "", "folder of the ports and the parameter file; empty for a new temporary one"
+    )
+    fault_seconds: float = parameter(
+        1.0, "duration of a fault with a time", unit="s", low=0.001, high=1e6
+    )
+    duration: float = parameter(
+        0.0, "duration of the emulation; 0 = until stopped", unit="s", low=0.0, high=1e6
+    )
+
+    def virtual_rig(self) -> RigParameters:
+        """Return the parameters of the virtual rig, as a graph has them."""
+        graph = GraphArguments(rig=self.rig, grip=self.grip, surface=self.surface, seed=self.seed)
+        return rig_parameters(graph_parameters(graph))
+
+    def made_folder(self, kind: str) -> Path:
+        """Return the folder for the emulation, which is made if it does not exist.
+
+        Raises
+        ------
+        ParameterError
+            It is not a folder, and cannot be made.
+        """
+        if not self.folder:
+            return Path(tempfile.mkdtemp(prefix=f"haptic-accel-{kind}-"))
+        folder = Path(self.folder).absolute()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ParameterError(
+                f"folder = '{self.folder}': must be a folder or new: {error.strerror}"
+            ) from None
+        return folder
+
+
+@dataclass(frozen=True)
+class EmulateSerialArguments(EmulationArguments):
+    """Arguments of the emulated boards."""
+
+    faults: str = faults_argument(SERIAL_FAULTS, "the hand begins to explore")
+    fault_board: str = parameter(MASTER, "board with the faults", choices=SIDES)
+    master_gravity: float = parameter(
+        0.0,
+        "acceleration added to the samples of the handle, to calibrate it",
+        unit="m/s^2",
+        low=-10.0,
+        high=10.0,
+    )
+
+
+@dataclass(frozen=True)
+class EmulateCanArguments(EmulationArguments):
+    """Arguments of the emulated arms."""
+
+    kinematics: str = parameter(
+        "arm", "kinematics with one, two or three joints", choices=KINEMATICS
+    )
+    rate: float = parameter(
+        500.0, "rate of estimates and of the virtual rig", unit="Hz", low=50.0, high=1000.0
+    )
+    watchdog: float = parameter(
+        0.5, "time-out of the axes' watchdogs; 0 for none", unit="s", low=0.0, high=10.0
+    )
+    interface: str = parameter(
+        "", "python-can interface, with both arms on one bus; empty for two slcan adapters"
+    )
+    channel: str = parameter("", "channel of the interface")
+    faults: str = faults_argument(CAN_FAULTS, "the first torque")
+    fault_arm: str = parameter(SLAVE, "arm with the faults", choices=SIDES)
+
+
+@click.command(cls=Verb, name="serial", examples=["haptic-accel emulate serial duration:=60"])
+@words(EmulateSerialArguments)
+def emulate_serial(words: Sequence[str]) -> int:
+    """Emulate the boards of handle and tool on pseudo-terminals until Ctrl-C."""
+    arguments = parse_words(words, EmulateSerialArguments)
+    faults = _faults(arguments, arguments.fault_board, SERIAL_FAULTS)
+    rig = arguments.virtual_rig()
+    devices = {side: _simulated(rig, side, DEFAULT_RATE, arguments.seed) for side in SIDES}
+    try:
+        from haptic_accel.emulators.serial_line import CoupledArms
+    except ImportError:
+        print(f"haptic-accel: serial: {MISSING_LIBRARY}", file=sys.stderr)
+        return FAILED
+    # The boards must not be delayed by the nodes that they serve. Only here is ROS waited for.
+    from haptic_accel.nodes.scheduling import ask_for_realtime, sharpen_timers
+
+    folder = arguments.made_folder("serial")
+    boards = [_board(arguments, rig, side, folder, devices[side], faults[side]) for side in SIDES]
+    arms = CoupledArms(boards, list(devices.values()), PositionPositionCoupling(rig.coupling))
+    try:
+        path = _write(folder, "serial", {side: {"port": str(folder / side)} for side in SIDES})
+        _print_hint("boards", "serial", f"config:={path}")
+        sharpen_timers()
+        ask_for_realtime()
+        _run(
+            [*boards, arms], arguments.duration, lambda: arms.coupled, "the hand begins to explore"
+        )
+    finally:
+        for board in boards:
+            board.close()
+    return DONE
+
+
+@click.command(cls=Verb, name="can", examples=["haptic-accel emulate can kinematics:=stage"])
+@words(EmulateCanArguments)
+def emulate_can(words: Sequence[str]) -> int:
+    """Emulate master and slave arms of ODrives on CAN until Ctrl-C.
+
+    They are behind slcan adapters on pseudo-terminals or on any bus of python-can.
+    """
+    arguments = parse_words(words, EmulateCanArguments)
+    faults = _faults(arguments, arguments.fault_arm, CAN_FAULTS)
+    rig = arguments.virtual_rig()
+    folder = arguments.made_folder("can")
+    given = {side: _driver_parameters(arguments, side, folder) for side in SIDES}
+    parameters = {side: from_flat(CanParameters, values) for side, values in given.items()}
+    rate = arguments.rate
+    arms = {
+        side: EmulatedArm(
+            parameters[side],
+            partial(_simulated, rig, side, rate, arguments.seed),
+            rate=rate,
+            watchdog=arguments.watchdog,
+            seed=arguments.seed + place,
+        )
+        for place, side in enumerate(SIDES)
+    }
+    if arguments.interface:
+        configuration = bus_configuration(parameters[MASTER])
+        faulty = arguments.fault_arm
+        port = BusPort(lambda: open_bus(configuration, []))
+        lines = [CanLine(port, list(arms.values()), rate, faults[faulty], arms[faulty])]
+    else:
+        lines = [
+            CanLine(SlcanPort(folder / side), [arms[side]], rate, faults[side]) for side in SIDES
+        ]
+    try:
+        path = _write(folder, "can", given)
+        _print_hint("arms", "can", f"rate:={rate:g} config:={path}")
+        _run(
+            lines,
+            arguments.duration,
+            lambda: any(line.driven for line in lines),
+            "the arms have torques",
+        )
+    finally:
+        for line in lines:
+            line.close()
+    return DONE
+
+
+def _faults(
+    arguments: EmulateSerialArguments | EmulateCanArguments,
+    faulty: str,
+    kinds: Mapping[str, FaultKind],
+) -> dict[str, Faults]:
+    """Return the faults of each side: one has those of the arguments, the other none."""
+    given = Faults(arguments.faults, kinds, arguments.fault_seconds, arguments.seed)
+    return {side: given if side == faulty else Faults() for side in SIDES}
+
+
+def _simulated(rig: RigParameters, side: str, rate: float, seed: int) -> Device:
+    """Return one side of the virtual rig."""
+    if side == MASTER:
+        return MASTERS["simulated"](rig.master, rate, seed)
+    return SLAVES["simulated"](rig.slave, rate, seed)
+
+
+def _board(
+    arguments: EmulateSerialArguments,
+    rig: RigParameters,
+    side: str,
+    folder: Path,
+    device: Device,
+    faults: Faults,
+) -> EmulatedBoard:
+    """Return the board of one side; only the master's has an actuator."""
+    from haptic_accel.devices.serial.protocol import Identity, axes_bits
+    from haptic_accel.emulators.serial_line import EmulatedBoard
+
+    is_master = side == MASTER
+    gravity = arguments.master_gravity if is_master else 0.0
+    full_scale = rig.master.actuator.peak_force / FORCE_CONSTANT if is_master else 0.0
+    sensor = rig.master.accelerometer if is_master else rig.slave.accelerometer
+
+    def measure(time: float) -> float:
+        sample = device.read(time)
+        assert sample, "simulated devices always have a sample"
+        return sample.acceleration + gravity
+
+    def drive(time: float, current: float) -> None:
+        device.write(time, actuator_force=current * FORCE_CONSTANT)
+
+    name = f"emulated-{side}"
+    identity = Identity(FIRMWARE, axes_bits("xyz"), HIGHEST_RATE, sensor.range, full_scale, name)
+    return EmulatedBoard(identity, folder / side, measure, drive, faults)
+
+
+def _driver_parameters(arguments: EmulateCanArguments, side: str, folder: Path) -> dict[str, Any]:
+    """Return the parameters of an arm's driver, by dotted name."""
+    shared = {"kinematics": arguments.kinematics, **PATIENCE}
+    if not arguments.interface:
+        channel = {"channel": str(folder / side), "options": SLCAN_OPTIONS}
+        return {"interface": "slcan", **channel, **shared}
+    # Both are on one bus: the slave's nodes follow the master's.
+    first = 0 if side == MASTER else len(KINEMATICS)
+    nodes = {f"joint{place + 1}.node_id": first + place for place in range(len(KINEMATICS))}
+    return {"interface": arguments.interface, "channel": arguments.channel, **shared, **nodes}
+
+
+def _write(folder: Path, device: str, given: Mapping[str, Mapping[str, Any]]) -> Path:
+    """Write the parameters of each side's driver for a graph; return the file."""
+    content = {
+        f"{side}_device": {"ros__parameters": {device: dict(values)}}
+        for side, values in given.items()
+    }
+    path = folder / f"{device}.yaml"
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    return path
+
+
+def _print_hint(emulated: str, device: str, rest: str) -> None:
+    """Print how to start a graph that uses the emulated hardware."""
+    print(
+        f"emulating two {emulated}; in another terminal:\n"
+        f"  haptic-accel teleop master:={device} slave:={device} {rest}",
+        flush=True,
+    )
+
+
+def _run(parts: Sequence[Part], duration: float, begun: Callable[[], bool], line: str) -> None:
+    """Emulate until a signal or the end of the duration in s; print a line once it has begun."""
+    start, printed = monotonic(), False
+    with StopOnSignal() as stopped:
+
+        def ended() -> bool:
+            nonlocal printed
+            if begun() and not printed:
+                printed = True
+                print(line, flush=True)
+            return bool(duration and monotonic() - start >= duration) or stopped()
+
+        run(parts, ended)

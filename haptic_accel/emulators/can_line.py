@@ -1,0 +1,217 @@
+"""Emulated arms on a bus of python-can, or behind slcan adapters on pseudo-terminals."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from haptic_accel.devices.can.bus import frame_of, message_of
+from haptic_accel.devices.can.protocol import HIGHEST_ID, Command, Frame
+from haptic_accel.emulators.can_arm import EmulatedArm
+from haptic_accel.emulators.faults import (
+    AXIS_ERROR,
+    BUS_OFF,
+    DROP,
+    ESTIMATES,
+    GARBAGE,
+    HEARTBEAT,
+    UNPLUG,
+    Faults,
+)
+from haptic_accel.emulators.pseudo_terminal import PseudoTerminal
+from haptic_accel.emulators.slcan import SlcanAdapter, frame_line
+
+if TYPE_CHECKING:
+    import can
+
+MUTED = {HEARTBEAT: Command.HEARTBEAT, ESTIMATES: Command.ENCODER_ESTIMATES}
+"""Command that an axis does not send, by fault."""
+
+
+class CanPort(Protocol):
+    """Access of emulated arms to a bus."""
+
+    def receive(self) -> list[Frame]:
+        """Return the frames that are there; never waits."""
+
+    def send(self, frames: Iterable[Frame]) -> None:
+        """Send frames; those that cannot be sent are lost."""
+
+    def send_garbage(self, noise: random.Random) -> None:
+        """Send data that no arm sends."""
+
+    def plug(self) -> None:
+        """Join the bus; nothing if joined."""
+
+    def unplug(self) -> None:
+        """Leave the bus; nothing if it was left."""
+
+
+class SlcanPort:
+    """Serial adapter with slcan, as a pseudo-terminal.
+
+    Parameters
+    ----------
+    path : Path
+        Symbolic link to make to the terminal.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._terminal = PseudoTerminal(path)
+        self._adapter = SlcanAdapter()
+
+    def receive(self) -> list[Frame]:
+        """Return the frames from the host."""
+        frames, answer = self._adapter.take(self._terminal.read() or b"")
+        if answer:
+            self._terminal.write(answer)
+        return frames
+
+    def send(self, frames: Iterable[Frame]) -> None:
+        """Send frames, if the host has opened the bus."""
+        lines = b"".join(map(frame_line, frames))
+        if lines and self._adapter.opened:
+            self._terminal.write(lines)
+
+    def send_garbage(self, noise: random.Random) -> None:
+        """Send random bytes."""
+        self._terminal.write(noise.randbytes(noise.randrange(1, 30)) + b"\r")
+
+    def plug(self) -> None:
+        """Create the port, with the bus closed."""
+        if not self._terminal.plugged:
+            self._adapter = SlcanAdapter()
+            self._terminal.plug()
+
+    def unplug(self) -> None:
+        """Remove the port."""
+        self._terminal.unplug()
+
+
+class BusPort:
+    """Bus of python-can.
+
+    Parameters
+    ----------
+    open_bus : callable
+        Opens the bus.
+    """
+
+    def __init__(self, open_bus: Callable[[], can.BusABC]) -> None:
+        self._open_bus = open_bus
+        self._bus: can.BusABC | None = open_bus()
+
+    def receive(self) -> list[Frame]:
+        """Return the frames that are there."""
+        frames: list[Frame] = []
+        while self._bus is not None and (message := self._bus.recv(0.0)) is not None:
+            frame = frame_of(message)
+            frames += [frame] if frame else []
+        return frames
+
+    def send(self, frames: Iterable[Frame]) -> None:
+        """Send frames."""
+        import can
+
+        if self._bus is None:
+            return
+        for frame in frames:
+            with suppress(can.CanError):
+                self._bus.send(message_of(frame))
+
+    def send_garbage(self, noise: random.Random) -> None:
+        """Send a random frame."""
+        self.send([Frame(noise.randrange(HIGHEST_ID + 1), noise.randbytes(noise.randrange(9)))])
+
+    def plug(self) -> None:
+        """Join the bus."""
+        self._bus = self._bus or self._open_bus()
+
+    def unplug(self) -> None:
+        """Leave the bus."""
+        if self._bus is not None:
+            self._bus.shutdown()
+            self._bus = None
+
+
+class CanLine:
+    """Arms at a port, with faults of the port and of one arm. Times are s since the start.
+
+    Parameters
+    ----------
+    port : CanPort
+    arms : sequence of EmulatedArm
+    rate : float
+        Steps per second.
+    faults : Faults, optional
+        Their times count from the first torque on.
+    faulty : EmulatedArm, optional
+        Arm whose first axis has the faults of an axis.
+
+    Attributes
+    ----------
+    due : float
+        Time of the next step.
+    """
+
+    terminal = None
+
+    def __init__(
+        self,
+        port: CanPort,
+        arms: Sequence[EmulatedArm],
+        rate: float,
+        faults: Faults | None = None,
+        faulty: EmulatedArm | None = None,
+    ) -> None:
+        self._port = port
+        self._arms = arms
+        self._period = 1 / rate
+        self._faults = faults or Faults()
+        self._faulty = faulty or arms[0]
+        self.due = 0.0
+
+    @property
+    def driven(self) -> bool:
+        """True once an arm had a torque."""
+        return self._faults.begun
+
+    def step(self, now: float) -> None:
+        """Exchange frames between port and arms."""
+        if now < self.due:
+            return
+        self.due = max(self.due + self._period, now)
+        self._inject(now)
+        for frame in self._passed(self._port.receive()):
+            for arm in self._arms:
+                self._port.send(self._passed(arm.take(frame, now)))
+        for arm in self._arms:
+            self._port.send(self._passed(arm.due(now)))
+        if any(arm.driven for arm in self._arms):
+            self._faults.begin()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._port.unplug()
+
+    def _inject(self, now: float) -> None:
+        """Inject the faults that do not concern passing frames."""
+        faults, axis = self._faults, self._faulty.axes[0]
+        if AXIS_ERROR in faults.advance(now):
+            self._faulty.fail()
+        for name, command in MUTED.items():
+            (axis.mute.add if faults.active(name) else axis.mute.discard)(command)
+        if faults.active(UNPLUG):
+            self._port.unplug()
+        else:
+            self._port.plug()
+        if faults.strikes(GARBAGE):
+            self._port.send_garbage(faults.random)
+
+    def _passed(self, frames: list[Frame]) -> list[Frame]:
+        if self._faults.active(BUS_OFF):
+            return []
+        return [frame for frame in frames if not self._faults.strikes(DROP)]

@@ -1,0 +1,81 @@
+"""Pseudo-terminal with a name of its own, as a USB port has."""
+
+from __future__ import annotations
+
+import os
+import tty
+from contextlib import suppress
+from pathlib import Path
+
+BUFFER = 4096
+"""Most bytes read at once, as many as a driver's buffer holds."""
+
+
+class PseudoTerminal:
+    """Serial port that a host can open, and that can be unplugged.
+
+    Parameters
+    ----------
+    path : Path
+        Symbolic link to make to the terminal.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._master: int | None = None
+        self._unsent = b""
+        self.plug()
+
+    @property
+    def plugged(self) -> bool:
+        """True while the port exists."""
+        return self._master is not None
+
+    def plug(self) -> None:
+        """Create the port; nothing if it exists."""
+        if self.plugged:
+            return
+        master, terminal = os.openpty()
+        tty.setraw(terminal)
+        name = os.ttyname(terminal)
+        # Closed, so that reading shows when a host opens and closes it.
+        os.close(terminal)
+        os.set_blocking(master, False)
+        self._path.unlink(missing_ok=True)
+        self._path.symlink_to(name)
+        self._master, self._unsent = master, b""
+
+    def unplug(self) -> None:
+        """Remove the port; nothing if it is gone."""
+        self._path.unlink(missing_ok=True)
+        if self._master is not None:
+            os.close(self._master)
+        self._master = None
+
+    def fileno(self) -> int:
+        """Return the file descriptor to wait for bytes with."""
+        assert self._master is not None
+        return self._master
+
+    def read(self) -> bytes | None:
+        """Return the bytes that are there; None while no host has the port open."""
+        if self._master is None:
+            return None
+        try:
+            return os.read(self._master, BUFFER)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            return None
+
+    def write(self, data: bytes) -> bool:
+        """Write bytes; return False, with none of them written, if there is no room."""
+        if self._master is None:
+            return False
+        with suppress(OSError):
+            if self._unsent:
+                self._unsent = self._unsent[os.write(self._master, self._unsent) :]
+            if not self._unsent:
+                self._unsent = data[os.write(self._master, data) :]
+                return True
+        return False
