@@ -1,4 +1,4 @@
-"""``haptic-accel calibrate``: an accelerometer's gain and offset, from gravity."""
+"""``haptic-accel calibrate``: gain and offset of an accelerometer, from gravity."""
 
 from __future__ import annotations
 
@@ -16,88 +16,68 @@ import yaml
 
 from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.parameters import ParameterError, parameter
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.devices import DeviceError
 from haptic_accel.devices.serial.calibration import (
     Calibration,
     CalibrationError,
-    Rest,
     calibrate,
     rest,
 )
 from haptic_accel.devices.serial.device import (
-    BAUD,
     FORCE_CONSTANT,
     HIGHEST_RATE,
     MISSING_LIBRARY,
+    PortParameters,
 )
 from haptic_accel.graph.words import parse_words
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.link import BoardLink
-    from haptic_accel.devices.serial.protocol import Identity, Samples
+    from haptic_accel.devices.serial.protocol import Identity
 
 MASTER, SLAVE = "master", "slave"
 
 SERIAL, CAN_SERIAL = "serial", "can_serial"
-"""Devices that have such a board."""
+"""Devices that have a board."""
 
 ARRIVAL = 2.0
-"""Time beyond their duration after which samples do not come any more, s."""
+"""Time to wait for samples beyond their duration, s."""
 
 
 @dataclass(frozen=True)
-class CalibrateArguments(Checked):
-    """What a user may say of a calibration."""
+class CalibrateArguments(PortParameters):
+    """Arguments of a calibration."""
 
-    port: str = parameter("", "path of the board's port, such as /dev/ttyACM0")
-    usb_serial: str = parameter("", "USB serial number of the board, in place of a path")
-    baud: int = parameter(
-        BAUD, "of a real serial line; USB has none", unit="bit/s", low=9600, high=12_000_000
-    )
-    side: str = parameter(MASTER, "whose board it is", choices=(MASTER, SLAVE))
+    side: str = parameter(MASTER, "side of the board", choices=(MASTER, SLAVE))
     device: str = parameter(
         SERIAL,
-        "whose parameters to write: with an arm on a CAN bus or without",
+        "device whose parameters to write: can_serial with an arm on a CAN bus",
         choices=(SERIAL, CAN_SERIAL),
     )
-    axis: str = parameter("z", "of the accelerometer", choices=("x", "y", "z"))
-    seconds: float = parameter(2.0, "to measure in each position", unit="s", low=0.1, high=600.0)
+    axis: str = parameter("z", "axis of the accelerometer", choices=("x", "y", "z"))
+    seconds: float = parameter(
+        2.0, "time to measure in each position", unit="s", low=0.1, high=600.0
+    )
     rate: int = parameter(1000, "samples per second", unit="Hz", low=100, high=HIGHEST_RATE)
     force_constant: float = parameter(
         FORCE_CONSTANT,
-        "of the master's actuator, from its data sheet (H2W NCM02-05-005-4JB: 2.4)",
+        "force constant of the master's actuator, from its data sheet (H2W NCM02-05-005-4JB: 2.4)",
         unit="N/A",
         low=-1000.0,
         high=1000.0,
     )
-    file: str = parameter("", "to write; empty for calibration_<side>.yaml")
-
-
-class Collector:
-    """Keeps the counts of the samples that come while it is asked to."""
-
-    def __init__(self) -> None:
-        self._counts: list[int] = []
-
-    def take(self, times: Sequence[float], samples: Samples) -> None:
-        """Take the samples of a frame."""
-        self._counts.extend(samples.counts)
-
-    def collect(self, number: int, seconds: float) -> FloatArray:
-        """Return the next samples, as many as come within a time in s."""
-        self._counts = []
-        deadline = time.monotonic() + seconds
-        while len(self._counts) < number and time.monotonic() < deadline:
-            time.sleep(0.01)
-        return np.array(self._counts[:number], dtype=float)
+    file: str = parameter("", "file to write; empty for calibration_<side>.yaml")
 
 
 @click.command(
     "calibrate",
     cls=Verb,
-    examples=["haptic-accel calibrate port:=/dev/ttyACM0", "haptic-accel calibrate arm:=slave"],
+    examples=[
+        "haptic-accel calibrate port:=/dev/ttyACM0",
+        "haptic-accel calibrate port:=/dev/ttyACM0 side:=slave",
+    ],
 )
 @words(CalibrateArguments)
 def calibrate_board(words: Sequence[str]) -> int:
@@ -110,7 +90,7 @@ def calibrate_board(words: Sequence[str]) -> int:
         raise ParameterError("port = '': must be given, or usb_serial, and not both")
     path = Path(arguments.file or f"calibration_{arguments.side}.yaml")
     if not path.absolute().parent.is_dir() or path.is_dir():
-        raise ParameterError(f"file = '{path}': must be a file in a folder that there is")
+        raise ParameterError(f"file = '{path}': must be a file in an existing folder")
     try:
         identity, found = _measured(arguments)
     except (DeviceError, CalibrationError) as error:
@@ -133,47 +113,47 @@ def calibrate_board(words: Sequence[str]) -> int:
 
 
 def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
-    """Measure in both positions."""
-    collector = Collector()
-    link = _opened(arguments, collector)
-    try:
-        identity = link.identity
-        assert identity
-        up, down = (_rest(position, arguments, link, collector) for position in ("up", "down"))
-        return identity, calibrate(up, down, identity.nominal_gain)
-    finally:
-        link.close()
-
-
-def _rest(
-    position: str, arguments: CalibrateArguments, link: BoardLink, collector: Collector
-) -> Rest:
-    """Let a person hold the board, and measure."""
-    print(
-        f"hold the {arguments.axis} axis {position}, firm and still, then press Enter", flush=True
-    )
-    input()
-    number = round(arguments.seconds * arguments.rate)
-    counts = collector.collect(number, arguments.seconds + ARRIVAL)
-    if link.problem:
-        raise DeviceError(link.problem)
-    assert link.identity
-    return rest(counts, link.identity.nominal_gain)
-
-
-def _opened(arguments: CalibrateArguments, collector: Collector) -> BoardLink:
-    """Return a link that lets the board sample; its actuator is not armed."""
+    """Measure in both positions; the actuator is not armed."""
     try:
         from haptic_accel.devices.serial.link import BoardLink, Requirements
         from haptic_accel.devices.serial.protocol import Configuration, axes_bits
     except ImportError:
         raise DeviceError(f"serial: {MISSING_LIBRARY}") from None
+    counts: list[int] = []
     required = Requirements(Configuration(arguments.rate, axes_bits(arguments.axis), 1))
     link = BoardLink(
-        arguments.port, arguments.usb_serial, arguments.baud, required, collector.take
+        *(arguments.port, arguments.usb_serial, arguments.baud, required),
+        lambda times, samples: counts.extend(samples.counts),
     )
     link.open()
-    return link
+    try:
+        identity = link.identity
+        assert identity
+        up, down = (
+            rest(_collected(position, arguments, link, counts), identity.nominal_gain)
+            for position in ("up", "down")
+        )
+        return identity, calibrate(up, down, identity.nominal_gain)
+    finally:
+        link.close()
+
+
+def _collected(
+    position: str, arguments: CalibrateArguments, link: BoardLink, counts: list[int]
+) -> FloatArray:
+    """Ask a person to hold the board, and return its samples from then on."""
+    print(
+        f"hold the {arguments.axis} axis {position}, firm and still, then press Enter", flush=True
+    )
+    input()
+    number = round(arguments.seconds * arguments.rate)
+    deadline = time.monotonic() + arguments.seconds + ARRIVAL
+    counts.clear()
+    while len(counts) < number and time.monotonic() < deadline:
+        time.sleep(0.01)
+    if link.problem:
+        raise DeviceError(link.problem)
+    return np.array(counts[:number], dtype=float)
 
 
 def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Calibration) -> str:

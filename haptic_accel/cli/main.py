@@ -70,7 +70,7 @@ SECTIONS = {
     },
     "Devices": {
         "calibrate": Lazy(
-            "measure gain and offset of an accelerometer by gravity", "calibrate:calibrate"
+            "measure gain and offset of an accelerometer by gravity", "calibrate:calibrate_board"
         ),
         "emulate": Lazy("emulate boards or arms to test the drivers without hardware", EMULATE),
     },

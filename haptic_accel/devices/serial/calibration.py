@@ -1,8 +1,9 @@
-"""What a count of an accelerometer is, from gravity: one axis held up, then down.
+"""Gain and offset of an accelerometer from gravity: one axis held up, then down.
 
-At rest an accelerometer says what holds it against gravity: upwards, one standard gravity. Turned
-over it says as much the other way. Half the difference is the gain, the middle the offset. An
-axis that is off the vertical by an angle tells its cosine too little: 0.06 % at 2 degrees.
+At rest an accelerometer measures the acceleration that balances gravity: one standard gravity
+upwards. Turned over it measures the same with the opposite sign. Half the difference is the gain,
+the mean the offset. An axis off the vertical measures the cosine of the angle: 0.06 % less at
+2 degrees.
 """
 
 from __future__ import annotations
@@ -15,30 +16,30 @@ import numpy as np
 from haptic_accel.core.model import GRAVITY, FloatArray
 
 BLOCKS = 10
-"""Parts whose means tell how well the mean is known: neighbouring samples have like noise."""
+"""Number of blocks whose means give the standard error: the noise of samples is correlated."""
 
 STILL = 0.3
 """Largest standard deviation of a sensor at rest, m/s^2; that of an ADXL320J is 0.07."""
 
 STEADY = 0.1
-"""Largest difference between the means of a rest's parts, m/s^2."""
+"""Largest difference between the means of the blocks, m/s^2."""
 
 PLAUSIBLE = 0.75, 1.25
-"""Of the nominal gain: a sensor's tolerance is a tenth."""
+"""Range of the gain relative to the nominal one: a sensor's tolerance is a tenth."""
 
 
 class CalibrationError(RuntimeError):
-    """What was measured is no calibration; the message is one line fit to be shown."""
+    """Measurement that is no calibration; the message is one line fit to be shown."""
 
 
 @dataclass(frozen=True)
 class Rest:
-    """A sensor that was held still.
+    """Counts of a sensor held still.
 
     Attributes
     ----------
     mean, error, noise : float
-        Of the counts: mean, its standard error, and standard deviation.
+        Mean, its standard error, and standard deviation.
     """
 
     mean: float
@@ -48,7 +49,7 @@ class Rest:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Of one axis.
+    """Calibration of one axis.
 
     Attributes
     ----------
@@ -68,19 +69,19 @@ class Calibration:
 
 
 def rest(counts: FloatArray, nominal_gain: float) -> Rest:
-    """Return what a sensor said that was held still.
+    """Return mean and noise of a sensor held still.
 
     Parameters
     ----------
     counts : ndarray
-        Of one axis, shape (n,), at least `BLOCKS` samples.
+        Counts of one axis, shape (n,), at least `BLOCKS` samples.
     nominal_gain : float
         m/s^2 per count.
 
     Raises
     ------
     CalibrationError
-        It moved, or there are too few samples.
+        The sensor moved, or there are too few samples.
     """
     if len(counts) < BLOCKS:
         raise CalibrationError(f"{len(counts)} samples came, at least {BLOCKS} are needed")
@@ -101,7 +102,7 @@ def calibrate(up: Rest, down: Rest, nominal_gain: float) -> Calibration:
     Raises
     ------
     CalibrationError
-        The two are not two standard gravities apart, by far.
+        The two are far from two standard gravities apart.
     """
     difference = up.mean - down.mean
     turned = abs(difference) * nominal_gain / (2 * GRAVITY)

@@ -1,11 +1,10 @@
-"""When a sample was taken, by the host's clock: lines through the counts of a device.
+"""Time when a sample was taken, by the host's clock: lines fitted to the counts of a device.
 
 A frame arrives some time after its first sample was taken, never before, and some much later than
-others. What it tells of the device's clock is therefore looked at in blocks, of each of which
-only the quickest frame counts; a line through the last blocks is the clock. The device stamps
-samples when it comes to it, but takes them evenly: another line, of its clock against the count
-of samples, says when. What remains is the shortest time that a frame takes, which nobody can see
-from one side.
+others. Of each block of frames only the quickest one counts; a line through the last blocks is
+the device's clock. The device stamps samples with some jitter, but takes them evenly: another
+line, of its clock against the count of samples, removes that. The shortest transport time of a
+frame remains, which cannot be measured from one side.
 """
 
 from __future__ import annotations
@@ -18,45 +17,45 @@ MICROSECOND = 1e-6
 """Unit of a device's clock, s."""
 
 BLOCK = 32
-"""Frames of which the quickest counts."""
+"""Frames in a block, of which the quickest counts."""
 
 BLOCKS = 256
-"""Through which a line goes: 8 s at 1000 frames per second, in which no crystal drifts."""
+"""Blocks that a line is fitted to: 8 s at 1000 frames per second, in which no crystal drifts."""
 
 LEAST_BLOCKS = 32
-"""With fewer, the rate is taken for nominal: jitter over a short time would make a large error."""
+"""Fewest blocks to fit a slope to: with fewer, jitter would make a large error."""
 
 LARGEST_DRIFT = 1e-3
-"""Share by which a rate may differ from its nominal value: crystals have 1e-4."""
+"""Largest relative difference of a rate from its nominal value: crystals have 1e-4."""
 
 IN_TIME = 0.95
-"""Share of frames that are there when the delay is over."""
+"""Share of frames that arrive within the delay."""
 
 DELAY_STEP = 20e-6
-"""By which the delay grows for a frame that came later, s; for others it shrinks by a twentieth of
-that, and so comes to rest where `IN_TIME` of them are in time."""
+"""Increase of the delay for a late frame, s; for others it shrinks by a twentieth of that, and so
+settles where `IN_TIME` of them are in time."""
 
 LONGEST_DELAY = 1.0
-"""Periods that the delay may be, besides the length of a frame: to wait for stragglers costs more
-than to do without them."""
+"""Longest delay besides the length of a frame, in periods: waiting for stragglers would cost more
+than they are worth."""
 
 STRAGGLER = 0.5e-3
-"""Lateness against the line beyond which a block tells of the link, not of the clock, s; as much
-too early, it tells that the line is wrong."""
+"""Lateness against the line beyond which a block is ignored, s; a block as much too early shows
+that the line is wrong."""
 
 PATIENCE = 32
-"""Blocks in a row that are late until the line counts as wrong."""
+"""Late blocks in a row after which the line counts as wrong."""
 
 
 class Unwrapped:
-    """A count that begins anew after `modulus`, as one that does not."""
+    """Continuous count from one that wraps around at `modulus`."""
 
     def __init__(self, modulus: int = 1 << 32) -> None:
         self._modulus = modulus
         self._last: int | None = None
 
     def add(self, count: int) -> int:
-        """Return the whole count, nearest to the last one."""
+        """Return the continuous count nearest to the last one."""
         if self._last is None:
             self._last = count
         half = self._modulus // 2
@@ -65,12 +64,12 @@ class Unwrapped:
 
 
 class Line:
-    """A line through the last points, whose slope stays near a nominal one.
+    """Line through the last points, with a slope near a nominal one.
 
     Parameters
     ----------
     slope : float
-        Nominal.
+        Nominal slope.
     """
 
     def __init__(self, slope: float) -> None:
@@ -80,7 +79,7 @@ class Line:
         self.slope = slope
 
     def __bool__(self) -> bool:
-        """Whether it has a point."""
+        """Return True if it has a point."""
         return bool(self._points)
 
     def at(self, x: float) -> float:
@@ -89,21 +88,21 @@ class Line:
         return y_0 + self.slope * (x - x_0)
 
     def distance(self, x: float, y: float) -> float:
-        """Return by how much a point is above the line; 0 where there is none yet."""
+        """Return the height of a point above the line; 0 without a line."""
         return y - self.at(x) if self else 0.0
 
     def add(self, x: float, y: float) -> None:
-        """Take a point."""
+        """Add a point."""
         self._points.append((x, y))
         self._fit()
 
-    def begin_anew(self) -> None:
-        """Forget all points."""
+    def clear(self) -> None:
+        """Remove all points."""
         self._points.clear()
 
     def _fit(self) -> None:
         x_last, y_last = self._points[-1]
-        # From the last point on, so that no digits are lost after hours.
+        # Relative to the last point, so that no digits are lost after hours.
         x, y = (np.array(self._points) - (x_last, y_last)).T
         x_mean, y_mean = float(x.mean()), float(y.mean())
         self.slope = self._nominal
@@ -116,21 +115,21 @@ class Line:
 
 
 class SampleClock:
-    """Tells when a device's samples were taken.
+    """Clock of a device's samples.
 
     Parameters
     ----------
     rate : float
-        Samples per second, nominal.
+        Nominal sampling rate, Hz.
     samples_per_frame : int
 
     Attributes
     ----------
     jumps : int
-        How often the device's clock, or its count of samples, did not go on evenly.
+        Number of jumps of the device's clock or count of samples.
     delay : float
-        From when a frame's first sample was taken to when `IN_TIME` of all frames are there, s.
-        Who takes samples as old gets them as evenly as they were taken.
+        Time from a frame's first sample until `IN_TIME` of all frames have arrived, s. Samples
+        read at this age are as even as they were taken.
     """
 
     def __init__(self, rate: float, samples_per_frame: int = 1) -> None:
@@ -146,20 +145,20 @@ class SampleClock:
 
     @property
     def rate(self) -> float:
-        """Samples per second, by the host's clock."""
+        """Sampling rate by the host's clock, Hz."""
         return 1 / (self._stamps.slope * self._host.slope)
 
     def add(self, index: int, clock: int, arrival: float) -> None:
-        """Take what a frame tells.
+        """Process the stamps of a frame.
 
         Parameters
         ----------
         index : int
-            Count of its first sample, not beginning anew.
+            Continuous count of its first sample.
         clock : int
-            When that was taken by the device's clock, us, not beginning anew.
+            Time of that sample by the device's clock, us, continuous.
         arrival : float
-            When the frame was there, s of the host's clock.
+            Time of arrival by the host's clock, s.
         """
         told = (arrival - clock * MICROSECOND * self._tick, index, clock, arrival)
         self._block.append(told)
@@ -174,9 +173,9 @@ class SampleClock:
         self.delay = min(max(self.delay, 0.0), self._longest_delay)
 
     def time(self, index: int) -> float:
-        """Return when a sample was taken, s of the host's clock.
+        """Return the time of a sample by the host's clock, s.
 
-        Before the first block is complete, by its quickest frame so far.
+        Based on the quickest frame so far until the first block is complete.
         """
         if self._host:
             return self._host.at(self._stamps.at(index))
@@ -186,13 +185,13 @@ class SampleClock:
 
     @property
     def _tick(self) -> float:
-        """Seconds of the host in one of the device."""
+        """Seconds of the host per second of the device."""
         return self._host.slope / MICROSECOND
 
     def _take(self, quickest: tuple[float, int, int, float]) -> None:
         _, index, clock, arrival = quickest
         if abs(self._stamps.distance(index, clock)) > self._period / 2:
-            self._stamps.begin_anew()
+            self._stamps.clear()
             self.jumps += 1
         self._stamps.add(index, clock)
         late = self._host.distance(clock, arrival)
@@ -200,7 +199,7 @@ class SampleClock:
         if 0 < self._late_blocks < PATIENCE:
             return
         if abs(late) > STRAGGLER:
-            self._host.begin_anew()
+            self._host.clear()
             self._late_blocks = 0
             self.jumps += 1
         self._host.add(clock, arrival)
