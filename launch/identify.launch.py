@@ -10,12 +10,12 @@ from launch import LaunchDescription
 from haptic_accel.graph.arguments import IdentifyArguments
 from haptic_accel.graph.launching import launched
 from haptic_accel.graph.processes import identification_graph
-from haptic_accel.graph.words import parse_words
+from haptic_accel.graph.words import described, parse_words
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare the arguments and start the nodes, each of whose ends ends all."""
+    """Declare the arguments and start the nodes; the end of one ends all."""
     return launched(
-        IdentifyArguments,
+        described(IdentifyArguments),
         lambda words: identification_graph(parse_words(words, IdentifyArguments)),
     )

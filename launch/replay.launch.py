@@ -1,21 +1,21 @@
 """Plays a bag again: ``ros2 launch haptic_accel replay.launch.py bag:=BAG controller:=inverse``.
 
-`rate` is the speed, as of ``ros2 bag play``; an argument of the graph that is left empty is as in
-the bag.
+`rate` is the speed, as with ``ros2 bag play``. Arguments of the graph that are left empty default
+to those stored in the bag.
 """
 
 from __future__ import annotations
 
 from launch import LaunchDescription
 
-from haptic_accel.graph.launching import launched_from
+from haptic_accel.graph.launching import launched
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.replay import described_replay, replay_arguments
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare the arguments and start the nodes, each of whose ends ends all."""
-    return launched_from(
+    """Declare the arguments and start the nodes; the end of one ends all."""
+    return launched(
         described_replay(),
         lambda words: graph(
             replay_arguments(word for word in words if not word.endswith(":=")).graph

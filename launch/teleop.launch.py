@@ -7,8 +7,9 @@ from launch import LaunchDescription
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.launching import launched
 from haptic_accel.graph.processes import graph
+from haptic_accel.graph.words import described
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare the arguments and start the nodes, each of whose ends ends all."""
-    return launched(GraphArguments, lambda words: graph(parse_arguments(words)))
+    """Declare the arguments and start the nodes; the end of one ends all."""
+    return launched(described(GraphArguments), lambda words: graph(parse_arguments(words)))

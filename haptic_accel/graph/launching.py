@@ -1,4 +1,4 @@
-"""What the launch files have in common: arguments declared, processes as nodes of launch_ros."""
+"""Launch descriptions: arguments declared, processes as nodes of launch_ros."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from haptic_accel.core.parameters import Checked
 from haptic_accel.graph.processes import Process
-from haptic_accel.graph.words import described
 
 
 def launched(
-    arguments: type[Checked], processes: Callable[[Sequence[str]], Sequence[Process]]
+    arguments: Sequence[tuple[str, str, str]],
+    processes: Callable[[Sequence[str]], Sequence[Process]],
 ) -> LaunchDescription:
     """Declare arguments and start the processes they ask for.
 
@@ -24,19 +23,11 @@ def launched(
 
     Parameters
     ----------
-    arguments : type
-        Dataclass of the arguments there are.
+    arguments : sequence
+        Name, default and description of each argument.
     processes : callable
         From ``key:=value`` words to the processes of the graph.
     """
-    return launched_from(described(arguments), processes)
-
-
-def launched_from(
-    arguments: Sequence[tuple[str, str, str]],
-    processes: Callable[[Sequence[str]], Sequence[Process]],
-) -> LaunchDescription:
-    """Do the same for arguments by name, default and description."""
     names = [name for name, _, _ in arguments]
 
     def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:

@@ -1,0 +1,145 @@
+"""The launch files: what they declare, what they start, and what the end of a node does."""
+
+from __future__ import annotations
+
+import runpy
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
+from haptic_accel.graph.files import share_folder
+from haptic_accel.graph.processes import Process, graph, identification_graph
+from haptic_accel.graph.replay import described_replay, replay_arguments
+from haptic_accel.graph.words import described, parse_words
+
+try:
+    import launch_ros.actions  # noqa: F401
+except ImportError:
+    sys.path.insert(0, str(Path(__file__).parents[1] / "launch_double"))
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, Shutdown
+
+from haptic_accel.graph import launching
+
+BAG = Path(__file__).parents[1] / "data" / "text"
+
+Words = dict[str, str]
+Start = Callable[..., dict[str, SimpleNamespace]]
+
+
+def description(name: str) -> LaunchDescription:
+    """Return what a launch file describes."""
+    path = share_folder() / "launch" / f"{name}.launch.py"
+    found: LaunchDescription = runpy.run_path(str(path))["generate_launch_description"]()
+    return found
+
+
+def declared(name: str) -> list[tuple[str, str, str]]:
+    return [
+        (entity.name, "".join(part.text for part in entity.default_value), entity.description)
+        for entity in description(name).entities
+        if isinstance(entity, DeclareLaunchArgument)
+    ]
+
+
+@pytest.fixture
+def start(monkeypatch: pytest.MonkeyPatch) -> Start:
+    """Execute a launch file; return the nodes it starts, by executable."""
+    monkeypatch.setattr(launching, "Node", SimpleNamespace)
+
+    def started(name: str, **words: str) -> dict[str, SimpleNamespace]:
+        context = LaunchContext()
+        context.launch_configurations.update(words)
+        nodes: list[SimpleNamespace] = []
+        for entity in description(name).entities:
+            nodes += entity.execute(context) or []
+        return {node.executable: node for node in nodes}
+
+    return started
+
+
+def ended(node: SimpleNamespace, status: int, *, shutdown: bool = False) -> Any:
+    """Return what a launch does when a node has ended."""
+    event = SimpleNamespace(process_name=node.executable, returncode=status)
+    return node.on_exit(event, SimpleNamespace(is_shutdown=shutdown))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("teleop", GraphArguments), ("identify", IdentifyArguments)]
+)
+def test_every_argument_is_declared_with_default_and_text(name: str, kind: type[Checked]) -> None:
+    assert declared(name) == described(kind)
+
+
+def test_a_replay_declares_its_own_arguments_and_those_of_the_graph() -> None:
+    assert declared("replay") == described_replay()
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "expected"),
+    [
+        ("teleop", {}, lambda words: graph(parse_arguments(words))),
+        (
+            "teleop",
+            {"controller": "constant", "composed": "true", "scope": "true"},
+            lambda words: graph(parse_arguments(words)),
+        ),
+        (
+            "identify",
+            {"grip": "pinch", "trials": "1"},
+            lambda words: identification_graph(parse_words(words, IdentifyArguments)),
+        ),
+        (
+            "replay",
+            {"bag": str(BAG), "controller": "inverse"},
+            lambda words: graph(replay_arguments(words).graph),
+        ),
+    ],
+)
+def test_the_nodes_are_those_of_the_command_line_with_the_same_parameters(
+    start: Start, name: str, words: Words, expected: Callable[[list[str]], list[Process]]
+) -> None:
+    processes = expected([f"{key}:={value}" for key, value in words.items()])
+    nodes = start(name, **words)
+    assert [node.executable for node in nodes.values()] == [p.executable for p in processes]
+    for process in processes:
+        node = nodes[process.executable]
+        assert node.package == "haptic_accel"
+        assert node.arguments == process.ros_arguments
+        assert (node.on_exit is None) == process.optional
+
+
+def test_a_wrong_argument_is_refused_in_one_line_before_anything_starts(start: Start) -> None:
+    with pytest.raises(ParameterError, match=r"^controller = 'magic': must be one of"):
+        start("teleop", controller="magic")
+    with pytest.raises(ParameterError, match=r"^bag = '': must be"):
+        start("replay")
+
+
+def test_the_end_of_a_node_ends_all(start: Start) -> None:
+    (action,) = ended(start("teleop")["coupler"], 0)
+    assert isinstance(action, Shutdown)
+
+
+def test_a_node_that_fails_fails_the_launch(start: Start) -> None:
+    node = start("teleop")["compensator"]
+    with pytest.raises(RuntimeError, match="compensator ended with status 1"):
+        ended(node, 1)
+
+
+@pytest.mark.parametrize("status", [0, -2, 1])
+def test_the_ends_after_the_first_do_nothing(start: Start, status: int) -> None:
+    assert ended(start("teleop")["recorder"], status, shutdown=True) == []
+
+
+def test_the_graph_goes_on_without_what_is_optional(start: Start) -> None:
+    nodes = start("teleop", scope="true")
+    assert nodes["scope"].on_exit is None
+    assert [name for name, node in nodes.items() if node.on_exit is None] == ["scope"]

@@ -1,0 +1,34 @@
+"""Stand-in for the package `launch`, of which the binary wheels of ROS 2 have none.
+
+It has what the launch files use, with the names and the behaviour of the original; tests import
+it only where the original is not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+
+class LaunchDescriptionEntity:
+    """Base of all actions."""
+
+
+class LaunchContext:
+    """State of a launch.
+
+    Attributes
+    ----------
+    launch_configurations : dict of str
+        Arguments by name.
+    """
+
+    def __init__(self) -> None:
+        self.launch_configurations: dict[str, str] = {}
+
+
+class LaunchDescription(LaunchDescriptionEntity):
+    """Actions in the order in which they are executed."""
+
+    def __init__(self, entities: Sequence[Any]) -> None:
+        self.entities = list(entities)
