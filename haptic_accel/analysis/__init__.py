@@ -1,4 +1,4 @@
-"""Turns bags into figures, tables and pages. No ROS is needed for any of it.
+"""Turns bags into metrics, tables, plots and pages, without ROS.
 
 In a notebook::
 
@@ -8,10 +8,10 @@ In a notebook::
     trials(analysis).groupby(["controller", "surface"])["nrmse_percent"].describe()
 
 Tables are pandas data frames: what notebooks, plotting libraries and statistics packages take
-without conversion, packaged in Debian and known to rosdep as ``python3-pandas``. Polars is
-neither, and its speed is of no use to some hundred rows.
+without conversion, packaged in Debian and known to rosdep as ``python3-pandas``.
 """
 
-from haptic_accel.analysis.frames import bands, compare, groups, load, signals, spectra, trials
+from haptic_accel.analysis.comparison import compare
+from haptic_accel.analysis.frames import bands, groups, load, signals, spectra, trials
 
 __all__ = ["bands", "compare", "groups", "load", "signals", "spectra", "trials"]

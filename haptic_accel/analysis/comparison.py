@@ -1,75 +1,74 @@
-"""Whether two controllers, or two runs, differ: trials paired, differences tested."""
+"""Compares two controllers, or two runs: pairs their trials and tests the differences."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from haptic_accel.analysis.loading import AnalysedTrial
-from haptic_accel.analysis.tables import FIGURES
+import numpy as np
+import pandas as pd
+
+from haptic_accel.analysis.frames import trials
+from haptic_accel.analysis.loading import Analysis
 from haptic_accel.core.evaluation.statistics import PairedDifference, paired_difference
 from haptic_accel.core.parameters import ParameterError
 
 RUNS = "runs"
-"""Compare what the first and the second place hold."""
+"""Comparison of the trials in a first and a second place."""
 
 CONTROLLERS = "controller:"
-"""Before two names of controllers with a comma between."""
-
-_COMPARED = "nrmse_percent"
-
-
-@dataclass(frozen=True)
-class Pair:
-    """Two trials that differ in what is compared alone.
-
-    Attributes
-    ----------
-    key : str
-        What they have in common, in words.
-    first, second : AnalysedTrial
-    """
-
-    key: str
-    first: AnalysedTrial
-    second: AnalysedTrial
-
-    @property
-    def errors(self) -> tuple[float, float]:
-        """NRMSE of both in percent."""
-        of = FIGURES[_COMPARED].of
-        return of(self.first.measures), of(self.second.measures)
+"""Prefix of two names of controllers separated by a comma."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What came of it.
+    """Result of comparing two controllers or runs.
 
     Attributes
     ----------
     first, second : str
-        What is compared.
-    pairs : list of Pair
+        Names of what is compared.
+    pairs : DataFrame
+        A row for each two trials that differ only in what is compared: ``key``, what they have in
+        common; ``surface``; NRMSE of either in percent, ``first`` and ``second``.
     unpaired : list of str
         Names of trials on either side that have no counterpart, or no error.
-    overall : PairedDifference
-        Of NRMSE in percent, second minus first, over all pairs.
-    by_surface : dict
-        The same for each surface, where there is more than one.
+    differences : dict of PairedDifference
+        Difference of the NRMSE in percent, second minus first, over ``all`` pairs and, where there
+        is more than one, over those of each surface.
     """
 
     first: str
     second: str
-    pairs: list[Pair]
+    pairs: pd.DataFrame
     unpaired: list[str]
-    overall: PairedDifference
-    by_surface: dict[str, PairedDifference]
+    differences: dict[str, PairedDifference]
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """A row for the difference over all surfaces, and one for each."""
+        return pd.DataFrame(
+            {
+                "first": self.first,
+                "second": self.second,
+                "surface": surface,
+                "pairs": found.n,
+                "difference_percent": found.mean.value,
+                "low_percent": found.mean.low,
+                "high_percent": found.mean.high,
+                "effect": found.effect,
+                "t": found.t,
+                "p_t": found.p_t,
+                "p_wilcoxon": found.p_wilcoxon,
+                "verdict": found.verdict,
+            }
+            for surface, found in self.differences.items()
+        )
 
 
 def check_comparison(wanted: str, places: Sequence[Path]) -> None:
-    """Refuse a comparison that cannot be, before anything is read.
+    """Refuse an impossible comparison before anything is read.
 
     Raises
     ------
@@ -91,7 +90,7 @@ def check_comparison(wanted: str, places: Sequence[Path]) -> None:
         )
 
 
-def compare(trials: Sequence[AnalysedTrial], wanted: str, places: Sequence[Path]) -> Comparison:
+def compared(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> Comparison:
     """Pair trials and test the difference of their errors.
 
     Trials are a pair if they are of the same surface, grip, and seed or recording; those of two
@@ -100,58 +99,63 @@ def compare(trials: Sequence[AnalysedTrial], wanted: str, places: Sequence[Path]
 
     Parameters
     ----------
-    trials : sequence of AnalysedTrial
+    analysis : Analysis
     wanted : str
         ``runs``, or ``controller:A,B``.
     places : sequence of Path
-        What the user named; with ``runs``, the two that are compared.
+        Places named by the user; with ``runs``, the two that are compared.
+
+    Raises
+    ------
+    ParameterError
+        There is no such comparison.
     """
+    check_comparison(wanted, places)
+    frame = trials(analysis)
+    key = frame.surface + ", grip " + frame.grip + ", " + frame["pair"]
     if wanted == RUNS:
+        sources = np.array([str(trial.source) for trial in analysis.trials])
         names = [str(place) for place in places]
-        sides = [[t for t in trials if t.source == place] for place in places]
+        sides = [frame.assign(key=key + ", " + frame.controller)[sources == n] for n in names]
+        if all(len(side) == 1 for side in sides):
+            sides = [side.assign(key="the only trial") for side in sides]
     else:
         names = wanted.removeprefix(CONTROLLERS).split(",")
-        sides = [[t for t in trials if t.controller == name] for name in names]
-    alone = wanted == RUNS and all(len(side) == 1 for side in sides)
-    first, second = (_by_key(side, wanted == RUNS, alone) for side in sides)
-    pairs = [Pair(key, first[key], second[key]) for key in first if key in second]
-    whole = [pair for pair in pairs if all(map(math.isfinite, pair.errors))]
-    paired = {id(trial) for pair in whole for trial in (pair.first, pair.second)}
+        sides = [frame.assign(key=key)[frame.controller == name] for name in names]
+    errors = [_errors(side, name) for side, name in zip(sides, ("first", "second"), strict=True)]
+    pairs = errors[0].merge(errors[1].drop(columns="surface"), on="key").dropna()
+    paired = {*pairs.trial_first, *pairs.trial_second}
+    surfaces = list(dict.fromkeys(pairs.surface)) if pairs.surface.nunique() > 1 else []
+    parts = {"all": pairs} | {surface: pairs[pairs.surface == surface] for surface in surfaces}
     return Comparison(
         names[0],
         names[1],
-        whole,
-        [trial.name for side in sides for trial in side if id(trial) not in paired],
-        _difference(whole),
-        _by_surface(whole),
+        pairs,
+        [name for side in sides for name in side.trial if name not in paired],
+        {
+            surface: paired_difference(part["first"].tolist(), part["second"].tolist())
+            for surface, part in parts.items()
+        },
     )
 
 
-def _by_key(
-    trials: Sequence[AnalysedTrial], with_controller: bool, alone: bool
-) -> dict[str, AnalysedTrial]:
-    found: dict[str, AnalysedTrial] = {}
-    for trial in trials:
-        stretch = trial.measures.stretch
-        words = [trial.surface, f"grip {stretch.condition.grip}", *stretch.pair]
-        words += [trial.controller] if with_controller else []
-        key = "the only trial" if alone else ", ".join(words)
-        again = next(n for n in range(1, len(trials) + 1) if _numbered(key, n) not in found)
-        found[_numbered(key, again)] = trial
-    return found
+def _errors(side: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Return trials and errors of one side; a key that comes again has a number behind it."""
+    again = side.groupby("key").cumcount() + 1
+    numbered = [k if n == 1 else f"{k} ({n})" for k, n in zip(side.key, again, strict=True)]
+    return pd.DataFrame(
+        {
+            "key": numbered,
+            "surface": side.surface.tolist(),
+            f"trial_{name}": side.trial.tolist(),
+            name: side.get("nrmse_percent", pd.Series(dtype=float)).tolist(),
+        }
+    )
 
 
-def _numbered(key: str, number: int) -> str:
-    return key if number == 1 else f"{key} ({number})"
+def compare(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> pd.DataFrame:
+    """Return the test of two controllers or runs: a row for all surfaces, and one for each.
 
-
-def _difference(pairs: Sequence[Pair]) -> PairedDifference:
-    errors = [pair.errors for pair in pairs]
-    return paired_difference([a for a, _ in errors], [b for _, b in errors])
-
-
-def _by_surface(pairs: Sequence[Pair]) -> dict[str, PairedDifference]:
-    surfaces = list(dict.fromkeys(pair.first.surface for pair in pairs))
-    if len(surfaces) < 2:
-        return {}
-    return {s: _difference([p for p in pairs if p.first.surface == s]) for s in surfaces}
+    Parameters are those of `compared`.
+    """
+    return compared(analysis, wanted, places).frame

@@ -1,28 +1,42 @@
-"""The figures of bags as data frames, for notebooks."""
+"""Metrics of bags as data frames: the basis of every table, file and page."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from haptic_accel.analysis.comparison import Comparison, check_comparison
-from haptic_accel.analysis.comparison import compare as compared
 from haptic_accel.analysis.loading import Analysis, analyse
-from haptic_accel.analysis.measures import PERCENT, Shift
-from haptic_accel.analysis.segments import cut
-from haptic_accel.analysis.tables import group_row, trial_row
-from haptic_accel.analysis.tables import groups as grouped
+from haptic_accel.analysis.metrics import METRICS, AnalysedTrial, Shift
+from haptic_accel.analysis.segments import Segment, cut
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.core.evaluation.statistics import PairedDifference
+from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
+from haptic_accel.core.evaluation.statistics import Interval, mean_interval
 from haptic_accel.core.parameters import ParameterError
 
-if TYPE_CHECKING:
-    import pandas as pd
+AVERAGE = "average"
+"""The paper's average over its surfaces, as a surface of its table."""
 
-# pandas takes half a second to import: only who wants a frame waits for it.
+PAPER_REGRESSION = {
+    "slope_desired_on_actual": {name: slope for name, (slope, _) in REGRESSION.items()},
+    "r2": {name: r2 for name, (_, r2) in REGRESSION.items()},
+}
+"""The paper's averages of the regression over its surfaces, by metric and controller."""
+
+PAPER_SURFACES = frozenset(surface for surface, _ in TABLE_II if surface != AVERAGE)
+
+ORDER = (
+    ("none", "constant", "dynamic", "inverse", "feedback", "adaptive"),
+    ("plywood", "text", "vinyl"),
+)
+"""Controllers from the plainest to the best, and the paper's surfaces in its order."""
+
+_CONDITION = ["controller", "surface"]
 
 
 def load(*paths: Path | str, shift: str = "paper", perceptual: bool = True) -> Analysis:
@@ -35,12 +49,12 @@ def load(*paths: Path | str, shift: str = "paper", perceptual: bool = True) -> A
     shift : str
         ``paper`` for one sample, ``measured``, or milliseconds.
     perceptual : bool
-        Whether to score ST-SIM and SPQI, which takes longest.
+        Score ST-SIM and SPQI, which takes longest.
 
     Returns
     -------
     Analysis
-        For the other functions here; `Analysis.problems` says what cannot be said.
+        Argument of the other functions here; `Analysis.problems` lists what is missing.
 
     Raises
     ------
@@ -51,47 +65,178 @@ def load(*paths: Path | str, shift: str = "paper", perceptual: bool = True) -> A
 
 
 def trials(analysis: Analysis) -> pd.DataFrame:
-    """Return a row for each trial: condition, and all figures with their unit in the name."""
-    import pandas as pd
+    """Return a row for each trial: condition, and all metrics with their unit in the name."""
+    rows = [_row(trial) for trial in analysis.trials]
+    return pd.DataFrame(rows, columns=None if rows else ["trial", *_CONDITION, "grip", "pair"])
 
-    return pd.DataFrame([trial_row(trial) for trial in analysis.trials])
+
+def _row(trial: AnalysedTrial) -> dict[str, Any]:
+    segment = trial.segment
+    return {
+        "trial": trial.name,
+        "controller": trial.controller,
+        "surface": trial.surface,
+        "grip": segment.condition.grip,
+        "pair": ", ".join(segment.pair),
+        "bag": str(segment.bag),
+        "begin_s": segment.begin,
+        "seconds": segment.seconds,
+        "rate_Hz": segment.rate,
+        "high_pass_Hz": segment.high_pass_frequency,
+        **trial.metrics,
+        "nrmse_low_percent": trial.error.low,
+        "nrmse_high_percent": trial.error.high,
+        **{band_column(name): value for name, value in trial.bands.items()},
+        "interval": trial.error.method,
+        "notes": "; ".join(trial.notes),
+    }
+
+
+def band_column(band: str) -> str:
+    """Return the column of a band's error, as ``nrmse_30_60_Hz_percent``."""
+    return f"nrmse_{band.replace('-', '_').replace(' ', '_')}_percent"
+
+
+def band_names(analysis: Analysis) -> list[str]:
+    """Return the names of all bands."""
+    return list(dict.fromkeys(name for trial in analysis.trials for name in trial.bands))
+
+
+def rank(name: str) -> tuple[int, str]:
+    """Return the sorting key of a controller or surface."""
+    for names in ORDER:
+        if name in names:
+            return names.index(name), name
+    return max(map(len, ORDER)), name
+
+
+def by_condition(frame: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
+    """Yield controller and surface, and their trials, in the order of `ORDER`."""
+    keys = sorted(set(zip(frame.controller, frame.surface, strict=True)), key=_ranks)
+    for controller, surface in keys:
+        found = (frame.controller == controller) & (frame.surface == surface)
+        yield (controller, surface), frame[found]
+
+
+def _ranks(key: tuple[str, str]) -> tuple[tuple[int, str], ...]:
+    return rank(key[0]), rank(key[1])
 
 
 def groups(analysis: Analysis) -> pd.DataFrame:
     """Return a row for each controller and surface, with intervals of 95 %.
 
-    The column ``interval`` says how that of the NRMSE was found: over trials, or over pieces of
-    the only one.
+    The column ``interval`` names the method of the NRMSE's interval: over trials, or over pieces
+    of the only one.
     """
-    import pandas as pd
+    columns = [*METRICS, *map(band_column, band_names(analysis))]
+    rows = []
+    for (controller, surface), own in by_condition(trials(analysis)):
+        found = {name: mean_interval(own[name].tolist()) for name in columns}
+        if len(own) == 1:
+            found["nrmse_percent"] = _own_interval(own.iloc[0])
+        row = {"controller": controller, "surface": surface, "trials": len(own)}
+        row["interval"] = found["nrmse_percent"].method
+        for name, interval in found.items():
+            row[name] = interval.value
+            row[f"{name}_low"], row[f"{name}_high"] = interval.low, interval.high
+        rows.append(row)
+    return pd.DataFrame(rows, columns=None if rows else _CONDITION)
 
-    return pd.DataFrame([group_row(group) for group in grouped(analysis.trials)])
+
+def _own_interval(row: pd.Series[Any]) -> Interval:
+    """Return the interval that pieces of a trial give."""
+    value, low, high = row.nrmse_percent, row.nrmse_low_percent, row.nrmse_high_percent
+    return Interval(float(value), float(low), float(high), 1, str(row.interval))
+
+
+# Table II
+
+
+class Cell(NamedTuple):
+    """An error, percent: the value here, the ends of its interval, and the paper's value."""
+
+    value: float
+    low: float
+    high: float
+    paper: float | None
+
+
+@dataclass(frozen=True)
+class TableTwo:
+    """The paper's Table II from some bags.
+
+    Attributes
+    ----------
+    columns : list of str
+        Surfaces, and the average over them if there are several.
+    rows : dict
+        By controller, a cell for each column.
+    counts : dict
+        Number of trials by controller.
+    methods : str
+        Methods by which the intervals were found.
+    """
+
+    columns: list[str]
+    rows: dict[str, list[Cell]]
+    counts: dict[str, int]
+    methods: str
+
+
+def table_two(found: pd.DataFrame) -> TableTwo:
+    """Return Table II of groups.
+
+    The average is over those surfaces alone that all controllers were tried on, so that
+    controllers compare; the paper's average stands beside it only where these are its own
+    surfaces.
+    """
+    known = {(row["controller"], row["surface"]): row for row in found.to_dict("records")}
+    controllers = list(dict.fromkeys(controller for controller, _ in known))
+    surfaces = list(dict.fromkeys(surface for _, surface in known))
+    common = [s for s in surfaces if all((c, s) in known for c in controllers)]
+    rows = {}
+    for controller in controllers:
+        cells = []
+        for surface in surfaces:
+            row = known.get((controller, surface), {})
+            value, low, high = (
+                row.get(name, math.nan)
+                for name in ("nrmse_percent", "nrmse_percent_low", "nrmse_percent_high")
+            )
+            cells.append(Cell(value, low, high, TABLE_II.get((surface, controller))))
+        if len(surfaces) > 1:
+            mean = mean_interval([known[controller, s]["nrmse_percent"] for s in common])
+            same = frozenset(common) == PAPER_SURFACES
+            paper = TABLE_II.get((AVERAGE, controller)) if same else None
+            cells.append(Cell(mean.value, math.nan, math.nan, paper))
+        rows[controller] = cells
+    return TableTwo(
+        surfaces + [AVERAGE] * (len(surfaces) > 1),
+        rows,
+        {c: sum(row["trials"] for (own, _), row in known.items() if own == c) for c in rows},
+        "; ".join(dict.fromkeys(row["interval"] for row in known.values())),
+    )
+
+
+# Further frames for notebooks
 
 
 def bands(analysis: Analysis) -> pd.DataFrame:
     """Return a row for each trial and band: its NRMSE in percent."""
-    import pandas as pd
-
-    columns = ["trial", "controller", "surface", "band", "nrmse_percent"]
-    return pd.DataFrame(
-        [
-            (trial.name, trial.controller, trial.surface, band, PERCENT * error)
-            for trial in analysis.trials
-            if trial.measures.fidelity
-            for band, error in trial.measures.fidelity.bands.items()
-        ],
-        columns=columns,
-    )
+    rows = [
+        (trial.name, trial.controller, trial.surface, band, error)
+        for trial in analysis.trials
+        for band, error in trial.bands.items()
+    ]
+    return pd.DataFrame(rows, columns=["trial", *_CONDITION, "band", "nrmse_percent"])
 
 
 def spectra(analysis: Analysis) -> pd.DataFrame:
     """Return a row for each trial and frequency in Hz: densities in m/s²/√Hz, and coherence."""
-    import pandas as pd
-
     frames = []
     for trial in analysis.trials:
-        if trial.measures.fidelity:
-            found = trial.measures.fidelity.spectra
+        if trial.portrait:
+            found = trial.portrait.spectra
             columns = {
                 "frequency_Hz": found.frequency,
                 "desired": found.desired,
@@ -108,9 +253,9 @@ def signals(path: Path | str, number: int = 1) -> pd.DataFrame:
     Parameters
     ----------
     path : Path or str
-        Of one bag.
+        A bag.
     number : int
-        Which of the bag's trials, from 1.
+        Number of the trial within the bag, from 1.
 
     Returns
     -------
@@ -123,59 +268,25 @@ def signals(path: Path | str, number: int = 1) -> pd.DataFrame:
     ParameterError
         It is no bag, or has no such trial.
     """
-    import pandas as pd
-
-    stretches = cut(read_bag(Path(path))).stretches
-    if not 1 <= number <= len(stretches):
-        raise ParameterError(f"number = {number}: must be from 1 to {len(stretches)} in {path}")
-    stretch = stretches[number - 1]
-    length = max(map(len, stretch.signals.values()))
-    time = pd.Index(np.arange(length) / stretch.rate, name="time_s")
-    return pd.DataFrame(dict(stretch.signals), index=time)
+    return segment_signals(read_segment(Path(path), number))
 
 
-def compare(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> pd.DataFrame:
-    """Return whether two controllers differ: a row for all surfaces, and one for each.
-
-    Parameters
-    ----------
-    analysis : Analysis
-    wanted : str
-        ``controller:A,B``, or ``runs``.
-    places : sequence of Path
-        With ``runs``, the two places that were loaded.
+def read_segment(path: Path, number: int = 1) -> Segment:
+    """Return a bag's segment by its number, with its signals.
 
     Raises
     ------
     ParameterError
-        There is no such comparison.
+        It is no bag, or has no such segment.
     """
-    import pandas as pd
+    segments = cut(read_bag(path)).segments
+    if not 1 <= number <= len(segments):
+        raise ParameterError(f"number = {number}: must be from 1 to {len(segments)} in {path}")
+    return segments[number - 1]
 
-    check_comparison(wanted, places)
-    return pd.DataFrame(comparison_rows(compared(analysis.trials, wanted, places)))
 
-
-def comparison_rows(comparison: Comparison) -> list[dict[str, float | str]]:
-    """Return a comparison as rows for tables and files."""
-
-    def row(surface: str, found: PairedDifference) -> dict[str, float | str]:
-        return {
-            "first": comparison.first,
-            "second": comparison.second,
-            "surface": surface,
-            "pairs": found.n,
-            "difference_percent": found.mean.value,
-            "low_percent": found.mean.low,
-            "high_percent": found.mean.high,
-            "effect": found.effect,
-            "t": found.t,
-            "p_t": found.p_t,
-            "p_wilcoxon": found.p_wilcoxon,
-            "verdict": found.verdict,
-        }
-
-    return [
-        row("all", comparison.overall),
-        *(row(surface, found) for surface, found in comparison.by_surface.items()),
-    ]
+def segment_signals(segment: Segment) -> pd.DataFrame:
+    """Return the samples of a segment by time in s."""
+    length = max(map(len, segment.signals.values()))
+    time = pd.Index(np.arange(length) / segment.rate, name="time_s")
+    return pd.DataFrame(dict(segment.signals), index=time)

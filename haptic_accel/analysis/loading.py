@@ -1,4 +1,4 @@
-"""From bags to the figures of every trial in them, one bag after the other."""
+"""Analyses every trial in some bags, one bag after the other."""
 
 from __future__ import annotations
 
@@ -11,53 +11,25 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_accel.analysis.finding import find_bags
-from haptic_accel.analysis.measures import Measures, Shift, measure
-from haptic_accel.analysis.segments import Cut, Stretch, cut
+from haptic_accel.analysis.metrics import AnalysedTrial, Shift, measure
+from haptic_accel.analysis.segments import Cut, Segment, cut
+from haptic_accel.bags.folder import is_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
 
 
 @dataclass(frozen=True)
-class AnalysedTrial:
-    """A trial with its figures.
-
-    Attributes
-    ----------
-    name : str
-        Of its bag, with a number where it is not the bag's first; no other trial has it.
-    source : Path
-        What the user named that it was found in.
-    measures : Measures
-    """
-
-    name: str
-    source: Path
-    measures: Measures
-
-    @property
-    def controller(self) -> str:
-        """Under which it was made."""
-        return self.measures.stretch.condition.controller
-
-    @property
-    def surface(self) -> str:
-        """On which it was made."""
-        return self.measures.stretch.condition.surface
-
-
-@dataclass(frozen=True)
 class Analysis:
-    """What came of some bags.
+    """Result of analysing bags.
 
     Attributes
     ----------
     trials : list of AnalysedTrial
     problems : dict
-        By bag: what cannot be said of it, lines.
+        What could not be determined, lines by bag.
     shift : Shift
     bags : int
-        How many were looked at.
+        Number of bags.
     """
 
     trials: list[AnalysedTrial]
@@ -68,7 +40,7 @@ class Analysis:
 
 @dataclass
 class _Found:
-    """A bag to read, with what it is called."""
+    """A bag to read, and its name in the analysis."""
 
     path: Path
     source: Path
@@ -84,8 +56,9 @@ def analyse(
 ) -> Analysis:
     """Read all bags at some places and measure every trial in them.
 
-    A bag that cannot be read is a problem of that bag, not of the others. Of trials with the same
-    samples at one place, copies or repeated lockstep runs, the first alone counts.
+    A bag that cannot be read is a problem of that bag, not of the others. Of trials of one
+    condition with the same samples at one place, copies or repeated lockstep runs, only the first
+    counts.
 
     Parameters
     ----------
@@ -94,9 +67,9 @@ def analyse(
     shift : Shift, optional
         The paper's by default.
     perceptual : bool
-        Whether to score how it feels, which takes longest.
+        Score ST-SIM and SPQI, which takes longest.
     begun : callable, optional
-        Called before each bag with its number from 0, how many there are, and its name.
+        Called before each bag with its number from 0, the number of bags, and its name.
 
     Raises
     ------
@@ -107,38 +80,62 @@ def analyse(
     found = _named([_Found(bag, path) for path in paths for bag in find_bags(path)])
     trials: list[AnalysedTrial] = []
     problems: dict[str, list[str]] = {}
-    seen: dict[tuple[Path, bytes], str] = {}
+    seen: dict[tuple[Path, object, bytes], str] = {}
     for number, bag in enumerate(found):
         if begun:
             begun(number, len(found), bag.name)
         parts = _cut(bag.path)
         complaints = list(parts.problems)
-        for place, stretch in enumerate(parts.stretches):
-            name = bag.name if place == 0 else f"{bag.name} #{place + 1}"
-            first = seen.setdefault((bag.source, _digest(stretch)), name)
-            if first != name:
+        for segment in parts.segments:
+            name = bag.name if segment.number == 1 else f"{bag.name} #{segment.number}"
+            first = seen.setdefault((bag.source, segment.condition, _digest(segment)), name)
+            if first == name:
+                trials.append(measure(segment, name, bag.source, shift, perceptual=perceptual))
+            else:
                 # Taken for another trial it would make every interval too short.
                 complaints.append(f"has the same samples as {first}, and is left out")
-                continue
-            measures = measure(stretch, shift, perceptual=perceptual)
-            trials.append(AnalysedTrial(name, bag.source, measures))
         if complaints:
             problems[bag.name] = complaints
     return Analysis(trials, problems, shift, len(found))
 
 
+def find_bags(path: Path) -> list[Path]:
+    """Return the bags at a place, in order of their names.
+
+    Parameters
+    ----------
+    path : Path
+        A bag's folder, one of its files, or a folder in which to look for bags, however deep.
+
+    Raises
+    ------
+    ParameterError
+        There is nothing, or no bag below it.
+    """
+    if not path.exists():
+        raise ParameterError(f"{path}: no such file or folder")
+    if not path.is_dir() or is_bag(path):
+        return [path]
+    # Links are not followed: they may lead in a ring.
+    folders = sorted(f for f in path.rglob("*") if f.is_dir() and not f.is_symlink())
+    found = [folder for folder in folders if is_bag(folder)]
+    if not found:
+        raise ParameterError(f"{path}: must be a bag, or a folder with bags in it")
+    return found
+
+
 def _cut(path: Path) -> Cut:
-    """Return a bag's stretches; none, and why, where it cannot be read."""
+    """Return a bag's segments; none, and why, where it cannot be read."""
     try:
         return cut(read_bag(path))
     except ParameterError as error:
         return Cut([], [str(error)])
 
 
-def _digest(stretch: Stretch) -> bytes:
-    """Return what two stretches have in common if all their samples are the same."""
+def _digest(segment: Segment) -> bytes:
+    """Return what two segments have in common if all their samples are the same."""
     digest = hashlib.blake2b(digest_size=16)
-    for name, values in sorted(stretch.signals.items()):
+    for name, values in sorted(segment.signals.items()):
         digest.update(name.encode())
         digest.update(np.ascontiguousarray(values).data)
     return digest.digest()

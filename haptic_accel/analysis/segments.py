@@ -1,4 +1,4 @@
-"""Cuts a bag into stretches of one condition, each on its sampling grid."""
+"""Cuts a bag into segments of one condition, each on its sampling grid."""
 
 from __future__ import annotations
 
@@ -11,16 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.bags.reading import Bag, Signal
-from haptic_accel.bags.trials import AGE_OF, durations
+from haptic_accel.bags.delivery import Delivery, delivery
+from haptic_accel.bags.reading import Bag
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import SuspensionParameters
 from haptic_accel.core.control.compensation import FADING, LIMITS, LISTENING, PLANT
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, IntArray, on_grid, places
-from haptic_accel.core.topics import ACTUATOR_AXIS, SIGNALS
+from haptic_accel.core.sampling import (
+    NANOSECONDS,
+    coupled_stretches,
+    on_grid,
+    places,
+    sampling_rate,
+)
+from haptic_accel.core.topics import ACTUATOR_AXIS
 from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import RECORDING
@@ -31,18 +37,11 @@ RINGING = 0.2
 SETTLING = LISTENING + FADING + RINGING
 """Dropped after a change of controller, surface or grip, s."""
 
-RELEASED = 0.1
-"""Silence of the arms' forces, or forces of exactly zero, from which on they count as not
-coupled, s: the graph's own default for silence."""
+SHORTEST = 0.9
+"""Shortest segment that is analysed, s: a trial of 1 s less what a live start takes."""
 
-SHORTEST = 1.0
-"""Stretch that is looked at, s."""
-
-SAME_RATE = 0.1
-"""By how much of itself the rate of stamps may differ from the one that was asked for."""
-
-SPARSE = 10.0
-"""Grid places per message from which on stamps are taken for no grid at all."""
+_WHOLE = 1e-3
+"""Part of a sample by which the last one may lie behind a segment's end: stamps are whole ns."""
 
 UNKNOWN = "unknown"
 """Condition of a bag that does not say."""
@@ -55,14 +54,13 @@ CORE = (
 )
 """What is analysed along the actuator's axis."""
 
-
 _SURFACE = "simulated.surface."
 _POSTURE = "simulated.grip.posture"
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What does not change within a stretch."""
+    """What does not change within a segment."""
 
     controller: str = UNKNOWN
     surface: str = UNKNOWN
@@ -70,42 +68,14 @@ class Condition:
 
 
 @dataclass(frozen=True)
-class Delivery:
-    """How a stretch's samples reached the bag.
-
-    Attributes
-    ----------
-    lost, late : dict
-        By topic: messages missing though their sample was taken; recorded more than half a period
-        after their stamp.
-    missed : dict
-        By arm: samples of the grid that were not taken.
-    transit : ndarray, shape (n,)
-        From stamp to recording of each actuator force, s.
-    age_us : dict
-        Age of the actuator's forces where applied, as the device said last, us: p50, p90, p99,
-        p99_9, max.
-    warnings : list of str
-        What nodes complained of.
-    """
-
-    lost: dict[str, int]
-    late: dict[str, int]
-    missed: dict[str, int]
-    transit: FloatArray
-    age_us: dict[str, float]
-    warnings: list[str]
-
-
-@dataclass(frozen=True)
-class Stretch:
+class Segment:
     """A part of a bag under one condition: a trial, of which a bag may hold several.
 
     Attributes
     ----------
     bag : Path
     number : int
-        Of the stretches of its bag, from 1.
+        Of the segments of its bag, from 1.
     condition : Condition
     rate : float
         Samples per second.
@@ -140,7 +110,7 @@ class Stretch:
     pair: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def without_signals(self) -> Stretch:
+    def without_signals(self) -> Segment:
         """Return what is known of it besides the samples, which take the memory."""
         nothing = replace(self.delivery, transit=np.empty(0))
         return replace(self, signals={}, delivery=nothing)
@@ -152,12 +122,12 @@ class Cut:
 
     Attributes
     ----------
-    stretches : list of Stretch
+    segments : list of Segment
     problems : list of str
         What cannot be said of it, a line each.
     """
 
-    stretches: list[Stretch]
+    segments: list[Segment]
     problems: list[str]
 
 
@@ -171,7 +141,7 @@ def cut(recorded: Bag) -> Cut:
     Returns
     -------
     Cut
-        Signals that are missing, and stretches too short to be looked at, are in its problems.
+        Signals that are missing, and segments too short to be looked at, are in its problems.
     """
     problems = list(recorded.problems)
     rate = _rate(recorded, problems)
@@ -189,19 +159,19 @@ def cut(recorded: Bag) -> Cut:
     )
     if span[1] <= span[0]:
         return Cut([], [*problems, "its signals do not overlap in time"])
-    stretches: list[Stretch] = []
+    segments: list[Segment] = []
     for condition, low, high in _parts(recorded, known, span, problems):
-        seconds = (high - low) / NANOSECONDS
+        seconds = (high - low) / NANOSECONDS + 1 / known.rate
         if seconds < SHORTEST:
             problems.append(
                 f"{condition.controller} on {condition.surface}, {seconds:.2f} s"
                 f" at {(low - span[0]) / NANOSECONDS:.1f} s: too short, is left out"
             )
             continue
-        stretches.append(_stretch(recorded, known, condition, len(stretches) + 1, low, high))
-    if not stretches:
-        problems.append(f"has no stretch of {SHORTEST:g} s under one condition")
-    return Cut(stretches, problems)
+        segments.append(_segment(recorded, known, condition, len(segments) + 1, low, high))
+    if not segments:
+        problems.append(f"has no segment of {SHORTEST:g} s under one condition")
+    return Cut(segments, problems)
 
 
 def _consequence(name: str, missing: Sequence[str]) -> str:
@@ -218,35 +188,25 @@ def _consequence(name: str, missing: Sequence[str]) -> str:
 
 
 def _rate(recorded: Bag, problems: list[str]) -> float | None:
-    """Return the samples per second that the stamps have, as named where it is that."""
+    """Return the samples per second that the stamps have, as stated where they agree with that."""
     found = next(
         (
-            recorded.signals[topic.name]
-            for topic in (*CORE, *SIGNALS)
+            recorded.signals[topic.name].stamps
+            for topic in (*CORE, *topics.SIGNALS)
             if topic.name in recorded.signals and len(recorded.signals[topic.name].stamps) > 1
         ),
         None,
     )
     if found is None:
         return None
-    period = float(np.median(np.diff(found.stamps)))
-    if period <= 0:
-        problems.append("its stamps do not advance: no rate, and no sample's time, can be told")
+    stated = _number(recorded.facts.get("arguments"), "rate") or None
+    try:
+        rate = sampling_rate(found, stated)
+    except ParameterError as error:
+        problems.append(str(error))
         return None
-    measured = NANOSECONDS / period
-    asked = _number(recorded.facts.get("arguments"), "rate")
-    if asked and abs(measured - asked) <= SAME_RATE * asked:
-        return asked
-    if asked:
-        problems.append(
-            f"has {measured:.5g} samples per second in place of the {asked:g} asked for"
-        )
-    # Nobody asks for 999.93 Hz.
-    rate = float(f"{measured:.3g}")
-    seconds = float(np.ptp(found.stamps)) / NANOSECONDS
-    if seconds * rate > SPARSE * len(found.stamps):
-        problems.append(f"{len(found.stamps)} samples in {seconds:.5g} s lie on no grid")
-        return None
+    if stated and rate != stated:
+        problems.append(f"has {rate:.5g} samples per second in place of the {stated:g} asked for")
     return rate
 
 
@@ -354,7 +314,7 @@ def _parts(
 
 
 def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[tuple[int, int]]:
-    """Return when the arms were coupled, ns: while forces came that were not zero."""
+    """Return when the arms were coupled, ns."""
     forces = recorded.signals.get(topics.MASTER_ARM_FORCE.name)
     if forces is None:
         problems.append(
@@ -362,15 +322,11 @@ def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[
             " and all of it is taken"
         )
         return [span]
-    acting = np.sort(forces.stamps[np.any(forces.values != 0.0, axis=1)])
-    if not acting.size:
+    found = coupled_stretches(forces.stamps, forces.values)
+    if not found:
         problems.append("the arms were never coupled, as their forces are zero: all is taken")
         return [span]
-    ends = np.flatnonzero(np.diff(acting) > RELEASED * NANOSECONDS)
-    firsts = acting[np.concatenate([[0], ends + 1])]
-    lasts = acting[np.concatenate([ends, [acting.size - 1]])]
-    pairs = zip(firsts.tolist(), lasts.tolist(), strict=True)
-    return [(max(first, span[0]), min(last, span[1])) for first, last in pairs]
+    return [(max(first, span[0]), min(last, span[1])) for first, last in found]
 
 
 def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, Condition]]:
@@ -405,33 +361,25 @@ ALTERED = " (altered)"
 """Put after the name of a surface some of whose parameters were changed while it was touched."""
 
 
-def _stretch(
+def _segment(
     recorded: Bag, known: _Known, condition: Condition, number: int, low: int, high: int
-) -> Stretch:
-    """Put one stretch on its grid."""
+) -> Segment:
+    """Put one segment on its grid."""
     rate = known.rate
     anchor = next(recorded.signals[t.name] for t in CORE if t.name in recorded.signals)
-    # The grid goes through a stamp: the stretch begins where something else happened.
+    # The grid goes through a stamp: the segment begins where something else happened.
     start = int(anchor.stamps[np.argmax(anchor.stamps >= low)])
-    length = int((high - start) * rate / NANOSECONDS) + 1
-    seen: dict[str, Any] = {}
-    late: dict[str, int] = {}
+    length = math.floor((high - start) * rate / NANOSECONDS + _WHOLE) + 1
     signals: dict[str, FloatArray] = {}
-    for topic in SIGNALS:
-        signal = recorded.signals.get(topic.name)
-        if signal is None:
-            continue
-        where = places(signal.stamps, start, rate)
-        within = (where >= 0) & (where < length)
-        if not within.any():
-            continue
-        values, seen[topic.name] = on_grid(where, signal.values[:, ACTUATOR_AXIS], length)
-        half = NANOSECONDS / rate / 2
-        late[topic.name] = int(np.sum((signal.received - signal.stamps)[within] > half))
-        if topic in CORE:
-            signals[topic.name] = values
+    for topic in CORE:
+        if topic.name in recorded.signals:
+            signal = recorded.signals[topic.name]
+            where = places(signal.stamps, start, rate)
+            if ((where >= 0) & (where < length)).any():
+                values = signal.values[:, ACTUATOR_AXIS]
+                signals[topic.name], _ = on_grid(where, values, length)
     notes = _complete(signals, known)
-    return Stretch(
+    return Segment(
         recorded.path,
         number,
         condition,
@@ -440,7 +388,7 @@ def _stretch(
         length / rate,
         (start - int(anchor.stamps[0])) / NANOSECONDS,
         signals,
-        _delivery(recorded, seen, late, start, length, rate),
+        delivery(recorded, start, length, rate),
         known.suspension,
         known.pair,
         tuple(notes),
@@ -461,51 +409,3 @@ def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:
         first = signals[tool][0]
         signals[desired] = np.asarray(signal.sosfilt(sections, signals[tool] - first))
     return notes
-
-
-def _delivery(
-    recorded: Bag,
-    seen: Mapping[str, Any],
-    late: Mapping[str, int],
-    start: int,
-    length: int,
-    rate: float,
-) -> Delivery:
-    """Count what is missing on the grid, and find the ages."""
-    by_arm = {
-        arm: [seen[t.name] for t in SIGNALS if t.source == arm and t.name in seen]
-        for arm in ("master", "slave")
-    }
-    # A sample was taken if any message that it caused is there.
-    taken = {arm: np.any(found, axis=0) for arm, found in by_arm.items() if found}
-    end = start + round(length * NANOSECONDS / rate)
-    warnings = [
-        f"{diagnosis.node}: {diagnosis.message}"
-        for diagnosis in recorded.diagnostics
-        if start <= diagnosis.received < end and diagnosis.message not in ("OK", "")
-    ]
-    return Delivery(
-        lost={
-            t.name: int(np.sum(taken[t.source] & ~seen[t.name])) for t in SIGNALS if t.name in seen
-        },
-        late=dict(late),
-        missed={arm: length - int(np.sum(found)) for arm, found in taken.items()},
-        transit=_transit(recorded.signals.get(topics.ACTUATOR_FORCE.name), start, end),
-        age_us=_ages(recorded, end),
-        warnings=list(dict.fromkeys(warnings)),
-    )
-
-
-def _transit(forces: Signal | None, start: int, end: int) -> FloatArray:
-    if forces is None:
-        return np.empty(0)
-    within = (forces.stamps >= start) & (forces.stamps < end)
-    waited: IntArray = (forces.received - forces.stamps)[within]
-    return waited / NANOSECONDS
-
-
-def _ages(recorded: Bag, end: int) -> dict[str, float]:
-    """Return the ages that the master's device reported last in a stretch, or soon behind it."""
-    reports = [d for d in recorded.diagnostics if d.node == "master_device"]
-    within = [d for d in reports if d.received <= end] or reports[:1]
-    return durations(within[-1].values, f"{AGE_OF} age") if within else {}

@@ -1,36 +1,33 @@
-"""Says in sentences what some bags show."""
+"""Summary of some bags in sentences."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+
+import pandas as pd
 
 from haptic_accel.analysis.comparison import Comparison
-from haptic_accel.analysis.loading import AnalysedTrial, Analysis
+from haptic_accel.analysis.frames import groups, rank, table_two, trials
+from haptic_accel.analysis.loading import Analysis
+from haptic_accel.analysis.metrics import MILLI
 from haptic_accel.analysis.plots import number, percent
-from haptic_accel.analysis.tables import FIGURES, MILLI, Group, groups, rank
-from haptic_accel.core.evaluation.metrics import TABLE_II
-from haptic_accel.core.evaluation.statistics import Interval, mean_interval
-
-AVERAGE = "average"
-"""The paper's average over its surfaces, as a surface of its table."""
 
 
 def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[str]:
     """Return what is worth knowing first, a sentence or two each."""
-    trials = analysis.trials
-    if not trials:
+    if not analysis.trials:
         return [f"Nothing can be said of {_many(analysis.bags, 'bag')}."]
+    frame = trials(analysis)
     sentences = [
-        _extent(analysis),
-        *_errors(groups(trials)),
-        *_delays(trials, analysis),
-        *_latencies(trials),
-        _losses(trials),
-        *_forces(trials),
+        _extent(frame, analysis.bags),
+        _errors(analysis),
+        _delays(frame, analysis),
+        *_latencies(frame),
+        _losses(frame, analysis),
+        *_forces(frame, analysis),
     ]
     if comparison:
-        sentences.append(compared(comparison))
+        sentences.append(difference(comparison))
     if analysis.problems:
         sentences.append(
             f"Of {_many(len(analysis.problems), 'bag')} something cannot be said: see below."
@@ -42,120 +39,85 @@ def _many(count: int, what: str) -> str:
     return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
-def _extent(analysis: Analysis) -> str:
-    trials = analysis.trials
-    seconds = sum(trial.measures.stretch.seconds for trial in trials)
-    controllers = sorted({trial.controller for trial in trials}, key=rank)
-    surfaces = sorted({trial.surface for trial in trials}, key=rank)
+def _extent(frame: pd.DataFrame, bags: int) -> str:
+    controllers, surfaces = (sorted(set(frame[c]), key=rank) for c in ("controller", "surface"))
     return (
-        f"{_many(len(trials), 'trial')} from {_many(analysis.bags, 'bag')}, {seconds:.0f} s in"
+        f"{_many(len(frame), 'trial')} from {_many(bags, 'bag')}, {frame.seconds.sum():.0f} s in"
         f" all: {', '.join(controllers)} on {', '.join(surfaces)}."
     )
 
 
-def averages(found: Sequence[Group]) -> dict[str, tuple[Interval, float | None]]:
-    """Return each controller's error averaged over surfaces, in percent, and the paper's.
-
-    Only over surfaces that all controllers were tried on, so that they compare; the paper's only
-    where these are its own.
-    """
-    controllers = list(dict.fromkeys(group.controller for group in found))
-    surfaces = [
-        {g.surface for g in found if g.controller == controller} for controller in controllers
-    ]
-    common = set.intersection(*surfaces) if surfaces else set()
-    paper = {surface for surface, _ in TABLE_II if surface != AVERAGE}
-    return {
-        controller: (
-            mean_interval(
-                [
-                    group.interval("nrmse_percent").value
-                    for group in found
-                    if group.controller == controller and group.surface in common
-                ]
-            ),
-            TABLE_II.get((AVERAGE, controller)) if common == paper else None,
-        )
-        for controller in controllers
-    }
-
-
-def _errors(found: Sequence[Group]) -> list[str]:
+def _errors(analysis: Analysis) -> str:
     """Say how far the handle was from what was desired, by controller."""
+    table = table_two(groups(analysis))
     words = []
-    for controller, (interval, paper) in averages(found).items():
-        if math.isfinite(interval.value):
-            beside = f" (the paper's: {percent(paper)})" if paper is not None else ""
-            words.append((interval.value, f"{controller} {percent(interval.value)}{beside}"))
+    for controller, cells in table.rows.items():
+        error = cells[-1]
+        if math.isfinite(error.value):
+            beside = f" (the paper's: {percent(error.paper)})" if error.paper is not None else ""
+            words.append((error.value, f"{controller} {percent(error.value)}{beside}"))
     if not words:
-        return ["No error can be told: desired or handle acceleration is missing."]
-    over = "" if len({group.surface for group in found}) == 1 else ", averaged over surfaces"
-    return [f"Error (NRMSE{over}): {', '.join(text for _, text in sorted(words))}."]
+        return "No error can be told: desired or handle acceleration is missing."
+    over = "" if len(table.columns) == 1 else ", averaged over surfaces"
+    return f"Error (NRMSE{over}): {', '.join(text for _, text in sorted(words))}."
 
 
-def _delays(trials: Sequence[AnalysedTrial], analysis: Analysis) -> list[str]:
-    delays = _known("delay_ms", trials)
-    if not delays:
-        return [f"No delay stands out in any trial; the shift is {analysis.shift.words}."]
-    low, high = number(min(delays), 2), number(max(delays), 2)
+def _delays(frame: pd.DataFrame, analysis: Analysis) -> str:
+    delays = frame.delay_ms.dropna()
+    if delays.empty:
+        return f"No delay stands out in any trial; the shift is {analysis.shift.words}."
+    low, high = number(delays.min(), 2), number(delays.max(), 2)
     between = f"{low} ms" if low == high else f"{low} to {high} ms"
-    return [
-        f"The handle follows what is desired by {between}, as their cross-correlation has it;"
-        f" shifted back is {analysis.shift.words}."
-    ]
+    return (
+        f"The handle follows what is desired by {between}, according to their cross-correlation;"
+        f" the shift back is {analysis.shift.words}."
+    )
 
 
-def _latencies(trials: Sequence[AnalysedTrial]) -> list[str]:
-    p50, p99, largest = (_known(f"latency_{name}_us", trials) for name in ("p50", "p99", "max"))
+def _latencies(frame: pd.DataFrame) -> list[str]:
+    slowest = frame.max(numeric_only=True) / MILLI
     sentences = []
-    ages = _known("age_p50_us", trials), _known("age_p99_us", trials)
-    if all(ages):
-        middle, late = (max(found) / MILLI for found in ages)
+    if math.isfinite(slowest.age_p50_us):
         sentences.append(
-            f"Where it was applied, a force was {middle:.2f} ms old in the middle of the slowest"
-            f" trial, and 99 % were younger than {late:.2f} ms."
+            f"Where it was applied, a force was {slowest.age_p50_us:.2f} ms old in the middle of"
+            f" the slowest trial, and 99 % were younger than {slowest.age_p99_us:.2f} ms."
         )
-    if p50:
+    if math.isfinite(slowest.latency_p50_us):
         sentences.append(
-            f"Forces were in the bag {max(p50) / MILLI:.2f} ms after the sample that caused them"
-            f" in the middle of the slowest trial, 99 % within {max(p99) / MILLI:.2f} ms, all"
-            f" within {max(largest) / MILLI:.2f} ms; the recorder's own delay is in it."
+            f"Forces were in the bag {slowest.latency_p50_us:.2f} ms after the sample that caused"
+            f" them in the middle of the slowest trial, 99 % within"
+            f" {slowest.latency_p99_us:.2f} ms, all within {slowest.latency_max_us:.2f} ms; the"
+            " recorder's own delay is included."
         )
     return sentences
 
 
-def _losses(trials: Sequence[AnalysedTrial]) -> str:
-    lost = sum(_known("lost", trials))
-    missed = sum(sum(t.measures.stretch.delivery.missed.values()) for t in trials)
+def _losses(frame: pd.DataFrame, analysis: Analysis) -> str:
+    lost = int(frame.lost.sum())
+    missed = sum(sum(trial.segment.delivery.missed.values()) for trial in analysis.trials)
     if not lost and not missed:
         return "No sample was lost."
-    return f"{lost:.0f} messages were lost and {missed} samples not taken."
+    return f"{lost} messages were lost and {missed} samples not taken."
 
 
-def _forces(trials: Sequence[AnalysedTrial]) -> list[str]:
-    peaks, travels = _known("force_peak_N", trials), _known("travel_mm", trials)
-    if not peaks:
+def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
+    peak, travel = frame.force_peak_N.max(), frame.travel_mm.max()
+    if not math.isfinite(peak):
         return []
-    sentence = f"The actuator gave {number(max(peaks), 1)} N at most"
-    free = [MILLI * t.measures.force.free for t in trials if t.measures.force]
-    if travels:
+    sentence = f"The actuator gave {number(peak, 1)} N at most"
+    if math.isfinite(travel):
+        free = MILLI * min(trial.segment.suspension.travel for trial in analysis.trials)
         sentence += (
-            f" and used {number(max(travels), 1)} mm of the {number(min(free), 1)} mm it may move"
-            " either way"
+            f" and used {number(travel, 1)} mm of the {number(free, 1)} mm it may move either way"
         )
-        if max(travels) > min(free):
+        if travel > free:
             sentence += ", by an estimate that knows no stops"
     return [sentence + "."]
 
 
-def _known(name: str, trials: Sequence[AnalysedTrial]) -> list[float]:
-    values = (FIGURES[name].of(trial.measures) for trial in trials)
-    return [value for value in values if math.isfinite(value)]
-
-
-def compared(comparison: Comparison) -> str:
-    """Say whether two conditions differ."""
-    found = comparison.overall
+def difference(comparison: Comparison) -> str:
+    """Return the difference between two conditions in a sentence."""
+    found = comparison.differences["all"]
     if not found.n:
         return f"{comparison.second} and {comparison.first} have no trials that are pairs."
     words = f"{comparison.second} has {number(abs(found.mean.value), 1)} percentage points"

@@ -1,4 +1,4 @@
-"""What a page draws of a trial over time: all of it thinned, and its liveliest part in full."""
+"""Signals of a trial over time as a page draws them: thinned, and one part in full."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptic_accel.analysis.plots import EXCERPT
-from haptic_accel.analysis.thinning import around, liveliest, thinned
 from haptic_accel.core.model import FloatArray
 
 WHOLE_POINTS = 6000
@@ -18,24 +16,41 @@ DETAIL = 2.0
 """Length of the part that is kept in full, s."""
 
 DETAIL_POINTS = 4000
-"""Most points of it: less than `DETAIL` at rates above 2 kHz."""
+"""Maximum number of points of that part: less than `DETAIL` at rates above 2 kHz."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Some signals of one stretch of time, all of the same number of points.
+    """Signals over one span of time, all with the same number of points.
 
     Attributes
     ----------
     begin, step : float
-        Of the first point, and from one to the next, s.
+        Time of the first point, and from one point to the next, s.
     signals : dict of ndarray
-        By name.
+        Values by name.
     """
 
     begin: float
     step: float
     signals: dict[str, FloatArray]
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        return max(map(len, self.signals.values()), default=0)
+
+    def thinned(self, points: int) -> Trace:
+        """Return a trace of at most so many points that loses no peak."""
+        found = {name: thinned(values, points) for name, values in self.signals.items()}
+        step = next((step for _, step in found.values()), 1.0)
+        kept = {name: values for name, (values, _) in found.items()}
+        return Trace(self.begin, self.step * step, kept)
+
+    def part(self, window: slice) -> Trace:
+        """Return the points of a window."""
+        signals = {name: values[window].copy() for name, values in self.signals.items()}
+        return Trace(self.begin + window.start * self.step, self.step, signals)
 
 
 @dataclass(frozen=True)
@@ -45,40 +60,112 @@ class Traces:
     Attributes
     ----------
     whole : Trace
-        Thinned so that no peak is lost.
+        The trial, thinned so that no peak is lost.
     detail : Trace
-        What lies around the excerpt.
-    excerpt : float
-        Where the `EXCERPT` begins in which the desired acceleration has its largest RMS, s.
+        The samples around the excerpt.
+    excerpt, length : float
+        Start and length of the excerpt in which the desired acceleration has its largest RMS, s.
     """
 
     whole: Trace
     detail: Trace
     excerpt: float
+    length: float
 
     @classmethod
-    def of(cls, signals: Mapping[str, FloatArray], rate: float, shift: float) -> Traces:
+    def of(
+        cls, signals: Mapping[str, FloatArray], rate: float, shift: float, length: float
+    ) -> Traces:
         """Thin some signals; the one named ``actual`` is drawn earlier by the shift, in s."""
         if not signals:
             nothing = Trace(0.0, 1.0, {})
-            return cls(nothing, nothing, 0.0)
+            return cls(nothing, nothing, 0.0, length)
         moved = {
             name: _earlier(values, shift * rate) if name == "actual" else values
             for name, values in signals.items()
         }
+        every = Trace(0.0, 1 / rate, moved)
         leading = moved.get("desired", next(iter(moved.values())))
-        excerpt = liveliest(leading, round(EXCERPT * rate))
-        window = around(excerpt, leading.size, min(round(DETAIL * rate), DETAIL_POINTS))
-        thin = {name: thinned(values, WHOLE_POINTS) for name, values in moved.items()}
-        (step,) = {step for _, step in thin.values()}
-        return cls(
-            Trace(0.0, step / rate, {name: kept for name, (kept, _) in thin.items()}),
-            Trace(window.start / rate, 1 / rate, {n: v[window].copy() for n, v in moved.items()}),
-            excerpt.start / rate,
-        )
+        excerpt = most_active(leading, round(length * rate))
+        window = enclosing(excerpt, leading.size, min(round(DETAIL * rate), DETAIL_POINTS))
+        start = excerpt.start / rate
+        return cls(every.thinned(WHOLE_POINTS), every.part(window), start, length)
+
+    def shrunk(self, points: int) -> tuple[Trace, Trace]:
+        """Return whole and detail with at most so many points together, the excerpt in full."""
+        detail = self.detail
+        begin = round((self.excerpt - detail.begin) / detail.step)
+        excerpt = slice(begin, min(begin + round(self.length / detail.step), detail.size))
+        window = enclosing(excerpt, detail.size, points * 4 // 10)
+        return self.whole.thinned(min(points * 6 // 10, WHOLE_POINTS)), detail.part(window)
 
 
 def _earlier(values: FloatArray, samples: float) -> FloatArray:
     """Move a signal to earlier times for the eye: between samples by straight lines."""
     places = np.arange(len(values), dtype=float)
     return np.interp(places + samples, places, values)
+
+
+def thinned(values: FloatArray, points: int) -> tuple[FloatArray, float]:
+    """Return the extremes of a signal, so that a drawing of it loses no peak.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    points : int
+        Maximum number of points to keep; even, at least 2.
+
+    Returns
+    -------
+    kept : ndarray
+        The signal itself where it is short enough; otherwise smallest and largest of each of equal
+        pieces, in the order in which they came.
+    step : float
+        Samples of the signal from one point to the next.
+    """
+    if len(values) <= points:
+        return values, 1.0
+    edges = np.linspace(0, len(values), points // 2 + 1).astype(int)[:-1]
+    lowest, highest = np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges)
+    ends = np.append(edges[1:], len(values))
+    rising = np.array(
+        [
+            np.argmin(values[low:high]) <= np.argmax(values[low:high])
+            for low, high in zip(edges, ends, strict=True)
+        ]
+    )
+    kept = np.empty(2 * len(edges))
+    kept[0::2] = np.where(rising, lowest, highest)
+    kept[1::2] = np.where(rising, highest, lowest)
+    return kept, len(values) / len(kept)
+
+
+def most_active(values: FloatArray, samples: int) -> slice:
+    """Return the first window of so many samples that has the largest RMS."""
+    samples = min(max(samples, 1), values.size)
+    energy = np.concatenate([[0.0], np.cumsum(values**2)])
+    start = int(np.argmax(energy[samples:] - energy[:-samples]))
+    return slice(start, start + samples)
+
+
+def enclosing(inner: slice, size: int, samples: int) -> slice:
+    """Return a window of so many samples, of `size` there are, with another in its middle.
+
+    It is moved where it would reach beyond the ends, and never shorter than the other.
+    """
+    length = inner.stop - inner.start
+    samples = min(max(samples, length), size)
+    start = inner.start - (samples - length) // 2
+    start = min(max(start, 0), size - samples)
+    return slice(start, start + samples)
+
+
+def sampled(size: int, most: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Return the indices of at most so many of a cloud's points.
+
+    They are drawn by lot, from a fixed seed, because every n-th would beat with a periodic
+    signal.
+    """
+    if size <= most:
+        return np.arange(size)
+    return np.random.default_rng(0).choice(size, most, replace=False)

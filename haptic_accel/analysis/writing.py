@@ -1,107 +1,129 @@
-"""Writes an analysis into a folder: page, figures for a paper, tables; and as JSON."""
+"""Writes an analysis into a folder: page, plots for a paper, tables; and as JSON."""
 
 from __future__ import annotations
 
-import csv
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
+from haptic_accel.analysis import plots
 from haptic_accel.analysis.comparison import Comparison
-from haptic_accel.analysis.frames import comparison_rows
-from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.measures import LATENCY_EDGES
-from haptic_accel.analysis.page import write_page
-from haptic_accel.analysis.plots import (
-    PAPER,
-    Bar,
-    Grid,
-    amplitude_spectra,
-    band_errors,
-    latencies,
-    regressions,
-    time_traces,
+from haptic_accel.analysis.frames import (
+    band_column,
+    band_names,
+    by_condition,
+    groups,
+    read_segment,
+    segment_signals,
+    trials,
 )
+from haptic_accel.analysis.loading import Analysis
+from haptic_accel.analysis.metrics import LATENCY_EDGES, actual_acceleration
+from haptic_accel.analysis.page import Setting, write_page
+from haptic_accel.analysis.segments import Segment
 from haptic_accel.analysis.summary import summary
-from haptic_accel.analysis.tables import Group, group_row, groups, trial_row
+from haptic_accel.core import topics
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
-from haptic_accel.core.evaluation.statistics import CONFIDENCE, mean_interval
+from haptic_accel.core.evaluation.statistics import CONFIDENCE, Interval, mean_interval
 from haptic_accel.core.model import FloatArray
 
 PAGE = "index.html"
 
-DPI = 300
-"""Pixels per inch of PNG figures: what printers of papers ask for."""
-
-EMBEDDED: dict[Any, Any] = {
-    "pdf.fonttype": 42,
-    "font.family": "sans-serif",
-    "svg.fonttype": "none",
+PICTURES = {
+    "fig9_time": "As the paper's Fig. 9: desired and actual handle acceleration where the desired"
+    " one has its largest root mean square. A row has one scale.",
+    "fig10_regression": "As the paper's Fig. 10: desired against actual handle acceleration, after"
+    " the shift, with the regression line of desired on actual.",
+    "fig11_spectra": "As the paper's Fig. 11: amplitude spectral density of desired and actual"
+    " handle acceleration from 10 Hz to half the sampling rate. All panels have one scale.",
 }
-"""Text of PDF figures as TrueType: publishers refuse matplotlib's own Type 3."""
+"""Captions of the paper's figures by name of their plots."""
+
+SIGNAL_COLUMNS = {
+    topics.TOOL_ACCELERATION.name: "tool_acceleration_m_s2",
+    topics.DESIRED_ACCELERATION.name: "desired_acceleration_m_s2",
+    topics.HANDLE_ACCELERATION.name: "handle_acceleration_m_s2",
+    topics.ACTUATOR_FORCE.name: "actuator_force_N",
+}
+"""Columns of a table of signals by topic."""
 
 MOST_CONTROLLERS, MOST_SURFACES = 6, 8
-"""That one figure has room for."""
+"""Largest numbers of columns and rows of a plot."""
 
 
-def write_analysis(analysis: Analysis, folder: Path, comparison: Comparison | None = None) -> Path:
-    """Write everything about some bags into a folder.
+def write_analysis(
+    analysis: Analysis,
+    folder: Path,
+    comparison: Comparison | None = None,
+    *,
+    setting: Setting | None = None,
+    files: Mapping[str, pd.DataFrame] | None = None,
+) -> Path:
+    """Write page, plots and tables of an analysis into a folder.
 
     Parameters
     ----------
     analysis : Analysis
     folder : Path
-        There already.
+        Existing folder.
     comparison : Comparison, optional
+    setting : Setting, optional
+        Texts of the page; with them, the page shows the paper's figures as pictures.
+    files : mapping of str to DataFrame, optional
+        Further tables to write as CSV, with their index, by file name.
 
     Returns
     -------
     Path
-        The page, ``folder/index.html``. Beside it lie the figures as PNG and PDF, ``trials.csv``,
+        The page, ``folder/index.html``. Beside it lie the plots as PNG and PDF, ``trials.csv``,
         ``groups.csv`` and, with a comparison, ``comparison.csv``.
     """
-    files = [*_write_figures(groups(analysis.trials), folder)]
-    tables = {
-        "trials.csv": [trial_row(trial) for trial in analysis.trials],
-        "groups.csv": [group_row(group) for group in groups(analysis.trials)],
-        "comparison.csv": comparison_rows(comparison) if comparison else [],
-    }
-    for name, rows in tables.items():
-        if rows:
-            _write_table(rows, folder / name)
-            files.append(name)
-    write_page(analysis, folder / PAGE, comparison, files=files)
+    written = list(plots.save(_plots(analysis), folder))
+    tables = {"trials.csv": trials(analysis), "groups.csv": groups(analysis)}
+    if comparison:
+        tables["comparison.csv"] = comparison.frame
+    for name, table in tables.items():
+        if len(table):
+            _write_table(table, folder / name, index=False)
+            written.append(name)
+    for name, table in (files or {}).items():
+        _write_table(table, folder / name, index=True)
+        written.append(name)
+    if setting:
+        shown = {f"{n}.png": text for n, text in PICTURES.items() if f"{n}.png" in written}
+        setting = replace(setting, pictures=shown)
+    write_page(analysis, folder / PAGE, comparison, setting=setting, files=written)
     return folder / PAGE
 
 
 def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[str, Any]:
-    """Return all figures for a program; what is not known is null."""
+    """Return all metrics for a program; undefined numbers are null."""
+    rows = trials(analysis).to_dict("records")
     content = {
         "shift": {"kind": analysis.shift.kind, "seconds": analysis.shift.seconds},
         "confidence": CONFIDENCE,
         "summary": summary(analysis, comparison),
         "trials": [
-            trial_row(trial)
+            row
             | {
-                "lost_by_topic": trial.measures.stretch.delivery.lost,
-                "late_by_topic": trial.measures.stretch.delivery.late,
-                "missed_by_arm": trial.measures.stretch.delivery.missed,
-                "age_us": trial.measures.stretch.delivery.age_us,
-                "warnings": trial.measures.stretch.delivery.warnings,
-                "latency_counts": (
-                    trial.measures.latency.counts.tolist() if trial.measures.latency else None
-                ),
+                "lost_by_topic": trial.segment.delivery.lost,
+                "late_by_topic": trial.segment.delivery.late,
+                "missed_by_arm": trial.segment.delivery.missed,
+                "age_us": trial.segment.delivery.age_us,
+                "warnings": trial.segment.delivery.warnings,
+                "latency_counts": trial.latency.tolist() if trial.latency is not None else None,
             }
-            for trial in analysis.trials
+            for row, trial in zip(rows, analysis.trials, strict=True)
         ],
         "latency_edges_s": LATENCY_EDGES.tolist(),
-        "groups": [group_row(group) for group in groups(analysis.trials)],
+        "groups": groups(analysis).to_dict("records"),
         "paper": {
             "nrmse_percent": [
                 {"surface": surface, "controller": controller, "value": value}
@@ -112,107 +134,86 @@ def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[st
                 for controller, (slope, r2) in REGRESSION.items()
             },
         },
-        "comparison": comparison_rows(comparison) if comparison else None,
+        "comparison": comparison.frame.to_dict("records") if comparison else None,
         "unpaired": comparison.unpaired if comparison else None,
         "problems": analysis.problems,
     }
-    return dict(_known(content))
+    return dict(defined(content))
+
+
+def signal_table(segment: Segment) -> pd.DataFrame:
+    """Read the signals of a trial again, by time in s, under names with units."""
+    whole = read_segment(segment.bag, segment.number)
+    frame = segment_signals(whole).rename(columns=SIGNAL_COLUMNS)
+    actual = actual_acceleration(whole)
+    if actual is not None:
+        frame["actual_acceleration_m_s2"] = actual
+    return frame
 
 
 def write_json(content: Mapping[str, Any], file: Path) -> None:
-    """Write figures for a program."""
+    """Write metrics for a program."""
     file.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def _known(value: Any) -> Any:
-    """Return the same with null for numbers that are none."""
+def defined(value: Any) -> Any:
+    """Return the same with null for undefined numbers."""
     if isinstance(value, dict):
-        return {key: _known(inner) for key, inner in value.items()}
+        return {key: defined(inner) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_known(inner) for inner in value]
+        return [defined(inner) for inner in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _write_table(rows: Sequence[Mapping[str, Any]], file: Path) -> None:
-    """Write rows as CSV; the columns are those of all rows, cells without a figure are empty."""
-    columns = list(dict.fromkeys(column for row in rows for column in row))
-    with file.open("w", encoding="utf-8", newline="") as opened:
-        writer = csv.DictWriter(opened, columns, restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+def _write_table(table: pd.DataFrame, file: Path, index: bool) -> None:
+    """Write a frame as CSV; cells of undefined numbers are empty."""
+    table.to_csv(file, index=index, float_format="%.9g", lineterminator="\n")
 
 
-def _cell(value: Any) -> Any:
-    if isinstance(value, float):
-        return f"{value:.9g}" if math.isfinite(value) else ""
-    return value
-
-
-# Figures
-
-
-def _write_figures(found: Sequence[Group], folder: Path) -> Iterable[str]:
-    """Write the figures, each as PNG and PDF; return the names of the files."""
-    names = []
-    with mpl.rc_context(EMBEDDED):
-        for name, figure in _figures(found).items():
-            for suffix in ("png", "pdf"):
-                file = f"{name}.{suffix}"
-                figure.savefig(folder / file, dpi=DPI)
-                names.append(file)
-    return names
-
-
-def _figures(found: Sequence[Group]) -> dict[str, Figure]:
-    figures = {}
-    grid = _grid(found)
-    if grid.portraits:
-        figures["fig9_time"] = time_traces(grid, PAPER)
-        figures["fig10_regression"] = regressions(grid, PAPER)
-        figures["fig11_spectra"] = amplitude_spectra(grid, PAPER)
-    errors = _band_errors(found)
+def _plots(analysis: Analysis) -> dict[str, Figure]:
+    """Return the plots by name, as far as there is something to draw."""
+    drawn = {}
+    portraits = _typical(analysis)
+    if portraits:
+        drawn["fig9_time"] = plots.time_traces(portraits)
+        drawn["fig10_regression"] = plots.regressions(portraits)
+        drawn["fig11_spectra"] = plots.amplitude_spectra(portraits)
+    errors = _band_errors(analysis)
     if any(errors.values()):
-        figures["bands"] = band_errors(errors)
-    counts = _latencies(found)
-    if counts:
-        figures["latency"] = latencies(counts, LATENCY_EDGES)
-    return figures
-
-
-def _grid(found: Sequence[Group]) -> Grid:
-    """Return of each group the trial nearest the median error, as far as there is room."""
-    controllers = list(dict.fromkeys(group.controller for group in found))[:MOST_CONTROLLERS]
-    surfaces = list(dict.fromkeys(group.surface for group in found))[:MOST_SURFACES]
-    typical = {
-        (group.surface, group.controller): group.typical().measures.fidelity
-        for group in found
-        if group.controller in controllers and group.surface in surfaces
-    }
-    return Grid.of({key: fidelity.portrait for key, fidelity in typical.items() if fidelity})
-
-
-def _band_errors(found: Sequence[Group]) -> dict[str, dict[str, Bar]]:
-    """Return the error by controller and band over all its surfaces, in percent."""
-    errors: dict[str, dict[str, Bar]] = {}
-    for controller in dict.fromkeys(group.controller for group in found):
-        by_band: dict[str, list[float]] = {}
-        for group in found:
-            if group.controller == controller:
-                for band, interval in group.bands().items():
-                    by_band.setdefault(band, []).append(interval.value)
-        errors[controller] = {
-            band: Bar(interval.value, interval.low, interval.high)
-            for band, interval in ((b, mean_interval(values)) for b, values in by_band.items())
-        }
-    return errors
-
-
-def _latencies(found: Sequence[Group]) -> dict[str, FloatArray]:
-    """Return how many forces took how long, by controller."""
+        drawn["bands"] = plots.band_errors(errors)
     counts: dict[str, FloatArray] = {}
-    for group in found:
-        for trial in group.trials:
-            if trial.measures.latency:
-                before = counts.get(group.controller, np.zeros(len(LATENCY_EDGES) - 1))
-                counts[group.controller] = before + trial.measures.latency.counts
-    return counts
+    for trial in analysis.trials:
+        if trial.latency is not None:
+            counts.setdefault(trial.controller, np.zeros(len(LATENCY_EDGES) - 1))
+            counts[trial.controller] += trial.latency
+    if counts:
+        drawn["latency"] = plots.latencies(counts, LATENCY_EDGES)
+    return drawn
+
+
+def _typical(analysis: Analysis) -> dict[tuple[str, str], plots.Portrait]:
+    """Return of each condition the trial nearest the median error, as far as there is room."""
+    known = [trial for trial in analysis.trials if trial.portrait]
+    conditions = list(by_condition(trials(replace(analysis, trials=known))))
+    controllers = list(dict.fromkeys(c for (c, _), _ in conditions))[:MOST_CONTROLLERS]
+    surfaces = list(dict.fromkeys(s for (_, s), _ in conditions))[:MOST_SURFACES]
+    found = {}
+    for (controller, surface), own in conditions:
+        if controller in controllers and surface in surfaces:
+            middle = own.sort_values("nrmse_percent", kind="stable").index[(len(own) - 1) // 2]
+            portrait = known[middle].portrait
+            assert portrait
+            found[controller, surface] = portrait
+    return found
+
+
+def _band_errors(analysis: Analysis) -> dict[str, dict[str, Interval]]:
+    """Return the error by controller and band over all its surfaces, in percent."""
+    found = groups(analysis)
+    columns = {name: band_column(name) for name in band_names(analysis)}
+    errors = {}
+    for controller in dict.fromkeys(found.controller):
+        own = found[found.controller == controller]
+        intervals = {band: mean_interval(own[name].tolist()) for band, name in columns.items()}
+        errors[controller] = {band: found for band, found in intervals.items() if found.n}
+    return errors

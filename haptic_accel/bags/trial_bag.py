@@ -5,21 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.recording_options import RecordingOptions
-from haptic_accel.bags.trials import SIGNALS
+from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import along_actuator
+from haptic_accel.core.topics import ACTUATOR_AXIS
 from haptic_accel.core.trial import Trial
 
+_ALONG_ACTUATOR = {
+    topics.TOOL_ACCELERATION: "tool_acceleration",
+    topics.DESIRED_ACCELERATION: "desired_acceleration",
+    topics.HANDLE_ACCELERATION: "handle_acceleration",
+    topics.ACTUATOR_FORCE: "actuator_force",
+}
+"""Signals along the actuator's axis, z, by their topic."""
 
-def write_trial(path: Path, trial: Trial, facts: Mapping[str, str]) -> None:
+
+def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) -> None:
     """Write a trial's signals.
-
-    There is no clock in lockstep: stamps count from one period after the origin of system time.
 
     Parameters
     ----------
@@ -27,7 +35,9 @@ def write_trial(path: Path, trial: Trial, facts: Mapping[str, str]) -> None:
         Folder to make.
     trial : Trial
     facts : mapping
-        What the bag is to say of itself, text by name.
+        The bag's description of itself, text by name.
+    start : int
+        Stamp of the first sample, system time in ns; one period lies between samples.
 
     Raises
     ------
@@ -36,14 +46,22 @@ def write_trial(path: Path, trial: Trial, facts: Mapping[str, str]) -> None:
     """
     files = BagFiles(path, RecordingOptions(), facts)
     added = []
-    for number, (name, topic) in enumerate(SIGNALS.items(), start=1):
+    for number, topic in enumerate(topics.SIGNALS, start=1):
+        if topic in _ALONG_ACTUATOR:
+            vectors = np.zeros((len(trial.time), 3))
+            vectors[:, ACTUATOR_AXIS] = getattr(trial, _ALONG_ACTUATOR[topic])
+        elif topic.name in trial.arms:
+            vectors = trial.arms[topic.name]
+        else:
+            continue
         found = connection(number, f"/{topic.name}", topic.type, [])
         files.add(found)
-        added.append((StampedVector(topic), found, getattr(trial, name).tolist()))
+        rows = [(x, y, z) for x, y, z in vectors.tolist()]
+        added.append((found, StampedVector(topic), rows))
     for index in range(len(trial.time)):
-        stamp = round((index + 1) * NANOSECONDS / trial.rate)
-        for message, found, values in added:
-            files.write(found, stamp, message.pack(stamp, along_actuator(values[index])))
+        stamp = start + round(index * NANOSECONDS / trial.rate)
+        for found, message, rows in added:
+            files.write(found, stamp, message.pack(stamp, rows[index]))
     files.close()
     if files.failure:
         raise ParameterError(f"{path}: cannot be written: {files.failure}")

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from haptic_accel.bags.trials import AGE_OF, LABELS, Delivery, durations, read_delivery
+from haptic_accel.bags.delivery import AGE_OF, LABELS, Delivery, durations, read_delivery
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, Verb, json_option, listed, listed_numbers, words
 from haptic_accel.cli.output import save

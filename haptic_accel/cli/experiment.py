@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import json
-import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import datetime
 from pathlib import Path
-from statistics import fmean, stdev
 from typing import Any
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
-from haptic_accel.analysis.experiment_report import write_report
-from haptic_accel.bags.trials import SIGNALS, Delivery, read_trial
+from haptic_accel.analysis.loading import Analysis, analyse
+from haptic_accel.analysis.metrics import AnalysedTrial
+from haptic_accel.analysis.page import Setting
+from haptic_accel.analysis.segments import CORE
+from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
 from haptic_accel.cli.options import (
     Verb,
     json_option,
@@ -31,15 +30,13 @@ from haptic_accel.cli.options import (
 )
 from haptic_accel.cli.output import check_writable, make_folder
 from haptic_accel.cli.running import StopOnSignal, conclude
+from haptic_accel.cli.tables import print_analysis
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation, evaluate
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
-from haptic_accel.core.trial import Trial, run_trial
-from haptic_accel.devices.simulated import played
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
-from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import SIMULATED, graph, graph_parameters, rig_parameters
+from haptic_accel.graph.lockstep import lockstep_trial, record_trial
+from haptic_accel.graph.processes import SIMULATED, graph
 from haptic_accel.graph.supervisor import Supervisor
 
 SURFACES = ("plywood", "text", "vinyl")
@@ -47,6 +44,12 @@ SURFACES = ("plywood", "text", "vinyl")
 
 PAPER_CONTROLLERS = ("none", "constant", "dynamic")
 """The paper's conditions."""
+
+EVALUATED = ("nrmse_percent", "slope_desired_on_actual", "slope_actual_on_desired", "r2")
+"""Metrics of a condition in the JSON file."""
+
+AGES = ("p50", "p99", "max")
+"""Quantiles of the age of forces in the JSON file."""
 
 MOST_SEEDS = 1000
 
@@ -84,60 +87,6 @@ AVERAGE_NOTE = (
     "The paper's averages are its own; the plain means of its three surfaces are 80.9 % for "
     "constant and 73.7 % for dynamic."
 )
-
-
-@dataclass(frozen=True)
-class Condition:
-    """One surface under one controller, and what came of it.
-
-    Attributes
-    ----------
-    trial : Trial
-        The signals.
-    evaluation : Evaluation
-        The paper's figures of them.
-    seed : int
-        Of texture, noise and user.
-    delivery : Delivery or None
-        How samples travelled; None in lockstep.
-    bag : Path or None
-        Where they were recorded.
-    """
-
-    trial: Trial
-    evaluation: Evaluation
-    seed: int = 0
-    delivery: Delivery | None = None
-    bag: Path | None = None
-
-    @property
-    def age_us(self) -> dict[str, float] | None:
-        """Age of the forces where applied, us: p50, p99, max."""
-        return self.delivery.age_us if self.delivery else None
-
-    @property
-    def lost(self) -> dict[str, int] | None:
-        """Samples lost, by topic."""
-        return self.delivery.lost if self.delivery else None
-
-    @property
-    def late(self) -> dict[str, int] | None:
-        """Samples late, by topic."""
-        return self.delivery.late if self.delivery else None
-
-    def figures(self) -> dict[str, Any]:
-        """Return the condition's figures for a JSON file; what is undefined is null."""
-        figures: dict[str, Any] = {
-            "surface": self.trial.surface,
-            "controller": self.trial.controller,
-            "seed": self.seed,
-            **{key: _defined(value) for key, value in asdict(self.evaluation).items()},
-            "seconds": self.trial.seconds,
-        }
-        if self.delivery:
-            figures |= {"age_us": self.age_us, "lost": self.lost, "late": self.late}
-            figures["missed"] = self.delivery.missed
-        return figures
 
 
 class StopRequestedError(Exception):
@@ -202,24 +151,21 @@ def experiment(
     make_folder(folder)
     if json_file:
         check_writable(json_file)
-    done: list[Condition] = []
+    done: dict[Path, GraphArguments] = {}
     status = DONE
     console = Console()
     try:
         with StopOnSignal() as stop:
-            for condition in _run_all(plan, lockstep, folder, stop, console):
-                done.append(condition)
+            for bag, arguments_of_bag in _run_all(plan, lockstep, folder / "bags", stop, console):
+                done[bag] = arguments_of_bag
     except StopRequestedError:
         status = INTERRUPTED
         print(f"interrupted after {len(done)} of {len(plan)} conditions", file=sys.stderr)
     except GraphFailedError as failure:
         status = failure.status
-    except ParameterError as error:
-        # A bag that cannot be read; what was done before is not lost with it.
-        status = FAILED
-        print(f"haptic-accel: {error}", file=sys.stderr)
     if done:
-        _conclude(done, arguments, lockstep, folder, json_file, console)
+        complete = _conclude(done, arguments, lockstep, folder, json_file, console)
+        status = status if complete or status != DONE else FAILED
     return status
 
 
@@ -278,19 +224,20 @@ def _run_all(
     folder: Path,
     stop: Callable[[], bool],
     console: Console,
-) -> Iterator[Condition]:
-    """Run one condition after the other, with a bar that says which and how long is left."""
+) -> Iterator[tuple[Path, GraphArguments]]:
+    """Run one condition after the other, with a progress bar; yield the bag of each."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(elapsed_when_finished=True),
     )
+    several = len({arguments.seed for arguments in plan}) > 1
     with Progress(*columns, console=console, refresh_per_second=REFRESH) as progress:
         bar = progress.add_task("", total=len(plan))
         for index, arguments in enumerate(plan):
-            name = f"{Path(arguments.surface).stem} / {arguments.controller}"
-            name += f" / seed {arguments.seed}"
+            surface = Path(arguments.surface).stem
+            name = f"{surface} / {arguments.controller} / seed {arguments.seed}"
             label = f"{index + 1} of {len(plan)}: {name}"
             progress.update(bar, description=label, completed=index)
             if not console.is_terminal:
@@ -301,93 +248,93 @@ def _run_all(
                 progress.update(bar, completed=index + min(part, 1.0))
                 return stop()
 
-            yield run_lockstep(arguments) if lockstep else _run_live(arguments, folder, asked)
+            bag = folder / f"{surface}_{arguments.controller}"
+            if several:
+                bag = bag.with_name(f"{bag.name}_seed{arguments.seed}")
+            if lockstep:
+                start = time.time_ns()
+                record_trial(bag, lockstep_trial(arguments), arguments, start)
+            else:
+                _run_live(replace(arguments, bag=str(bag)), asked)
+            yield bag, arguments
             if stop():
                 raise StopRequestedError
         progress.update(bar, completed=len(plan), description="done")
 
 
-def run_lockstep(arguments: GraphArguments) -> Condition:
-    """Run one condition without ROS."""
-    values = graph_parameters(arguments)
-    rig = rig_parameters(values)
-    around, controllers = node_parameters("compensator", values["compensator"])
-    trial = run_trial(
-        arguments.controller,
-        rig,
-        duration=arguments.duration,
-        rate=arguments.rate,
-        seed=arguments.seed,
-        recording=played(rig.slave.recording, arguments.rate),  # type: ignore[attr-defined]
-        compensation=around,
-        controllers=controllers,
-    )
-    return Condition(trial, _evaluated(trial), arguments.seed)
-
-
-def _run_live(arguments: GraphArguments, folder: Path, stop: Callable[[], bool]) -> Condition:
-    surface = Path(arguments.surface).stem
-    bag = folder / "bags" / f"{surface}_{arguments.controller}"
-    arguments = replace(arguments, bag=str(bag))
+def _run_live(arguments: GraphArguments, stop: Callable[[], bool]) -> None:
+    """Run one condition through the graph, which records it."""
     outcome = Supervisor(graph(arguments)).run(stop)
     if not outcome.first:
         raise StopRequestedError
     status = conclude(outcome)
     if status != DONE:
         raise GraphFailedError(status)
-    around, _ = node_parameters("compensator", graph_parameters(arguments)["compensator"])
-    trial, delivery = read_trial(
-        bag, surface, arguments.controller, arguments.rate, around.high_pass_frequency
-    )
-    return Condition(trial, _evaluated(trial), arguments.seed, delivery, bag)
-
-
-def _evaluated(trial: Trial) -> Evaluation:
-    """Evaluate a trial with the paper's shift of one sample."""
-    return evaluate(
-        trial.desired_acceleration, trial.actual_acceleration, trial.rate, 1 / trial.rate
-    )
 
 
 def _conclude(
-    done: Sequence[Condition],
+    done: Mapping[Path, GraphArguments],
     arguments: GraphArguments,
     lockstep: bool,
     folder: Path,
     json_file: Path | None,
     console: Console,
-) -> None:
-    seeds = list(dict.fromkeys(condition.seed for condition in done))
+) -> bool:
+    """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
+    analysis = analyse(list(done))
+    warnings = _warnings(analysis)
     notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, AVERAGE_NOTE]
     notes += [RIG_NOTES[arguments.rig]] if arguments.rig in RIG_NOTES else []
-    if len(seeds) > 1:
-        notes.append(f"Shown is seed {seeds[0]} of {len(seeds)}; the file of figures has all.")
-    warnings = _warnings(done)
-    notes += warnings
-    index = write_report(
-        [condition for condition in done if condition.seed == seeds[0]],
+    seeds = list(dict.fromkeys(given.seed for given in done.values()))
+    shown = [bag for bag, given in done.items() if given.seed == seeds[0]]
+    page = write_analysis(
+        analysis,
         folder,
-        title="Haptic display of tool contact: the paper's experiment",
-        settings=_settings(arguments, lockstep),
-        paper_table=TABLE_II,
-        notes=notes,
-        delay=1 / arguments.rate,
+        setting=Setting(
+            "Haptic display of tool contact: the paper's experiment",
+            [*notes, *warnings],
+            _settings(arguments, lockstep),
+        ),
+        files={
+            f"signals_{trial.name}.csv": signal_table(trial.segment)
+            for trial in analysis.trials
+            if trial.segment.bag in shown
+        },
     )
     if json_file:
-        conditions = [condition.figures() for condition in done]
         content = {
             "lockstep": lockstep,
             "rig": arguments.rig,
             "seeds": seeds,
             "arguments": asdict(arguments),
-            "conditions": conditions,
+            "conditions": [
+                _metrics(trial, done[trial.segment.bag].seed, lockstep)
+                for trial in analysis.trials
+            ],
         }
-        json_file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    console.print(_table_ii(done))
-    console.print(_regression_table(done))
+        write_json(defined(content), json_file)
+    print_analysis(analysis, None, console)
     for warning in warnings:
         console.print(warning, highlight=False)
-    console.print(f"report: {index}", soft_wrap=True, highlight=False)
+    console.print(f"report: {page}", soft_wrap=True, highlight=False)
+    return {trial.segment.bag for trial in analysis.trials} == set(done)
+
+
+def _metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:
+    """Return the metrics of a trial for a JSON file."""
+    metrics: dict[str, Any] = {
+        "surface": trial.surface,
+        "controller": trial.controller,
+        "seed": seed,
+        **{name: trial.metrics[name] for name in EVALUATED},
+        "seconds": trial.segment.seconds,
+    }
+    if not lockstep:
+        delivery = trial.segment.delivery
+        ages = {label: delivery.age_us[label] for label in AGES if label in delivery.age_us}
+        metrics |= {"age_us": ages, "lost": delivery.lost, "late": delivery.late}
+        metrics["missed"] = delivery.missed
+    return metrics
 
 
 def _settings(arguments: GraphArguments, lockstep: bool) -> dict[str, str]:
@@ -397,82 +344,22 @@ def _settings(arguments: GraphArguments, lockstep: bool) -> dict[str, str]:
     return {"run": "lockstep" if lockstep else "live graph", **shown}
 
 
-def _warnings(done: Sequence[Condition]) -> list[str]:
-    """Return what speaks against the figures: samples lost, complaints of nodes."""
+def _warnings(analysis: Analysis) -> list[str]:
+    """Return what speaks against the metrics: samples lost, warnings of nodes."""
     warnings = []
-    for condition in done:
-        if condition.delivery is None:
-            continue
-        name = f"{condition.trial.surface} / {condition.trial.controller}"
-        delivery = condition.delivery
-        lost = max(delivery.lost[t.name] + delivery.missed[t.source] for t in SIGNALS.values())
-        share = lost / len(condition.trial.time)
+    for trial in analysis.trials:
+        delivery = trial.segment.delivery
+        missing = [
+            delivery.lost[topic.name] + delivery.missed[topic.source]
+            for topic in CORE
+            if topic.name in delivery.lost
+        ]
+        share = max(missing, default=0) / (trial.segment.seconds * trial.segment.rate)
+        name = f"{trial.surface} / {trial.controller}"
         if share > LOST_SHARE:
             warnings.append(
                 f"{name}: {100 * share:.1f} % of the samples are missing: the machine was too"
                 " busy, and the error is larger for it."
             )
-        warnings += [f"{name}: {warning}." for warning in condition.delivery.warnings]
+        warnings += [f"{name}: {warning}." for warning in delivery.warnings]
     return warnings
-
-
-def _table_ii(done: Sequence[Condition]) -> Table:
-    """Return Table II as measured, the paper's beside it."""
-    measured: dict[tuple[str, str], list[float]] = {}
-    for c in done:
-        measured.setdefault((c.trial.surface, c.trial.controller), []).append(
-            c.evaluation.nrmse_percent
-        )
-    surfaces = list(dict.fromkeys(surface for surface, _ in measured))
-    controllers = list(dict.fromkeys(controller for _, controller in measured))
-    table = Table(title="Table II: error of the handle's acceleration, % (paper's in brackets)")
-    table.add_column("controller")
-    for surface in (*surfaces, "average"):
-        table.add_column(surface, justify="right")
-    # The paper's averages are over its own surfaces.
-    paper = TABLE_II if tuple(surfaces) == SURFACES else _without_averages(TABLE_II)
-    for controller in controllers:
-        row = [measured.get((surface, controller), []) for surface in surfaces]
-        # Of each seed over the surfaces, as far as all were run.
-        average = [fmean(values) for values in zip(*(cell for cell in row if cell), strict=False)]
-        cells = zip((*surfaces, "average"), (*row, average), strict=True)
-        table.add_row(
-            controller,
-            *(_cell(values, paper.get((surface, controller))) for surface, values in cells),
-        )
-    return table
-
-
-def _regression_table(done: Sequence[Condition]) -> Table:
-    """Return slope and R^2 over all surfaces, the paper's beside them."""
-    table = Table(title="regression over all surfaces (paper's in brackets)")
-    for heading in ("controller", "slope, desired on actual", "slope, actual on desired", "R^2"):
-        table.add_column(heading, justify="right" if table.columns else "left")
-    # The paper's averages are over its own surfaces.
-    complete = {condition.trial.surface for condition in done} == set(SURFACES)
-    for controller in dict.fromkeys(c.trial.controller for c in done):
-        found = [c.evaluation for c in done if c.trial.controller == controller]
-        slope, r2 = REGRESSION.get(controller, (None, None)) if complete else (None, None)
-        table.add_row(
-            controller,
-            _cell([e.slope_desired_on_actual for e in found], slope, digits=2),
-            _cell([e.slope_actual_on_desired for e in found], None, digits=2),
-            _cell([e.r2 for e in found], r2, digits=2),
-        )
-    return table
-
-
-def _without_averages(table: Mapping[tuple[str, str], float]) -> dict[tuple[str, str], float]:
-    return {key: value for key, value in table.items() if key[0] != "average"}
-
-
-def _cell(measured: Sequence[float], paper: float | None, digits: int = 1) -> str:
-    """Return mean and, of several, standard deviation; the paper's value behind it."""
-    shown = f"{fmean(measured):.{digits}f}" if measured else "-"
-    if len(measured) > 1:
-        shown += f" ± {stdev(measured):.{digits}f}"
-    return shown if paper is None else f"{shown} ({paper:.{digits}f})"
-
-
-def _defined(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -22,14 +22,13 @@ from haptic_accel.cli.output import check_writable, save
 from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.inversion import Plant, causal_bound, measured_spectrum
-from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.model import HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE
-from haptic_accel.core.trial import GripChange, RigParameters, Trial, run_trial
+from haptic_accel.core.trial import GripChange, RigParameters, Trial
 from haptic_accel.devices.simulated import played
 from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.graph.lockstep import lockstep_trial
 from haptic_accel.graph.processes import RECORDING, graph_parameters, rig_parameters
 
 DURATION = 8.0
@@ -287,27 +286,11 @@ def _run_all(cases: Sequence[Case]) -> list[Row]:
 
 def run_case(case: Case) -> Row:
     """Run one trial and evaluate it from where it is to be."""
-    values = graph_parameters(case.arguments)
-    rig = rig_parameters(values)
-    around, options = node_parameters("compensator", values["compensator"])
-    trial = run_trial(
-        case.controller,
-        rig,
-        duration=DURATION,
-        rate=case.rate,
-        seed=case.seed,
-        recording=played(rig.slave.recording, case.rate),  # type: ignore[attr-defined]
-        compensation=around,
-        controllers=options,
-        grips=case.grips,
-    )
+    arguments = replace(case.arguments, duration=DURATION)
+    rig = rig_parameters(graph_parameters(arguments))
+    trial = lockstep_trial(arguments, grips=case.grips)
     first = round(case.start * case.rate)
-    evaluation = evaluate(
-        trial.desired_acceleration[first:],
-        trial.actual_acceleration[first:],
-        trial.rate,
-        1 / trial.rate,
-    )
+    evaluation = trial.evaluate(first)
     return Row(
         case.condition,
         case.rig,

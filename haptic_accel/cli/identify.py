@@ -20,7 +20,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from haptic_accel.analysis.identification_report import ModelError, write_identification_report
-from haptic_accel.bags.trials import read_excited, read_force_age
+from haptic_accel.bags.excitation import read_excited, read_force_age
 from haptic_accel.cli.options import (
     Verb,
     json_option,

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import click
 
-from haptic_accel.cli.experiment import run_lockstep
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
 from haptic_accel.core.process import DONE
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
+from haptic_accel.graph.lockstep import lockstep_trial
 
 
 @click.command(cls=Verb)
@@ -24,9 +24,9 @@ from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 def lockstep(words: Sequence[str], *, rate: float, seconds: float, json_file: Path | None) -> int:
     """Run one trial in lockstep on one core, and print its duration."""
     arguments = replace(parse_arguments(words), rate=rate, duration=seconds)
-    run_lockstep(replace(arguments, duration=10 / rate))  # what is loaded once does not count
+    lockstep_trial(replace(arguments, duration=10 / rate))  # what is loaded once does not count
     start = time.perf_counter()
-    trial = run_lockstep(arguments).trial
+    trial = lockstep_trial(arguments)
     wall = time.perf_counter() - start
     figures = {
         "rate_hz": rate,

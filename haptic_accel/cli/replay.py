@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shlex
+import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,74 +14,29 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from haptic_accel.bags.facts import custom_data
-from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.cli.options import FILE, Verb, json_option, listed_words, words
 from haptic_accel.cli.output import check_writable, make_folder, save
 from haptic_accel.cli.running import StopOnSignal, conclude, show
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS
 from haptic_accel.core.track import Track, played_at
-from haptic_accel.core.trial import Trial, run_trial
+from haptic_accel.core.trial import Trial
 from haptic_accel.devices.playback.device import SLAVE, ReplayParameters, read_track, start_offset
 from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, GraphArguments
-from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import (
-    SIMULATED,
-    Process,
-    graph,
-    graph_parameters,
-    rig_parameters,
-)
+from haptic_accel.graph.lockstep import lockstep_trial, record_trial
+from haptic_accel.graph.processes import SIMULATED, Process, graph
 from haptic_accel.graph.replay import Replay, ReplayArguments, described_replay, replay_arguments
 from haptic_accel.graph.supervisor import Supervisor
 
-Figures = dict[str, Any]
-
-RECORDER = "recorder"
-"""The node whose bags say of themselves what ours are to say too."""
+Metrics = dict[str, Any]
 
 COLUMNS = ("NRMSE\n%", "slope\na on d", "slope\nd on a", "R²")
 """Headings of the table's figures; the slopes are of actual on desired, and the reverse."""
 
 NAME_WIDTH = 19
 """Characters of a bag's name on one line: as many as the default one has."""
-
-
-@dataclass(frozen=True)
-class Condition:
-    """One bag under one controller.
-
-    Attributes
-    ----------
-    bag : str
-        What was played.
-    trial : Trial
-    evaluation : Evaluation
-    lost : int
-        Samples of the bag that were missing.
-    """
-
-    bag: str
-    trial: Trial
-    evaluation: Evaluation
-    lost: int
-
-    @property
-    def figures(self) -> Figures:
-        """What is saved of it."""
-        return {
-            "bag": self.bag,
-            "surface": self.trial.surface,
-            "controller": self.trial.controller,
-            **asdict(self.evaluation),
-            "seconds": self.trial.seconds,
-            "rate_hz": self.trial.rate,
-            "lost": self.lost,
-        }
 
 
 @click.command(
@@ -190,44 +146,23 @@ def replay_lockstep(
     if out:
         _check_names([asked.own.bag for asked in plan], controllers)
         make_folder(out)
-    done: list[Condition] = []
+    done: list[Metrics] = []
     for asked in plan:
         track = _track(asked)
         for controller in controllers or [asked.graph.controller]:
-            done.append(_condition(asked, track, controller))
+            arguments_of_trial = replace(asked.graph, controller=controller)
+            start = time.time_ns()
+            trial = lockstep_trial(arguments_of_trial, track=track)
+            done.append(_metrics(asked.own.bag, trial, track))
             if out:
-                _write(done[-1], asked, out)
+                record_trial(out / _name(asked.own.bag, controller), trial, asked.graph, start)
     console = Console()
     console.print(_table(done))
-    for bag, lost in {condition.bag: condition.lost for condition in done}.items():
+    for bag, lost in {row["bag"]: row["lost"] for row in done}.items():
         if lost:
             console.print(f"{bag}: {lost} samples are missing and hold the one before")
-    save({"lockstep": True, "conditions": [condition.figures for condition in done]}, json_file)
+    save({"lockstep": True, "conditions": done}, json_file)
     return DONE
-
-
-def lockstep_trial(arguments: GraphArguments, track: Track) -> Trial:
-    """Run a recorded slave, the arguments' controller and the simulated master in lockstep.
-
-    Parameters
-    ----------
-    arguments : GraphArguments
-        Of whose slave nothing is used but the surface's name.
-    track : Track
-        At the arguments' rate.
-    """
-    values = graph_parameters(arguments)
-    around, controllers = node_parameters("compensator", values["compensator"])
-    return run_trial(
-        arguments.controller,
-        rig_parameters(values),
-        duration=track.seconds,
-        rate=track.rate,
-        seed=arguments.seed,
-        replayed=track,
-        compensation=around,
-        controllers=controllers,
-    )
 
 
 def play_command(asked: Replay) -> str:
@@ -316,26 +251,21 @@ def _track(asked: Replay) -> Track:
     return played_at(read_track(parameters, SLAVE, rate), rate, own.rate)
 
 
-def _condition(asked: Replay, track: Track, controller: str) -> Condition:
-    """Play a track through a controller."""
-    trial = lockstep_trial(replace(asked.graph, controller=controller), track)
+def _metrics(bag: str, trial: Trial, track: Track) -> Metrics:
+    """Return the metrics of a bag played through a controller."""
     try:
-        # Shifted by a sample, as the paper does at 1 kHz.
-        evaluation = evaluate(
-            trial.desired_acceleration, trial.actual_acceleration, trial.rate, 1 / trial.rate
-        )
+        evaluation = trial.evaluate()
     except ValueError as error:
-        raise ParameterError(f"{asked.own.bag}: {error}") from None
-    return Condition(asked.own.bag, trial, evaluation, int(track.lost.sum()))
-
-
-def _write(condition: Condition, asked: Replay, out: Path) -> None:
-    """Write what came of a bag under a controller as a bag, which says how it was made."""
-    arguments = replace(asked.graph, controller=condition.trial.controller, record=True)
-    recorder = next(p for p in graph(arguments) if p.executable == RECORDER)
-    facts = custom_data(recorder.parameters[RECORDER]["facts"])
-    name = _name(condition.bag, condition.trial.controller)
-    write_trial(out / name, condition.trial, facts)
+        raise ParameterError(f"{bag}: {error}") from None
+    return {
+        "bag": bag,
+        "surface": trial.surface,
+        "controller": trial.controller,
+        **asdict(evaluation),
+        "seconds": trial.seconds,
+        "rate_hz": trial.rate,
+        "lost": int(track.lost.sum()),
+    }
 
 
 def _name(bag: str, controller: str) -> str:
@@ -351,23 +281,22 @@ def _check_names(bags: Sequence[str], controllers: Sequence[str]) -> None:
         raise ParameterError(f"out: two bags would be called {twice[0]}")
 
 
-def _table(done: Sequence[Condition]) -> Table:
-    """Return the figures as a table."""
+def _table(done: Sequence[Metrics]) -> Table:
+    """Return the metrics as a table."""
     table = Table(title="Replayed in lockstep", show_edge=False)
     table.add_column("bag", overflow="fold", min_width=NAME_WIDTH)
     for heading in ("surface", "controller"):
         table.add_column(heading, no_wrap=True)
     for heading in COLUMNS:
         table.add_column(heading, justify="right", no_wrap=True)
-    for condition in done:
-        trial, evaluation = condition.trial, condition.evaluation
+    for row in done:
         table.add_row(
-            Path(condition.bag).name,
-            trial.surface,
-            trial.controller,
-            f"{evaluation.nrmse_percent:.2f}",
-            f"{evaluation.slope_actual_on_desired:.3f}",
-            f"{evaluation.slope_desired_on_actual:.3f}",
-            f"{evaluation.r2:.3f}",
+            Path(row["bag"]).name,
+            row["surface"],
+            row["controller"],
+            f"{row['nrmse_percent']:.2f}",
+            f"{row['slope_actual_on_desired']:.3f}",
+            f"{row['slope_desired_on_actual']:.3f}",
+            f"{row['r2']:.3f}",
         )
     return table

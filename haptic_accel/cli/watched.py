@@ -20,7 +20,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from haptic_accel.bags.trials import AGE_OF, LABELS, durations, read_delivery
+from haptic_accel.bags.delivery import AGE_OF, LABELS, durations, read_delivery
 from haptic_accel.cli.bench import Figures, Usage
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import Verb, json_option, words

@@ -8,13 +8,15 @@ from dataclasses import InitVar, dataclass, field, replace
 
 import numpy as np
 
+from haptic_accel.core import topics
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_motion
 from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
     PositionPositionCoupling,
 )
-from haptic_accel.core.model import ZERO, FloatArray, HandleParameters
+from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
+from haptic_accel.core.model import ZERO, FloatArray, HandleParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
@@ -71,6 +73,9 @@ class Trial:
         As commanded, N.
     high_pass_frequency : float
         Corner of the compensator's high-pass, Hz.
+    arms : dict of ndarray, shape (n, 3)
+        Positions (m), velocities (m/s) and motor forces (N) of both arms, by the name of their
+        topic; empty where they are not known.
     """
 
     surface: str
@@ -82,6 +87,7 @@ class Trial:
     handle_acceleration: FloatArray
     actuator_force: FloatArray
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
+    arms: dict[str, FloatArray] = field(default_factory=dict)
 
     @property
     def actual_acceleration(self) -> FloatArray:
@@ -96,6 +102,17 @@ class Trial:
     def seconds(self) -> float:
         """Length of the trial."""
         return len(self.time) / self.rate
+
+    def evaluate(self, first: int = 0) -> Evaluation:
+        """Return the paper's metrics from a sample on, with the paper's shift of one sample.
+
+        Raises
+        ------
+        ValueError
+            Nothing is desired, or there are too few samples.
+        """
+        desired, actual = self.desired_acceleration[first:], self.actual_acceleration[first:]
+        return evaluate(desired, actual, self.rate, 1 / self.rate)
 
 
 def run_trial(
@@ -175,18 +192,23 @@ def run_trial(
             controller=controller,
             rate=rate,
             time=np.arange(samples) / rate,
-            **{name: np.zeros(samples) for name in _SIGNALS},
+            tool_acceleration=np.zeros(samples),
+            desired_acceleration=np.zeros(samples),
+            handle_acceleration=np.zeros(samples),
+            actuator_force=np.zeros(samples),
             high_pass_frequency=around.high_pass_frequency,
         ),
         deque(grips),
     )
 
 
-_SIGNALS = (
-    "tool_acceleration",
-    "desired_acceleration",
-    "handle_acceleration",
-    "actuator_force",
+_ARMS = (
+    topics.MASTER_POSITION.name,
+    topics.MASTER_VELOCITY.name,
+    topics.MASTER_ARM_FORCE.name,
+    topics.SLAVE_POSITION.name,
+    topics.SLAVE_VELOCITY.name,
+    topics.SLAVE_ARM_FORCE.name,
 )
 
 
@@ -207,6 +229,7 @@ def _run(
 ) -> Trial:
     """Fill a trial's signals sample by sample."""
     before: float | None = None
+    arms: list[tuple[Vector, ...]] = []
     for index, time in enumerate(trial.time.tolist()):
         master.advance(time)
         if grips and grips[0][0] <= time:
@@ -228,4 +251,16 @@ def _run(
         trial.desired_acceleration[index] = desired
         trial.handle_acceleration[index] = handle.acceleration
         trial.actuator_force[index] = force
+        arms.append(
+            (
+                handle.position,
+                handle.velocity,
+                on_master,
+                tool.position,
+                tool.velocity,
+                on_slave,
+            )
+        )
+    vectors = np.array(arms, dtype=float).swapaxes(0, 1)
+    trial.arms.update(zip(_ARMS, vectors, strict=True))
     return trial

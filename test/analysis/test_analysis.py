@@ -149,8 +149,8 @@ def test_a_truncated_bag_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
     analysis = load(bag, perceptual=False)
     assert any("cut off" in line for line in analysis.problems["bag"])
     (trial,) = analysis.trials
-    assert 2.0 < trial.measures.stretch.seconds < 6.0
-    assert trial.measures.fidelity is not None
+    assert 2.0 < trial.segment.seconds < 6.0
+    assert trial.portrait is not None
 
 
 def test_what_is_no_bag_harms_no_other(tmp_path: Path) -> None:
@@ -190,7 +190,7 @@ def test_lost_samples_are_counted_by_topic(tmp_path: Path) -> None:
     force, tool = topics.ACTUATOR_FORCE.name, topics.TOOL_ACCELERATION.name
     dropped = {force: [500, 501, 900], tool: [700]}
     bag = write_bag(tmp_path / "bag", replace(copy(seconds=2.0), dropped=dropped))
-    found = load(bag, perceptual=False).trials[0].measures.stretch.delivery
+    found = load(bag, perceptual=False).trials[0].segment.delivery
     assert (found.lost[force], found.lost[tool]) == (3, 1)
     assert sum(found.lost.values()) == 4
     assert sum(found.late.values()) == 0

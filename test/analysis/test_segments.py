@@ -1,4 +1,4 @@
-"""Bags cut into stretches of one condition, and what is said of what they lack."""
+"""Bags cut into segments of one condition, and what is said of what they lack."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ def cut_of(folder: Path, written: BagContent) -> Cut:
     return cut(read_bag(write_bag(folder / "bag", written)))
 
 
-def test_a_bag_of_one_condition_is_one_stretch(tmp_path: Path) -> None:
+def test_a_bag_of_one_condition_is_one_segment(tmp_path: Path) -> None:
     written = content()
     found = cut_of(tmp_path, written)
     assert found.problems == []
-    (stretch,) = found.stretches
-    assert (stretch.condition.controller, stretch.condition.surface) == ("dynamic", "plywood")
-    assert (stretch.rate, stretch.seconds) == (RATE, 4.0)
+    (segment,) = found.segments
+    assert (segment.condition.controller, segment.condition.surface) == ("dynamic", "plywood")
+    assert (segment.rate, segment.seconds) == (RATE, 4.0)
     for name in NAMES.values():
-        np.testing.assert_array_equal(stretch.signals[name], written.signals[name])
-    assert sum(stretch.delivery.lost.values()) == 0
-    assert stretch.delivery.transit == pytest.approx(4e-4)
+        np.testing.assert_array_equal(segment.signals[name], written.signals[name])
+    assert sum(segment.delivery.lost.values()) == 0
+    assert segment.delivery.transit == pytest.approx(4e-4)
 
 
-def test_a_change_of_controller_or_surface_ends_a_stretch(tmp_path: Path) -> None:
+def test_a_change_of_controller_or_surface_ends_a_segment(tmp_path: Path) -> None:
     changes = [
         (3.0, "compensator", "controller", "inverse"),
         (3.0, "compensator", "controller", "inverse"),
@@ -56,11 +56,11 @@ def test_a_change_of_controller_or_surface_ends_a_stretch(tmp_path: Path) -> Non
         (6.5, "coupler", "scale", "2"),
     ]
     found = cut_of(tmp_path, replace(content(9.0), changes=changes))
-    conditions = [(s.condition.controller, s.condition.surface) for s in found.stretches]
+    conditions = [(s.condition.controller, s.condition.surface) for s in found.segments]
     assert conditions == [("dynamic", "plywood"), ("inverse", "plywood"), ("inverse", "vinyl")]
-    begins = [stretch.begin for stretch in found.stretches]
+    begins = [segment.begin for segment in found.segments]
     assert begins == pytest.approx([0.0, 3.0 + SETTLING, 6.0 + SETTLING], abs=2 / RATE)
-    lengths = [stretch.seconds for stretch in found.stretches]
+    lengths = [segment.seconds for segment in found.segments]
     assert lengths == pytest.approx([3.0, 3.0 - SETTLING, 3.0 - SETTLING], abs=3 / RATE)
 
 
@@ -70,20 +70,20 @@ def test_a_surface_changed_in_part_is_another_one(tmp_path: Path) -> None:
     parameters = written.facts["parameters"]
     parameters["slave_device"]["simulated.surface.friction"] = 0.35
     found = cut_of(tmp_path, replace(written, changes=changes))
-    names = [stretch.condition.surface for stretch in found.stretches]
+    names = [segment.condition.surface for segment in found.segments]
     assert names == ["plywood", "plywood (altered)"]
 
 
-def test_arms_that_let_go_end_a_stretch(tmp_path: Path) -> None:
+def test_arms_that_let_go_end_a_segment(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(5.0), gap=(2.0, 3.0)))
-    begins = [stretch.begin for stretch in found.stretches]
+    begins = [segment.begin for segment in found.segments]
     assert begins == pytest.approx([0.0, 3.0], abs=2 / RATE)
-    assert [s.seconds for s in found.stretches] == pytest.approx([2.0, 2.0], abs=2 / RATE)
+    assert [s.seconds for s in found.segments] == pytest.approx([2.0, 2.0], abs=2 / RATE)
 
 
-def test_a_short_stretch_is_left_out_and_named(tmp_path: Path) -> None:
+def test_a_short_segment_is_left_out_and_named(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(3.0), gap=(0.5, 0.8)))
-    assert len(found.stretches) == 1
+    assert len(found.segments) == 1
     assert any("too short" in problem for problem in found.problems)
 
 
@@ -99,22 +99,22 @@ def test_a_missing_signal_is_named_with_what_follows(
     tmp_path: Path, lacking: str, said: str
 ) -> None:
     found = cut_of(tmp_path, content(2.0, without=(lacking,)))
-    assert len(found.stretches) == 1
+    assert len(found.segments) == 1
     assert any(said in problem for problem in found.problems)
-    assert NAMES[lacking] not in found.stretches[0].signals
+    assert NAMES[lacking] not in found.segments[0].signals
 
 
 def test_what_is_desired_is_made_from_the_tool_where_it_is_missing(tmp_path: Path) -> None:
     found = cut_of(tmp_path, content(2.0, without=("desired",)))
-    assert NAMES["desired"] in found.stretches[0].signals
+    assert NAMES["desired"] in found.segments[0].signals
     assert any("made from the tool's acceleration" in problem for problem in found.problems)
 
 
 def test_a_bag_that_says_nothing_of_itself_is_unknown(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(), facts={}))
-    (stretch,) = found.stretches
-    assert (stretch.condition.controller, stretch.condition.surface) == (UNKNOWN, UNKNOWN)
-    assert stretch.rate == RATE
+    (segment,) = found.segments
+    assert (segment.condition.controller, segment.condition.surface) == (UNKNOWN, UNKNOWN)
+    assert segment.rate == RATE
     assert any("does not say how it was made" in problem for problem in found.problems)
 
 
@@ -122,39 +122,39 @@ def test_a_rate_that_stamps_do_not_have_is_named(tmp_path: Path) -> None:
     written = content()
     written.facts["arguments"]["rate"] = 4000.0
     found = cut_of(tmp_path, written)
-    assert found.stretches[0].rate == RATE
+    assert found.segments[0].rate == RATE
     assert any("in place of the 4000" in problem for problem in found.problems)
 
 
 def test_without_arm_forces_all_is_taken_and_said(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(), arms=False))
-    assert len(found.stretches) == 1
+    assert len(found.segments) == 1
     assert any("coupled is not known" in problem for problem in found.problems)
 
 
 def test_of_another_rig_nothing_is_said(tmp_path: Path) -> None:
     signals = {topics.SLAVE_POSITION.name: np.ones(2000)}
     found = cut_of(tmp_path, BagContent(signals, RATE, arms=False))
-    assert found.stretches == []
+    assert found.segments == []
     assert any("another rig" in problem for problem in found.problems)
 
 
 def test_values_that_are_no_numbers_are_not_used(tmp_path: Path) -> None:
     written = content()
     written.signals[NAMES["handle"]][7] = np.nan
-    (stretch,) = cut_of(tmp_path, written).stretches
-    assert NAMES["handle"] not in stretch.signals
-    assert any("no numbers" in note for note in stretch.notes)
+    (segment,) = cut_of(tmp_path, written).segments
+    assert NAMES["handle"] not in segment.signals
+    assert any("no numbers" in note for note in segment.notes)
 
 
-def test_ages_and_warnings_are_those_of_the_stretch(tmp_path: Path) -> None:
+def test_ages_and_warnings_are_those_of_the_segment(tmp_path: Path) -> None:
     diagnostics = [
         (0.5, "master_device", "OK", {"actuator force age p50 (us)": "100.0"}),
         (1.5, "master_device", "stalled for 30 ms", {"actuator force age p50 (us)": "130.0"}),
     ]
-    (stretch,) = cut_of(tmp_path, replace(content(2.0), diagnostics=diagnostics)).stretches
-    assert stretch.delivery.age_us == {"p50": 130.0}
-    assert stretch.delivery.warnings == ["master_device: stalled for 30 ms"]
+    (segment,) = cut_of(tmp_path, replace(content(2.0), diagnostics=diagnostics)).segments
+    assert segment.delivery.age_us == {"p50": 130.0}
+    assert segment.delivery.warnings == ["master_device: stalled for 30 ms"]
 
 
 @pytest.mark.parametrize(
@@ -171,5 +171,5 @@ def test_a_surface_is_called_what_it_was(
 ) -> None:
     written = content(2.0)
     written.facts["arguments"].update(arguments)
-    (stretch,) = cut_of(tmp_path, written).stretches
-    assert stretch.condition.surface == surface
+    (segment,) = cut_of(tmp_path, written).segments
+    assert segment.condition.surface == surface

@@ -12,9 +12,10 @@ import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from haptic_accel.bags.trials import read_trial
+from haptic_accel.bags.delivery import read_delivery
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.topics import HANDLE_ACCELERATION, TOOL_ACCELERATION
+from haptic_accel.core.topics import ACTUATOR_FORCE, HANDLE_ACCELERATION, TOOL_ACCELERATION
 from haptic_accel.graph.files import surface_parameters
 from observing import Observer
 from running import Command
@@ -37,11 +38,10 @@ def test_another_controller_takes_over_without_a_jump(haptic_accel: Start, tmp_p
     assert refused.end() == 2
     assert refused.text.endswith("must be one of keep, " + ", ".join(CONTROLLERS))
     assert graph.end(signal.SIGINT) == 0, graph.text
-    trial, delivery = read_trial(tmp_path / "bag", "plywood", "adaptive", 1000.0, 15.0)
-    values = delivery.nodes["compensator"]
+    values = read_delivery(tmp_path / "bag", 1000.0).nodes["compensator"]
     assert values["controller"] == "adaptive"
     assert values["frozen"] == "true"
-    force = trial.actuator_force
+    force = read_bag(tmp_path / "bag").signals[ACTUATOR_FORCE.name].values[:, 2]
     at = int(np.argmax(force != 0.0))
     assert 0 < at < len(force) - 100, "no change within the recording"
     # Faded in: the first of some five samples is a fifth of what follows, at most.

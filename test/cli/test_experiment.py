@@ -54,6 +54,26 @@ def test_lockstep_gives_the_nine_conditions_twice_the_same(
 
 
 @pytest.mark.quiet
+def test_analysing_the_bags_gives_the_same_numbers(haptic_accel: Start, tmp_path: Path) -> None:
+    words = ("--lockstep", "duration:=2", "--controllers", "constant,dynamic")
+    for surface in ("text", "vinyl"):
+        options = ("--json", f"{surface}.json", "--out", f"out/{surface}")
+        command = haptic_accel("experiment", *words, f"surface:={surface}", *options)
+        assert command.end() == 0, command.text
+    command = haptic_accel("analyze", "out", "--json", "all.json", "--out", "again")
+    assert command.end() == 0, command.text
+    content = json.loads((tmp_path / "all.json").read_text())
+    assert content["problems"] == {}
+    again = {(t["surface"], t["controller"]): t for t in content["trials"]}
+    assert len(again) == 4
+    for surface in ("text", "vinyl"):
+        for condition in figures(tmp_path / f"{surface}.json"):
+            trial = again[surface, condition["controller"]]
+            for name in KEYS - {"seed"}:
+                assert condition[name] == trial[name], name
+            assert condition["seconds"] == 2.0
+
+
 def test_seeds_are_users_and_a_rig_can_be_chosen(haptic_accel: Start, tmp_path: Path) -> None:
     words = ["experiment", "--lockstep", "duration:=2", "surface:=text", "seed:=3"]
     for rig in ("ideal", "paper"):

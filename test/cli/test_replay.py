@@ -11,9 +11,10 @@ import pytest
 
 from bag_maker import write_bag
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.cli.replay import lockstep_trial, play_command
+from haptic_accel.cli.replay import play_command
 from haptic_accel.core import topics
 from haptic_accel.devices.playback.device import SLAVE, ReplayParameters, read_track
+from haptic_accel.graph.lockstep import lockstep_trial
 from haptic_accel.graph.replay import replay_arguments
 from running import Command
 from verbs import refusal, status_of
@@ -56,7 +57,7 @@ def test_golden_figures_are_as_the_paper_orders_them() -> None:
 def test_signals_are_the_same_bit_by_bit_and_the_tool_s_is_the_bag_s() -> None:
     asked = replay_arguments([f"bag:={DATA / 'text'}", "controller:=inverse"])
     track = read_track(ReplayParameters(str(DATA / "text")), SLAVE, 1000.0)
-    one, two = (lockstep_trial(asked.graph, track) for _ in range(2))
+    one, two = (lockstep_trial(asked.graph, track=track) for _ in range(2))
     for name in ("desired_acceleration", "handle_acceleration", "actuator_force"):
         assert np.array_equal(getattr(one, name), getattr(two, name))
     assert np.array_equal(one.tool_acceleration, track.acceleration)

@@ -1,0 +1,338 @@
+"""Metrics of one trial: error, likeness, delay, force, travel, latency."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from haptic_accel.analysis.perception import perceive
+from haptic_accel.analysis.plots import EXCERPT, Portrait
+from haptic_accel.analysis.segments import Segment
+from haptic_accel.analysis.traces import Traces
+from haptic_accel.core import topics
+from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.control.filters import without_hand_motion
+from haptic_accel.core.evaluation.bands import band_nrmse, bands
+from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
+from haptic_accel.core.evaluation.metrics import evaluate, spectra
+from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import IntArray
+
+PERCENT = 100.0
+"""Percent in a ratio of 1."""
+
+MILLI, MICRO = 1e3, 1e6
+"""Milliseconds, millimetres or microseconds in the SI unit."""
+
+TRAVEL_BEGIN = 0.1
+"""Start of a trial that is left out of the largest travel, s: the estimate begins in the middle,
+wherever the actuator is, and forgets that with the 18 ms of Table I's suspension."""
+
+LATENCY_EDGES = np.geomspace(1e-5, 1.0, 101)
+"""Edges of the latency histogram's bins, s: twenty to a decade, 12 % wide."""
+
+PAPER_SHIFT, MEASURED_SHIFT = "paper", "measured"
+
+MOST_SHIFT = 100.0
+"""Largest shift that may be asked for, ms."""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Label and format of one metric.
+
+    Attributes
+    ----------
+    label, unit : str
+        For a reader.
+    digits : int
+        Number of decimals.
+    """
+
+    label: str
+    unit: str
+    digits: int
+
+    @property
+    def heading(self) -> str:
+        """Label and unit, as the heading of a column."""
+        return f"{self.label} ({self.unit})" if self.unit else self.label
+
+
+METRICS: Mapping[str, Metric] = {
+    "nrmse_percent": Metric("NRMSE", "%", 1),
+    "slope_desired_on_actual": Metric("slope, desired on actual", "", 2),
+    "slope_actual_on_desired": Metric("slope, actual on desired", "", 2),
+    "r2": Metric("R²", "", 2),
+    "delay_ms": Metric("delay", "ms", 3),
+    "delay_correlation": Metric("correlation at it", "", 2),
+    "shift_ms": Metric("shift", "ms", 3),
+    "st_sim": Metric("ST-SIM", "", 3),
+    "spqi": Metric("SPQI", "", 3),
+    "force_rms_N": Metric("force RMS", "N", 2),
+    "force_peak_N": Metric("force peak", "N", 2),
+    "travel_mm": Metric("travel used", "mm", 2),
+    "latency_p50_us": Metric("latency p50", "µs", 0),
+    "latency_p99_us": Metric("latency p99", "µs", 0),
+    "latency_max_us": Metric("latency max", "µs", 0),
+    "age_p50_us": Metric("age p50", "µs", 0),
+    "age_p99_us": Metric("age p99", "µs", 0),
+    "age_max_us": Metric("age max", "µs", 0),
+    "lost": Metric("lost", "", 0),
+    "late": Metric("late", "", 0),
+}
+"""Metrics by name with unit, as columns of tables and files have it."""
+
+
+@dataclass(frozen=True)
+class Shift:
+    """Time by which the actual acceleration is shifted back before it is compared.
+
+    Attributes
+    ----------
+    kind : str
+        ``paper`` for one sample (the paper's 1 ms at its 1 kHz), ``measured`` for each trial's own
+        estimated delay, ``fixed`` for `seconds`.
+    seconds : float
+        Shift of the kind ``fixed``, s.
+    """
+
+    kind: str = PAPER_SHIFT
+    seconds: float = 0.0
+
+    @classmethod
+    def read(cls, text: str) -> Shift:
+        """Read ``paper``, ``measured``, or a number of milliseconds.
+
+        Raises
+        ------
+        ParameterError
+            It is none of these.
+        """
+        if text in (PAPER_SHIFT, MEASURED_SHIFT):
+            return cls(text)
+        try:
+            milliseconds = float(text)
+        except ValueError:
+            milliseconds = math.nan
+        if not abs(milliseconds) <= MOST_SHIFT:
+            raise ParameterError(
+                f"shift = {text!r}: must be paper, measured, or from -{MOST_SHIFT:g} to"
+                f" {MOST_SHIFT:g} ms"
+            )
+        return cls("fixed", milliseconds * 1e-3)
+
+    def of(self, rate: float, delay: Delay) -> float:
+        """Return the shift of a trial in s; the paper's where its delay is not known."""
+        if self.kind == "fixed":
+            return self.seconds
+        if self.kind == MEASURED_SHIFT and math.isfinite(delay.seconds):
+            return delay.seconds
+        return 1.0 / rate
+
+    @property
+    def words(self) -> str:
+        """The shift in words."""
+        return {
+            PAPER_SHIFT: "one sample, as in the paper",
+            MEASURED_SHIFT: "the delay measured in each trial",
+        }.get(self.kind, f"{1e3 * self.seconds:g} ms")
+
+
+@dataclass(frozen=True)
+class AnalysedTrial:
+    """A trial with its metrics.
+
+    Attributes
+    ----------
+    name : str
+        Name of its bag, with a number if it is not the bag's first trial; unique.
+    source : Path
+        Place named by the user in which it was found.
+    segment : Segment
+        The part of the bag, without its signals.
+    metrics : dict
+        Value of each of `METRICS`; NaN where undefined.
+    bands : dict
+        NRMSE in percent by band; empty if desired and actual acceleration cannot be compared.
+    error : Interval
+        NRMSE in percent with the interval that pieces of the trial give.
+    portrait : Portrait or None
+        Parts of the compared accelerations that plots show.
+    latency : ndarray of int64 or None
+        Number of forces in the bins of `LATENCY_EDGES`; those outside are in the first and last.
+    traces : Traces
+        Signals over time.
+    notes : tuple of str
+        What is missing or assumed.
+    """
+
+    name: str
+    source: Path
+    segment: Segment
+    metrics: dict[str, float]
+    bands: dict[str, float]
+    error: Interval
+    portrait: Portrait | None
+    latency: IntArray | None
+    traces: Traces
+    notes: tuple[str, ...]
+
+    @property
+    def controller(self) -> str:
+        """Controller of the trial."""
+        return self.segment.condition.controller
+
+    @property
+    def surface(self) -> str:
+        """Surface of the trial."""
+        return self.segment.condition.surface
+
+
+def measure(
+    segment: Segment, name: str, source: Path, shift: Shift, *, perceptual: bool = True
+) -> AnalysedTrial:
+    """Return the metrics of a segment.
+
+    Parameters
+    ----------
+    segment : Segment
+    name, source
+        See `AnalysedTrial`.
+    shift : Shift
+    perceptual : bool
+        Score ST-SIM and SPQI, which takes longest.
+    """
+    notes = list(segment.notes)
+    desired, force = (
+        segment.signals.get(topic.name)
+        for topic in (topics.DESIRED_ACCELERATION, topics.ACTUATOR_FORCE)
+    )
+    actual = actual_acceleration(segment)
+    corner = segment.high_pass_frequency
+    if actual is None and segment.rate <= 2 * corner:
+        notes.append(f"{segment.rate:g} samples per second are too few for its {corner:g} Hz")
+    comparison = _Comparison()
+    if desired is not None and actual is not None:
+        comparison = _compared(desired, actual, segment.rate, shift, perceptual, notes)
+    travel = _travel(segment)
+    drawn = {"desired": desired, "actual": actual, "force": force, "travel": travel}
+    delivery = segment.delivery
+    metrics = dict.fromkeys(METRICS, math.nan) | comparison.metrics
+    if force is not None:
+        metrics["force_rms_N"] = float(np.sqrt(np.mean(force**2)))
+        metrics["force_peak_N"] = float(np.max(np.abs(force)))
+    if travel is not None:
+        farthest = np.max(np.abs(travel[round(TRAVEL_BEGIN * segment.rate) :]))
+        metrics["travel_mm"] = MILLI * float(farthest)
+    latency = None
+    if delivery.transit.any():  # in lockstep there is no latency
+        inside = np.clip(delivery.transit, LATENCY_EDGES[0], LATENCY_EDGES[-1])
+        latency = np.histogram(inside, LATENCY_EDGES)[0].astype(np.int64)
+        quantiles = MICRO * np.quantile(delivery.transit, [0.5, 0.99, 1.0])
+        labels = ("latency_p50_us", "latency_p99_us", "latency_max_us")
+        metrics |= dict(zip(labels, quantiles.tolist(), strict=True))
+    for label in ("p50", "p99", "max"):
+        metrics[f"age_{label}_us"] = delivery.age_us.get(label, math.nan)
+    metrics["lost"] = float(sum(delivery.lost.values()))
+    metrics["late"] = float(sum(delivery.late.values()))
+    return AnalysedTrial(
+        name,
+        source,
+        segment.without_signals(),
+        metrics,
+        comparison.bands,
+        comparison.error,
+        comparison.portrait,
+        latency,
+        Traces.of(
+            {name: values for name, values in drawn.items() if values is not None},
+            segment.rate,
+            comparison.shift,
+            EXCERPT,
+        ),
+        tuple(dict.fromkeys(notes)),
+    )
+
+
+def actual_acceleration(segment: Segment) -> FloatArray | None:
+    """Return the handle's acceleration without gravity and the hand's motion, m/s^2.
+
+    None without the handle's signal, or if its rate is too low for the high-pass.
+    """
+    handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
+    if handle is None or segment.rate <= 2 * segment.high_pass_frequency:
+        return None
+    return without_hand_motion(handle, segment.high_pass_frequency, segment.rate)
+
+
+_NO_ERROR = Interval(math.nan, math.nan, math.nan, 0, "no value")
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """Result of comparing two accelerations; by default, that of none."""
+
+    metrics: dict[str, float] = field(default_factory=dict)
+    shift: float = 0.0
+    bands: dict[str, float] = field(default_factory=dict)
+    error: Interval = _NO_ERROR
+    portrait: Portrait | None = None
+
+
+def _compared(
+    desired: FloatArray,
+    actual: FloatArray,
+    rate: float,
+    shift: Shift,
+    perceptual: bool,
+    notes: list[str],
+) -> _Comparison:
+    """Compare two accelerations; say in the notes why that cannot be done."""
+    try:
+        delay = estimate_delay(desired, actual, rate)
+        seconds = shift.of(rate, delay)
+        desired, actual = shift_back(desired, actual, rate, seconds)
+        evaluation = evaluate(desired, actual, rate, 0.0)
+        spectrum = spectra(desired, actual, rate)
+        errors = band_nrmse(desired, actual, rate, bands(rate))
+    except ValueError as error:
+        notes.append(f"cannot be compared: {error}")
+        return _Comparison()
+    if math.isnan(delay.seconds):
+        notes.append("no delay stands out: the handle does not follow what is desired")
+    metrics = asdict(evaluation) | {
+        "delay_ms": MILLI * delay.seconds,
+        "delay_correlation": delay.correlation,
+        "shift_ms": MILLI * seconds,
+    }
+    if perceptual:
+        perception = perceive(desired, actual, rate)
+        metrics |= {"st_sim": perception.st_sim, "spqi": perception.spqi}
+        notes += [perception.note] if perception.note else []
+    own = nrmse_interval(desired, actual, rate)
+    return _Comparison(
+        metrics,
+        seconds,
+        {band: PERCENT * value for band, value in errors.items()},
+        Interval(
+            evaluation.nrmse_percent, PERCENT * own.low, PERCENT * own.high, own.n, own.method
+        ),
+        Portrait.of(desired, actual, rate, evaluation, spectrum),
+    )
+
+
+def _travel(segment: Segment) -> FloatArray | None:
+    """Return the actuator's position between its stops at each sample, m."""
+    force = segment.signals.get(topics.ACTUATOR_FORCE.name)
+    handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
+    if force is None or handle is None:
+        return None
+    sample = TravelEstimator(segment.suspension, segment.rate).sample
+    return np.array([sample(f, a) for f, a in zip(force.tolist(), handle.tolist(), strict=True)])

@@ -1,0 +1,79 @@
+"""Runs a condition of the graph in lockstep, and records it as the graph's recorder would."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from haptic_accel.bags.facts import custom_data
+from haptic_accel.bags.trial_bag import write_trial
+from haptic_accel.core.track import Track
+from haptic_accel.core.trial import GripChange, Trial, run_trial
+from haptic_accel.devices.simulated import played
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
+
+RECORDER = "recorder"
+
+
+def lockstep_trial(
+    arguments: GraphArguments,
+    *,
+    track: Track | None = None,
+    grips: Sequence[GripChange] = (),
+) -> Trial:
+    """Run the condition that arguments describe without ROS.
+
+    Parameters
+    ----------
+    arguments : GraphArguments
+        Simulated master, and simulated slave unless there is a track.
+    track : Track, optional
+        Recorded slave at the arguments' rate, which is played to its end.
+    grips : sequence of GripChange
+        Changes of grip, in order of time.
+    """
+    values = graph_parameters(arguments)
+    rig = rig_parameters(values)
+    around, controllers = node_parameters("compensator", values["compensator"])
+    recording = None
+    if track is None:
+        recording = played(rig.slave.recording, arguments.rate)  # type: ignore[attr-defined]
+    return run_trial(
+        arguments.controller,
+        rig,
+        duration=arguments.duration if track is None else track.seconds,
+        rate=arguments.rate,
+        seed=arguments.seed,
+        recording=recording,
+        replayed=track,
+        compensation=around,
+        controllers=controllers,
+        grips=grips,
+    )
+
+
+def record_trial(bag: Path, trial: Trial, arguments: GraphArguments, start: int) -> None:
+    """Write a trial as a bag that describes itself as one of the live graph does.
+
+    Parameters
+    ----------
+    bag : Path
+        Folder to make.
+    trial : Trial
+    arguments : GraphArguments
+        Arguments that the trial was run with.
+    start : int
+        Stamp of the first sample, system time in ns.
+
+    Raises
+    ------
+    ParameterError
+        The folder exists already, or cannot be written.
+    """
+    described = replace(arguments, controller=trial.controller, record=True)
+    recorder = next(p for p in graph(described) if p.executable == RECORDER)
+    facts = custom_data(recorder.parameters[RECORDER]["facts"])
+    write_trial(bag, trial, facts, start)

@@ -1,0 +1,193 @@
+"""The report through what it writes: page, plots, tables and signals of small trials."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from bagging import of_trial, write_bag
+from haptic_accel.analysis import load
+from haptic_accel.analysis.loading import Analysis
+from haptic_accel.analysis.page import Setting
+from haptic_accel.analysis.writing import PICTURES, signal_table, write_analysis
+from haptic_accel.core.trial import Trial
+
+SURFACES = ("plywood", "text", "vinyl")
+GAINS = {"none": 0.0, "constant": 0.6, "dynamic": 0.9}
+DASH = "–"
+SETTING = Setting(
+    "An <experiment>",
+    ["The first note.", "The second {{ 7 * 7 }} note."],
+    {"arguments": "rate:=1000", "<seed>": "7"},
+)
+
+
+def trial(surface: str, controller: str, seconds: float = 1.5, rate: float = 1000.0) -> Trial:
+    """Noise as the tool's acceleration, and a handle that follows one sample later."""
+    samples = round(rate * seconds)
+    tool = np.convolve(np.random.default_rng(5).normal(0.0, 3.0, samples), [1, 0, -1], "same")
+    return Trial(
+        surface,
+        controller,
+        rate,
+        np.arange(samples) / rate,
+        tool,
+        tool - tool.mean(),
+        GAINS[controller] * np.concatenate([[0.0], tool[:-1]]),
+        0.128 * tool,
+    )
+
+
+def analysed(folder: Path, *conditions: tuple[str, str]) -> Analysis:
+    for surface, controller in conditions:
+        write_bag(folder / f"{surface}_{controller}", of_trial(trial(surface, controller)))
+    return load(folder, perceptual=False)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a report of nine conditions, once because it is only read."""
+    folder = tmp_path_factory.mktemp("results")
+    analysis = analysed(folder / "bags", *((s, c) for s in SURFACES for c in GAINS))
+    first = analysis.trials[0].segment
+    files = {"signals_plywood_constant.csv": signal_table(first)}
+    write_analysis(analysis, folder, setting=SETTING, files=files)
+    return folder
+
+
+class Page(HTMLParser):
+    """What a reader meets in a page: tables as lists of rows, links, pictures, and the text."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.alternatives: list[str] = []
+        self.tables: list[list[list[str]]] = []
+        self.text = ""
+        self._cell: list[str] | None = None
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        attributes = dict(attrs)
+        self.links += [attributes[name] or "" for name in ("href", "src") if name in attributes]
+        if tag == "img":
+            self.alternatives.append(attributes["alt"] or "")
+        elif tag == "table":
+            self.tables.append([])
+        elif tag == "tr":
+            self.tables[-1].append([])
+        elif tag in {"td", "th"}:
+            self._cell = self.tables[-1][-1]
+            self._cell.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in {"td", "th"}:
+            self._cell = None
+
+    def handle_data(self, data: str) -> None:
+        if self.lasttag not in ("style", "script"):
+            self.text += data
+        if self._cell is not None:
+            self._cell[-1] += data.strip()
+
+
+def row_of(table: list[list[str]], name: str) -> list[str]:
+    """Return the cells after a row's name."""
+    return next(row[1:] for row in table if row[0] == name)
+
+
+def test_table_two_stands_beside_the_papers(report: Path) -> None:
+    table = Page(report / "index.html").tables[0]
+    assert table[0] == ["controller", "trials", *SURFACES, "average"]
+    assert table[1] == ["here", "paper"] * 4
+    assert row_of(table, "none")[:3] == ["3", "100.0", "99.6"]
+    assert row_of(table, "constant")[2::2] == ["69.8", "80.6", "92.3", "79.1"]
+    errors = [float(cell) for cell in row_of(table, "constant")[1::2]]
+    assert errors == pytest.approx([40.0] * 4, abs=0.2)
+
+
+def test_an_average_over_some_surfaces_is_not_compared_with_the_papers(tmp_path: Path) -> None:
+    analysis = analysed(
+        tmp_path / "bags", ("plywood", "none"), ("text", "none"), ("text", "constant")
+    )
+    table = Page(write_analysis(analysis, tmp_path)).tables[0]
+    # Only over surfaces that all controllers were tried on.
+    assert row_of(table, "none") == ["2", "100.0", "99.6", "100.0", "99.5", "100.0", DASH]
+    assert row_of(table, "constant")[1:3] == [DASH, "69.8"]
+
+
+def test_texts_of_a_setting_stay_text(report: Path) -> None:
+    page = Page(report / "index.html")
+    assert page.text.count("An <experiment>") == 2
+    assert page.text.index("The first note.") < page.text.index("The second {{ 7 * 7 }} note.")
+    assert [["arguments", "rate:=1000"], ["<seed>", "7"]] in page.tables
+
+
+def test_every_link_leads_to_a_section_or_a_file_of_the_report(report: Path) -> None:
+    page = Page(report / "index.html")
+    files = {unquote(link) for link in page.links if not link.startswith("#")}
+    assert all((report / name).is_file() for name in files)
+    assert {"trials.csv", "signals_plywood_constant.csv", *(f"{n}.png" for n in PICTURES)} <= files
+    assert {f"{name}.pdf" for name in PICTURES} <= files
+
+
+def test_pictures_have_alternative_texts_that_name_the_conditions(report: Path) -> None:
+    alternatives = Page(report / "index.html").alternatives
+    assert len(alternatives) == len(PICTURES)
+    for text in alternatives:
+        assert all(name in text for name in (*SURFACES, *GAINS))
+    for name in PICTURES:
+        with Image.open(report / f"{name}.png") as picture:
+            assert len(picture.convert("L").getcolors() or []) > 20
+
+
+def test_signals_are_written_in_named_units(report: Path) -> None:
+    written = trial("plywood", "constant")
+    found = pd.read_csv(report / "signals_plywood_constant.csv")
+    columns = {
+        "time_s": written.time,
+        "tool_acceleration_m_s2": written.tool_acceleration,
+        "desired_acceleration_m_s2": written.desired_acceleration,
+        "handle_acceleration_m_s2": written.handle_acceleration,
+        "actuator_force_N": written.actuator_force,
+        "actual_acceleration_m_s2": written.actual_acceleration,
+    }
+    assert list(found.columns) == list(columns)
+    for name, values in columns.items():
+        np.testing.assert_allclose(found[name], values, rtol=1e-8, atol=1e-12)
+
+
+def test_numbers_that_are_none_never_reach_the_reader(tmp_path: Path) -> None:
+    samples = 1500
+    zero = np.zeros(samples)
+    still = Trial("text", "none", 1000.0, np.arange(samples) / 1000, zero, zero, zero, zero)
+    write_bag(tmp_path / "bags" / "still", of_trial(still))
+    path = write_analysis(load(tmp_path / "bags", perceptual=False), tmp_path)
+    words = {word.lower() for word in re.findall(r"[A-Za-z]+", Page(path).text)}
+    assert not {"nan", "inf"} & words
+    assert row_of(Page(path).tables[0], "none") == ["1", DASH, "99.5"]
+    (row,) = pd.read_csv(tmp_path / "trials.csv").to_dict("records")
+    assert np.isnan(row["nrmse_percent"])
+
+
+@pytest.mark.parametrize("rate", [500.0, 4000.0])
+def test_a_handle_at_rest_can_be_drawn(rate: float, tmp_path: Path) -> None:
+    write_bag(tmp_path / "bags" / "rest", of_trial(trial("text", "none", rate=rate)))
+    write_analysis(load(tmp_path / "bags", perceptual=False), tmp_path)
+    assert (tmp_path / "fig11_spectra.png").stat().st_size > 0
+
+
+def test_the_same_bags_give_the_same_files(tmp_path: Path) -> None:
+    analysis = analysed(tmp_path / "bags", ("text", "constant"))
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        write_analysis(analysis, tmp_path / folder)
+    for name in ("fig10_regression.png", "trials.csv"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
