@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import fcntl
 import os
 import random
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
 
 PATIENCE = 60.0
 """Time after which an event counts as not coming, on a busy machine too, s."""
+
+_LIBC = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG = 1
+"""From linux/prctl.h."""
 
 DOMAINS = range(1, 101)
 """ROS domains whose ports stay below those that Linux hands out."""
@@ -45,8 +50,7 @@ class Command:
             stderr=subprocess.STDOUT,
             text=True,
             start_new_session=True,
-            # As at a terminal: a suite run in the background has Ctrl-C switched off.
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+            preexec_fn=_prepare,
         )
         self.lines: list[str] = []
         self._news = threading.Condition()
@@ -100,6 +104,14 @@ def use_domain(environment: pytest.MonkeyPatch, domain: int) -> None:
     environment.setenv("ROS_DOMAIN_ID", str(domain))
     for variable, value in middleware_defaults(os.environ).items():
         environment.setenv(variable, value)
+
+
+def _prepare() -> None:
+    """Make a new process one as at a terminal that does not outlive the tests."""
+    # A suite run in the background has Ctrl-C switched off.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    # A suite that is killed cleans nothing up; nodes end with the command that started them.
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 class MachineStoodStillError(Exception):
