@@ -23,11 +23,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, TOPICS
 from haptic_accel.nodes.device_node import STALL
 from observing import Observer
+from recordings import RATE, dragged_over, write_recording
 from running import Command, nodes_of, wait_until
 
 Start = Callable[..., Command]
 EXECUTABLES = {"master_device", "slave_device", "coupler", "compensator", "recorder"}
-SHARED = Path(__file__).parents[3] / "shared" / "data"
 
 
 def stamp_of(message: Any) -> int:
@@ -256,22 +256,20 @@ def test_a_recorded_acceleration_is_played(haptic_accel: Start, tmp_path: Path) 
     assert np.argmax(spectrum) * 1000 / len(played) == pytest.approx(tone, abs=2)
 
 
-@pytest.mark.parametrize("name", ["wood", "leather"])
-def test_a_real_recording_is_played(haptic_accel: Start, tmp_path: Path, name: str) -> None:
-    file = SHARED / f"{name}.csv"
-    if not file.exists():
-        pytest.skip("the recordings are not there")
+def test_a_recorded_surface_is_played(haptic_accel: Start, tmp_path: Path) -> None:
+    write_recording(tmp_path / "vinyl.csv", "vinyl")
     command = haptic_accel(
         "teleop",
         "surface:=recording",
-        f"recording:={file}",
-        "recording_rate:=10000",
+        "recording:=vinyl.csv",
+        f"recording_rate:={RATE}",
         "duration:=2",
         "bag:=bag",
     )
     assert command.end() == 0, command.text
     messages = read(tmp_path / "bag")["/slave/tool/acceleration"]
-    assert np.std([message.accel.linear.z for message in messages]) > 0.1
+    played = np.trim_zeros([message.accel.linear.z for message in messages])
+    assert np.std(played) == pytest.approx(dragged_over("vinyl").std(), rel=0.2)
 
 
 @pytest.mark.parametrize(
