@@ -40,10 +40,10 @@ from haptic_accel.core.model import (
     ComplexArray,
     FloatArray,
     HandleParameters,
-    StructureParameters,
+    MountParameters,
     handle_model,
 )
-from haptic_accel.core.parameters import schema
+from haptic_accel.core.parameters import own_schema
 from haptic_accel.pages import template
 
 PARAMETER_FILE = "handle.yaml"
@@ -56,7 +56,7 @@ KNOWN = "known"
 """What stands for the standard error of a parameter that was not fitted."""
 
 MASS_LIKE = 60.0
-"""Between suspension and structure, where handles are little more than their mass, Hz."""
+"""Between suspension and mount, where handles are little more than their mass, Hz."""
 
 POINTS = 400
 """Frequencies at which models are drawn."""
@@ -516,13 +516,13 @@ def _parameter_rows(found: Identification, truth: HandleParameters | None) -> li
     """Return what was fitted or known, each cell with its standard error."""
     fits = [fit for _, fit in _fits(found)]
     rows: list[_Row] = []
-    for name, (_, given) in schema(HandleParameters).items():
+    for name, (_, given) in own_schema(HandleParameters).items():
         true = None if truth is None else getattr(truth, name)
         cells = [_cell(getattr(fit.handle, name), fit.standard_errors.get(name)) for fit in fits]
         rows.append(_Row(name, given.text, given.unit, _number(true), cells))
     if any("delay" in fit.standard_errors for fit in fits):
         rows.append(_delay_row(fits))
-    for name, (_, given) in schema(StructureParameters).items():
+    for name, (_, given) in own_schema(MountParameters).items():
         errors = [fit.standard_errors.get(f"mount_{name}") for fit in fits]
         if any(error is not None for error in errors):
             cells = [

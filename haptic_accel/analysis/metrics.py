@@ -334,5 +334,5 @@ def _travel(segment: Segment) -> FloatArray | None:
     handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
     if force is None or handle is None:
         return None
-    sample = TravelEstimator(segment.suspension, segment.rate).sample
+    sample = TravelEstimator(segment.actuator, segment.rate).sample
     return np.array([sample(f, a) for f, a in zip(force.tolist(), handle.tolist(), strict=True)])

@@ -122,7 +122,7 @@ def write_page(
     found = sorted(analysis.trials, key=lambda t: (rank(t.controller), rank(t.surface)))
     ordered = Analysis(found, analysis.problems, analysis.shift, analysis.bags)
     frame, grouped = trials(ordered), groups(ordered)
-    free = MILLI * min((t.segment.suspension.travel for t in found), default=math.nan)
+    free = MILLI * min((t.segment.actuator.travel for t in found), default=math.nan)
     page = template("analysis.html.j2").render(
         setting=setting or Setting(),
         when=datetime.now().astimezone(),
@@ -210,7 +210,7 @@ def _drawn(trial: AnalysedTrial, points: int) -> dict[str, Any]:
         "cloud": _cloud(trial.portrait) if trial.portrait else None,
         "spectra": _spectra(trial.portrait) if trial.portrait else None,
         "latency": trial.latency.tolist() if trial.latency is not None else None,
-        "free": trial.segment.suspension.travel * MILLI,
+        "free": trial.segment.actuator.travel * MILLI,
     }
 
 

@@ -14,10 +14,10 @@ import numpy as np
 from haptic_accel.bags.delivery import Delivery, delivery
 from haptic_accel.bags.reading import Bag
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.travel import SuspensionParameters
-from haptic_accel.core.control.compensation import FADING, LIMITS, LISTENING, PLANT
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.control.compensation import FADING, LISTENING
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import (
     NANOSECONDS,
@@ -88,8 +88,7 @@ class Segment:
     signals : dict of ndarray, shape (n,)
         Along the actuator's axis, by topic; those of `CORE` that the bag has.
     delivery : Delivery
-    suspension : SuspensionParameters
-        Of the actuator, for its travel.
+    actuator : ActuatorParameters
     pair : tuple of str
         What two trials that belong together have in common: grip, seed and recording; the bag's
         name where it does not say.
@@ -106,7 +105,7 @@ class Segment:
     begin: float
     signals: Mapping[str, FloatArray]
     delivery: Delivery
-    suspension: SuspensionParameters = field(default_factory=SuspensionParameters)
+    actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     pair: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -240,13 +239,11 @@ class _Known:
             )
         self.condition = self._first(arguments)
         self.high_pass_frequency = HIGH_PASS_FREQUENCY
-        self.suspension = SuspensionParameters()
+        self.actuator = ActuatorParameters()
         try:
             around, options = node_parameters("compensator", self.of_node("compensator"))
             self.high_pass_frequency = around.high_pass_frequency
-            self.suspension = SuspensionParameters.of(
-                options[PLANT].handle, options[LIMITS].travel
-            )
+            self.actuator = options[ACTUATOR]
         except ParameterError as error:
             problems.append(f"its parameters are not ours ({error}): defaults stand for them")
         self.pair = self._pair(recorded, arguments)
@@ -389,7 +386,7 @@ def _segment(
         (start - int(anchor.stamps[0])) / NANOSECONDS,
         signals,
         delivery(recorded, start, length, rate),
-        known.suspension,
+        known.actuator,
         known.pair,
         tuple(notes),
     )

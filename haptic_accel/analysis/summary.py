@@ -106,7 +106,7 @@ def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
         return []
     sentence = f"The actuator gave {number(peak, 1)} N at most"
     if math.isfinite(travel):
-        free = MILLI * min(trial.segment.suspension.travel for trial in analysis.trials)
+        free = MILLI * min(trial.segment.actuator.travel for trial in analysis.trials)
         sentence += (
             f" and used {number(travel, 1)} mm of the {number(free, 1)} mm it may move either way"
         )

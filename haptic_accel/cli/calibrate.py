@@ -15,7 +15,8 @@ import numpy as np
 import yaml
 
 from haptic_accel.cli.options import Verb, words
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError, parameter
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.devices import DeviceError
@@ -26,7 +27,6 @@ from haptic_accel.devices.serial.calibration import (
     rest,
 )
 from haptic_accel.devices.serial.device import (
-    FORCE_CONSTANT,
     HIGHEST_RATE,
     MISSING_LIBRARY,
     PortParameters,
@@ -62,7 +62,7 @@ class CalibrateArguments(PortParameters):
     )
     rate: int = parameter(1000, "samples per second", unit="Hz", low=100, high=HIGHEST_RATE)
     force_constant: float = parameter(
-        FORCE_CONSTANT,
+        ActuatorParameters.force_constant,
         "force constant of the master's actuator, from its data sheet (H2W NCM02-05-005-4JB: 2.4)",
         unit="N/A",
         low=-1000.0,
@@ -168,10 +168,13 @@ def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Cal
             "board": identity.serial_number,
         },
     }
-    if arguments.side == MASTER:
-        values["actuator"] = {"force_constant": arguments.force_constant}
-    part = {"serial": values} if arguments.device == SERIAL else {CAN_SERIAL: {"handle": values}}
+    part: dict[str, Any] = (
+        {"serial": values} if arguments.device == SERIAL else {CAN_SERIAL: {"handle": values}}
+    )
     content = {f"{arguments.side}_device": {"ros__parameters": part}}
+    if arguments.side == MASTER:
+        actuator = {ACTUATOR: {"force_constant": arguments.force_constant}}
+        content["/**"] = {"ros__parameters": actuator}
     head = [
         f"Board {identity.serial_number}, {datetime.now():%Y-%m-%d %H:%M}, by gravity"
         f" (haptic-accel calibrate), {arguments.seconds:g} s in each position.",

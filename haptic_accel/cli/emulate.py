@@ -24,7 +24,7 @@ from haptic_accel.devices import MASTERS, SLAVES, Device
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
 from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
 from haptic_accel.devices.connection import AUTO
-from haptic_accel.devices.serial.device import FORCE_CONSTANT, HIGHEST_RATE, MISSING_LIBRARY
+from haptic_accel.devices.serial.device import HIGHEST_RATE, MISSING_LIBRARY
 from haptic_accel.emulators.can_arm import EmulatedArm
 from haptic_accel.emulators.can_line import BusPort, CanLine, SlcanPort
 from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, FaultKind, Faults
@@ -260,7 +260,8 @@ def _board(
 
     is_master = side == MASTER
     gravity = arguments.master_gravity if is_master else 0.0
-    full_scale = rig.master.actuator.peak_force / FORCE_CONSTANT if is_master else 0.0
+    actuator = rig.master.actuator
+    full_scale = actuator.peak_force / abs(actuator.force_constant) if is_master else 0.0
     sensor = rig.master.accelerometer if is_master else rig.slave.accelerometer
 
     def measure(time: float) -> float:
@@ -269,7 +270,7 @@ def _board(
         return sample.acceleration + gravity
 
     def drive(time: float, current: float) -> None:
-        device.write(time, actuator_force=current * FORCE_CONSTANT)
+        device.write(time, actuator_force=current * actuator.force_constant)
 
     name = f"emulated-{side}"
     identity = Identity(FIRMWARE, axes_bits("xyz"), HIGHEST_RATE, sensor.range, full_scale, name)

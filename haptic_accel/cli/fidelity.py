@@ -19,7 +19,7 @@ from rich.table import Table
 from haptic_accel.cli.experiment import SURFACES
 from haptic_accel.cli.options import Verb, json_option, listed, listed_words
 from haptic_accel.cli.output import check_writable, save
-from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
+from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.inversion import Plant, causal_bound, measured_spectrum
 from haptic_accel.core.model import HandleParameters, held
@@ -312,7 +312,7 @@ def _bound(case: Case, rig: RigParameters, trial: Trial, first: int) -> float:
     """Return the best that a causal linear filter could do on the grip as it is, percent."""
     master = rig.master
     handle = case.grips[-1][1] if case.grips else held(master.handle, master.grip, case.seed)
-    plant = Plant(handle, master.structure, master.actuator.delay, master.accelerometer.bandwidth)
+    plant = Plant(handle, master.mount, master.drive.delay, master.accelerometer.bandwidth)
     spectrum = measured_spectrum(trial.tool_acceleration[first:], trial.rate)
     return causal_bound(
         plant,
@@ -326,7 +326,7 @@ def _bound(case: Case, rig: RigParameters, trial: Trial, first: int) -> float:
 def _largest_travel(rig: RigParameters, trial: Trial, first: int) -> float:
     """Return the largest travel of the actuator, mm."""
     handle = rig.master.handle
-    estimator = TravelEstimator(SuspensionParameters.of(handle), trial.rate)
+    estimator = TravelEstimator(handle, trial.rate)
     pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
     travel = [abs(estimator.sample(force, acceleration)) for force, acceleration in pairs]
     return 1e3 * max(travel[first:])

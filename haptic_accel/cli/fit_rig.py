@@ -39,9 +39,9 @@ ITERATIONS = 8
 class Unknowns:
     """What is fitted, with the range that its physical cause allows."""
 
-    structure_frequency: float
+    mount_frequency: float
     """Hz; in Fig. 11 of the paper handle and tool are alike up to about 300 Hz, so no lower."""
-    structure_damping: float
+    mount_damping: float
     """Of parts screwed and glued together and held in a hand, 0.1 to 0.3."""
     delay: float
     """s, beside the hold; up to half a sample of computation, and the amplifier."""
@@ -59,16 +59,12 @@ class Unknowns:
     def rig(self, rig: RigParameters) -> RigParameters:
         """Return a rig with these values."""
         master, surface = rig.master, rig.slave.surface
-        structure = replace(
-            master.structure, frequency=self.structure_frequency, damping=self.structure_damping
-        )
-        actuator = replace(
-            master.actuator, delay=self.delay, coulomb_friction=self.coulomb_friction
-        )
+        mount = replace(master.mount, frequency=self.mount_frequency, damping=self.mount_damping)
+        drive = replace(master.drive, delay=self.delay, coulomb_friction=self.coulomb_friction)
         surface = replace(surface, contact_damping=self.contact_damping(surface.name))
         return replace(
             rig,
-            master=replace(master, structure=structure, actuator=actuator),
+            master=replace(master, mount=mount, drive=drive),
             slave=replace(rig.slave, surface=surface),
         )
 

@@ -32,7 +32,7 @@ from haptic_accel.cli.options import (
 )
 from haptic_accel.cli.output import check_writable, make_folder
 from haptic_accel.cli.running import StopOnSignal, conclude
-from haptic_accel.core.actuator.travel import SuspensionParameters
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification import (
     DEFAULT_FREE,
     SAMPLES_MISSING,
@@ -51,13 +51,15 @@ from haptic_accel.core.identification import (
     run_identification,
 )
 from haptic_accel.core.model import (
+    ACTUATOR,
     POSTURES,
     AccelerometerParameters,
     ComplexArray,
     HandleParameters,
+    Suspension,
     held,
 )
-from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.devices.playback.files import read_recording
@@ -170,14 +172,14 @@ def identify(
             recorded = _run_lockstep(arguments, grips)
         else:
             recorded = _run_live(arguments, grips, folder)
-        suspension, sensor = _bench(arguments)
+        actuator, sensor = _bench(arguments)
         found = identify_handle(
             recorded,
             arguments.sweep,
             sensor.range,
             sensor.bandwidth,
             known=HandleParameters(
-                m_a=suspension.m_a, k_s=suspension.k_s, b_s=suspension.b_s or HandleParameters.b_s
+                m_a=actuator.m_a, k_s=actuator.k_s, b_s=actuator.b_s or HandleParameters.b_s
             ),
             free=free,
         )
@@ -191,7 +193,7 @@ def identify(
         paths = [_bag(arguments, grip, grips, folder) for grip in grips]
     ages = [read_force_age(path) for path in paths if path.is_dir()]
     age = fmean(ages) if ages else 0.0
-    _conclude(found, arguments, lockstep, sources, age, folder, json_file)
+    _conclude(found, actuator, arguments, lockstep, sources, age, folder, json_file)
     return DONE
 
 
@@ -206,10 +208,10 @@ def _checked_grips(grips: Sequence[str], arguments: IdentifyArguments) -> list[s
 
 def _bench(
     arguments: IdentifyArguments,
-) -> tuple[SuspensionParameters, AccelerometerParameters]:
+) -> tuple[ActuatorParameters, AccelerometerParameters]:
     """Return what is known of actuator and accelerometer."""
     _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
-    return known["suspension"], known["accelerometer"]
+    return known[ACTUATOR], known["accelerometer"]
 
 
 # Recordings
@@ -341,6 +343,7 @@ def _rig(arguments: IdentifyArguments) -> MasterRigParameters:
 
 def _conclude(
     found: Identification,
+    actuator: ActuatorParameters,
     arguments: IdentifyArguments,
     lockstep: bool,
     sources: Sequence[str],
@@ -359,7 +362,7 @@ def _conclude(
         rig = _rig(replace(arguments, grip=grips[0]))
         truth, errors = rig.handle, _errors(found, rig, sweep, rate, band, lockstep)
     notes = _notes(found)
-    (folder / "handle.yaml").write_text(parameter_file(found, age), encoding="utf-8")
+    (folder / "handle.yaml").write_text(parameter_file(found, actuator, age), encoding="utf-8")
     index = write_identification_report(
         found,
         sweep,
@@ -420,25 +423,30 @@ def _notes(found: Identification) -> list[str]:
     return notes
 
 
-def parameter_file(found: Identification, age: float = 0.0) -> str:
+def parameter_file(found: Identification, actuator: ActuatorParameters, age: float = 0.0) -> str:
     """Return a ROS parameter file that ``config:=FILE`` takes: the handle and its controllers.
 
     Parameters
     ----------
     found : Identification
+    actuator : ActuatorParameters
+        As far as it is known without the identification.
     age : float
         Of the forces that came through the live graph, s. It is a part of the delay that a
         controller has to do with, and none of the simulated handle's, which has it anyway.
     """
     fit = found.fit
-    handle = asdict(fit.handle)
+    handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
+    mount = _plain(asdict(fit.mount))
+    suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
     content = {
+        "/**": {"ros__parameters": {ACTUATOR: _plain(asdict(actuator) | suspension)}},
         "master_device": {
             "ros__parameters": {
                 "simulated": {
-                    "handle": _plain(handle),
-                    "structure": _plain(asdict(fit.mount)),
-                    "actuator": {"delay": float(f"{max(0.0, fit.delay - age):.6f}")},
+                    "handle": handle,
+                    "mount": mount,
+                    "drive": {"delay": float(f"{max(0.0, fit.delay - age):.6f}")},
                 }
             }
         },
@@ -447,16 +455,11 @@ def parameter_file(found: Identification, age: float = 0.0) -> str:
                 "constant": _plain({"mass": fit.handle.m_h}),
                 "dynamic": _plain(asdict(found.approximate)),
                 "plant": {
-                    "handle": _plain(handle),
-                    "structure": _plain(asdict(fit.mount)),
+                    "handle": handle,
+                    "mount": mount,
                     "delay": float(f"{max(0.0, fit.delay):.6f}"),
                     "bandwidth": fit.low_pass_frequency,
                 },
-            }
-        },
-        "identifier": {
-            "ros__parameters": {
-                "suspension": {name: _plain(handle)[name] for name in ("m_a", "k_s", "b_s")}
             }
         },
     }
@@ -485,10 +488,10 @@ def _errors(
     In the live graph the age of the forces adds to the rig's own delay, and the models have it
     rightly: there the delay that was found is taken for the true one.
     """
-    delay = rig.actuator.delay if lockstep else max(0.0, found.fit.delay)
+    delay = rig.drive.delay if lockstep else max(0.0, found.fit.delay)
     clean = replace(
         rig,
-        actuator=replace(rig.actuator, coulomb_friction=0.0, bits=32, delay=delay),
+        drive=replace(rig.drive, coulomb_friction=0.0, bits=32, delay=delay),
         accelerometer=replace(rig.accelerometer, noise_density=0.0, bits=32),
     )
     (trial,) = run_identification(clean, sweep, rate)
@@ -538,7 +541,7 @@ def _figures(
 
 
 def _fit_figures(fit: HandleFit) -> dict[str, Any]:
-    units = {name: given.unit for name, (_, given) in schema(HandleParameters).items()}
+    units = {name: given.unit for name, (_, given) in own_schema(HandleParameters).items()}
     return {
         "parameters": {
             name: {
@@ -561,7 +564,7 @@ def _table(found: Identification, truth: HandleParameters | None) -> Table:
     true = asdict(truth) if truth else {}
     for heading in ("", "found", "standard error", *others, *(["true"] if true else []), "unit"):
         table.add_column(heading, justify="right" if heading else "left")
-    for name, (_, given) in schema(HandleParameters).items():
+    for name, (_, given) in own_schema(HandleParameters).items():
         error = found.fit.standard_errors.get(name)
         table.add_row(
             name,

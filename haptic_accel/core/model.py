@@ -23,13 +23,29 @@ GRAVITY = 9.80665
 """Standard gravity, m/s^2 (ISO 80000-3)."""
 
 
-@dataclass(frozen=True)
-class HandleParameters(Checked):
-    """Actuator on its spring, handle and hand: eq. (1) and (2), Table I of the paper."""
+ACTUATOR = "actuator"
+"""Block of a node's parameters that describes the actuator, for all that the node is made of."""
 
-    m_a: float = parameter(0.018, "moving mass of the actuator", unit="kg", low=0, above=True)
-    k_s: float = parameter(266.0, "centring spring of the actuator", unit="N/m", low=0)
-    b_s: float = parameter(2.0, "damping of the actuator's bearing", unit="N s/m", low=0)
+
+@dataclass(frozen=True)
+class Suspension(Checked):
+    """The actuator's moving mass on its spring and bearing: eq. (1), Table I of the paper."""
+
+    m_a: float = parameter(
+        0.018, "moving mass of the actuator", unit="kg", low=0, above=True, block=ACTUATOR
+    )
+    k_s: float = parameter(
+        266.0, "centring spring of the actuator", unit="N/m", low=0, block=ACTUATOR
+    )
+    b_s: float = parameter(
+        2.0, "damping of the actuator's bearing", unit="N s/m", low=0, block=ACTUATOR
+    )
+
+
+@dataclass(frozen=True)
+class HandleParameters(Suspension):
+    """Actuator on its suspension, handle and hand: eq. (1) and (2), Table I of the paper."""
+
     m_h: float = parameter(0.128, "mass of handle and hand", unit="kg", low=0, above=True)
     k_u: float = parameter(1500.0, "stiffness of the user's grip", unit="N/m", low=0)
     b_u: float = parameter(11.0, "damping of the user's grip", unit="N s/m", low=0)
@@ -174,13 +190,13 @@ assumed, such that Table I lies in the middle."""
 
 
 @dataclass(frozen=True)
-class StructureParameters(Checked):
-    """What lies between the actuator's frame and the accelerometer: a light mount that gives."""
+class MountParameters(Checked):
+    """The accelerometer's light, elastic mount on the handle."""
 
     frequency: float = parameter(
-        0.0, "its resonance; 0 for a rigid mount", unit="Hz", low=0, high=2000.0
+        0.0, "resonance of the mount; 0 for a rigid one", unit="Hz", low=0, high=2000.0
     )
-    damping: float = parameter(0.2, "its damping ratio", low=0.01, high=2.0)
+    damping: float = parameter(0.2, "damping ratio of the mount", low=0.01, high=2.0)
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,9 @@ class Specification:
         Whether `low` itself is excluded.
     choices : tuple of str
         The allowed words of a string parameter; empty where any is allowed.
+    block : str
+        Block of the node that holds the parameter, wherever its dataclass is nested; empty for
+        a parameter that belongs to its dataclass alone.
     """
 
     text: str
@@ -47,6 +50,7 @@ class Specification:
     high: float | None = None
     above: bool = False
     choices: tuple[str, ...] = ()
+    block: str = ""
 
     @property
     def allowed(self) -> str:
@@ -84,9 +88,10 @@ def parameter(
     high: float | None = None,
     above: bool = False,
     choices: tuple[str, ...] = (),
+    block: str = "",
 ) -> Any:
     """Declare a dataclass field as a parameter: its default with a `Specification`."""
-    specification = Specification(text, unit, low, high, above, choices)
+    specification = Specification(text, unit, low, high, above, choices, block)
     return dataclasses.field(default=default, metadata={_SPECIFICATION: specification})
 
 
@@ -156,9 +161,7 @@ class Checked:
         ParameterError
             Naming the class' field, the value and what is allowed.
         """
-        for name, (default, specification) in schema(type(self)).items():
-            if "." in name:
-                continue
+        for name, (default, specification) in own_schema(type(self)).items():
             value = checked(name, getattr(self, name), default, specification)
             object.__setattr__(self, name, value)
 
@@ -167,8 +170,19 @@ Schema = dict[str, tuple[Any, Specification]]
 """Default and specification by dotted name."""
 
 
+def own_schema(parameters: type) -> Schema:
+    """Return the parameters of a dataclass without those nested in it, by field name."""
+    return {
+        field.name: (field.default, field.metadata[_SPECIFICATION])
+        for field in dataclasses.fields(parameters)
+        if _SPECIFICATION in field.metadata
+    }
+
+
 def schema(parameters: type, prefix: str = "") -> Schema:
     """Return all parameters of a dataclass and of those nested in it, by dotted name.
+
+    A parameter of a block has the block's name before its own, whatever the prefix.
 
     Parameters
     ----------
@@ -179,12 +193,19 @@ def schema(parameters: type, prefix: str = "") -> Schema:
     """
     found: Schema = {}
     for field in dataclasses.fields(parameters):
-        name = prefix + field.name
+        name = _dotted(field, prefix)
         if _SPECIFICATION in field.metadata:
             found[name] = (field.default, field.metadata[_SPECIFICATION])
         else:
             found |= schema(_nested(field), name + ".")
     return found
+
+
+def _dotted(field: dataclasses.Field[Any], prefix: str) -> str:
+    """Return the dotted name of a field behind a prefix, or in its block."""
+    specification: Specification | None = field.metadata.get(_SPECIFICATION)
+    in_block = specification is not None and specification.block
+    return f"{in_block}.{field.name}" if in_block else prefix + field.name
 
 
 def from_flat(parameters: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
@@ -205,14 +226,19 @@ def from_flat(parameters: type[T], values: Mapping[str, Any], prefix: str = "") 
         A value that is not allowed, by its dotted name.
     """
     fields: dict[str, Any] = {}
+    names: dict[str, str] = {}
     for field in dataclasses.fields(parameters):  # type: ignore[arg-type]
-        name = prefix + field.name
+        name = names[field.name] = _dotted(field, prefix)
         if _SPECIFICATION not in field.metadata:
             fields[field.name] = from_flat(_nested(field), values, name + ".")
         elif name in values:
-            specification = field.metadata[_SPECIFICATION]
-            fields[field.name] = checked(name, values[name], field.default, specification)
-    return parameters(**fields)
+            fields[field.name] = values[name]
+    try:
+        return parameters(**fields)
+    except ParameterError as error:
+        # The dataclass checks itself and names its field, not where that is nested.
+        field_name, equals, rest = str(error).partition(" = ")
+        raise ParameterError(f"{names.get(field_name, field_name)}{equals}{rest}") from None
 
 
 def _nested(field: dataclasses.Field[Any]) -> type:

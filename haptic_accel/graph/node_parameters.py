@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from haptic_accel.bags.recording_options import RecordingOptions
-from haptic_accel.core.actuator.guard import LimitParameters
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
-from haptic_accel.core.actuator.travel import SuspensionParameters
 from haptic_accel.core.control.compensation import (
-    LIMITS,
     PLANT,
     CompensationParameters,
     check_rate,
@@ -21,7 +19,7 @@ from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.coupling.engagement import EngagementParameters, timeout_parameter
 from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.identification.sweep import SweepParameters
-from haptic_accel.core.model import AccelerometerParameters
+from haptic_accel.core.model import ACTUATOR, AccelerometerParameters
 from haptic_accel.core.parameters import Checked, Schema, from_flat, parameter, schema
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES
@@ -193,13 +191,13 @@ NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     "coupler": (CouplerNodeParameters, {}),
     "identifier": (
         IdentifierNodeParameters,
-        {"suspension": SuspensionParameters, "accelerometer": AccelerometerParameters},
+        {ACTUATOR: ActuatorParameters, "accelerometer": AccelerometerParameters},
     ),
     "compensator": (
         CompensatorNodeParameters,
         {
             **{name: controller.Parameters for name, controller in CONTROLLERS.items()},
-            LIMITS: LimitParameters,
+            ACTUATOR: ActuatorParameters,
             PLANT: Plant,
         },
     ),

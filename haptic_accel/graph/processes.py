@@ -179,7 +179,7 @@ def graph_parameters(
     for executable, own in _own_parameters(arguments).items():
         values[executable] |= own
     if arguments.master == SIMULATED:
-        # A simulated handle needs no bench to measure its actuator and its sensor on.
+        # A simulated handle needs no bench to measure its sensor on.
         values["identifier"] = _bench_values(values["master_device"]) | values["identifier"]
     return values
 
@@ -187,12 +187,8 @@ def graph_parameters(
 def _bench_values(master: Mapping[str, Any]) -> dict[str, Any]:
     """Return what an identifier must know of the simulated handle, by dotted name."""
     _, devices = node_parameters("master_device", master)
-    rig = devices[SIMULATED]
-    known = {f"suspension.{name}": getattr(rig.handle, name) for name in ("m_a", "k_s", "b_s")}
-    known["suspension.travel"] = rig.actuator.travel
-    for name, value in asdict(rig.accelerometer).items():
-        known[f"accelerometer.{name}"] = value
-    return known
+    sensor = asdict(devices[SIMULATED].accelerometer)
+    return {f"accelerometer.{name}": value for name, value in sensor.items()}
 
 
 def rig_parameters(values: Mapping[str, Mapping[str, Any]]) -> RigParameters:

@@ -14,7 +14,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.parameters import ParameterError, from_flat
+from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, Topic, along_actuator
 from haptic_accel.devices import Device, DeviceError, Sample
@@ -212,9 +212,10 @@ class DeviceNode(ManagedNode):
         for changed in values:
             if not changed.startswith(f"{name}."):
                 raise ParameterError(f"{changed}: the device is {name}")
-        known = {key: p.value for key, p in self.get_parameters_by_prefix(name).items()}
-        new = {key.removeprefix(f"{name}."): value for key, value in values.items()}
-        parameters: Any = from_flat(self._kind.Parameters, known | new)
+        known = {
+            key: self.get_parameter(key).value for key in schema(self._kind.Parameters, f"{name}.")
+        }
+        parameters: Any = from_flat(self._kind.Parameters, known | values, f"{name}.")
         self.device.change(parameters)
         self.options[name] = parameters
 

@@ -8,7 +8,7 @@ import time
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.identification.sweep import excitation
-from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.model import ACTUATOR, ZERO, Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.devices import DeviceError
@@ -40,9 +40,9 @@ class Identifier(GraphNode):
         self._repeat = len(self._force) // p.repeats
         self._rest = round(p.rest * p.rate)
         self._period = NANOSECONDS / p.rate
-        suspension = self.options["suspension"]
-        self._travel = TravelEstimator(suspension, p.rate)
-        self._most_travel = p.travel_share * suspension.travel
+        actuator = self.options[ACTUATOR]
+        self._travel = TravelEstimator(actuator, p.rate)
+        self._most_travel = p.travel_share * actuator.travel
         self._widest = self._applied = 0.0
         self._origin: int | None = None
         self._done = -1  # repeats, as told

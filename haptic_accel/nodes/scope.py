@@ -14,9 +14,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.subscription import Subscription
 
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.travel import SuspensionParameters
-from haptic_accel.core.control.compensation import LIMITS, PLANT
-from haptic_accel.core.model import Vector
+from haptic_accel.core.model import ACTUATOR, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
@@ -46,8 +44,7 @@ WANTED = {
     "compensator": tuple(
         name
         for name in node_schema("compensator")
-        if name in ("controller", "high_pass_frequency", "peak_force", f"{LIMITS}.travel")
-        or name.startswith(f"{PLANT}.handle.")
+        if name in ("controller", "high_pass_frequency") or name.startswith(f"{ACTUATOR}.")
     ),
     "slave_device": ("device", f"{SURFACE}name"),
     "master_device": ("device", POSTURE),
@@ -184,8 +181,8 @@ class Scope(GraphNode):
                 for label in ("p50", "p99")
             },
             "limits": {
-                "force": setting.peak_force,
-                "travel": setting.suspension.travel,
+                "force": setting.actuator.peak_force,
+                "travel": setting.actuator.travel,
                 "assumed": setting.assumed,
                 "high_pass": setting.high_pass_frequency,
             },
@@ -268,8 +265,7 @@ def _setting(values: Mapping[str, Any]) -> Setting:
         own, options = node_parameters("compensator", known)
     except ParameterError:  # of another version
         return Setting()
-    suspension = SuspensionParameters.of(options[PLANT].handle, options[LIMITS].travel)
-    return Setting(own.high_pass_frequency, own.peak_force, suspension, assumed=False)
+    return Setting(own.high_pass_frequency, options[ACTUATOR], assumed=False)
 
 
 def main() -> None:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.actuator.guard import PEAK_FORCE
-from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.filters import (
     HIGH_PASS_FREQUENCY,
     MOTION_SHARE,
@@ -138,17 +138,14 @@ class Setting:
     ----------
     high_pass_frequency : float
         Corner of the compensator's high-pass, Hz.
-    peak_force : float
-        Of the actuator, N.
-    suspension : SuspensionParameters
-        The actuator between its stops.
+    actuator : ActuatorParameters
+        Limits of the actuator, and its suspension for the travel.
     assumed : bool
         Whether these are the defaults, because no compensator has told its own.
     """
 
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
-    peak_force: float = PEAK_FORCE
-    suspension: SuspensionParameters = field(default_factory=SuspensionParameters)
+    actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     assumed: bool = True
 
 
@@ -307,7 +304,7 @@ class Derivation:
     def __init__(self, setting: Setting, rate: float) -> None:
         self.rate, self.setting = rate, setting
         self._sections = high_pass(min(setting.high_pass_frequency * MOTION_SHARE, rate / 4), rate)
-        self._estimator = TravelEstimator(setting.suspension, rate)
+        self._estimator = TravelEstimator(setting.actuator, rate)
         self._newest: int | None = None
         self._memory = np.zeros((len(self._sections), 2))
 

@@ -25,7 +25,7 @@ from haptic_accel.core.identification import (
     identify_handle,
     run_identification,
 )
-from haptic_accel.core.model import HandleParameters, StructureParameters
+from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import schema
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 
@@ -216,7 +216,7 @@ def test_a_fitted_mount_is_shown(one: Identification, tmp_path: Path) -> None:
     assert "mount" not in report(one, tmp_path / "rigid").text
     fit = dataclasses.replace(
         one.fit,
-        mount=StructureParameters(frequency=280.0, damping=0.127),
+        mount=MountParameters(frequency=280.0, damping=0.127),
         standard_errors=one.fit.standard_errors
         | {"mount_frequency": 0.4, "mount_damping": 0.0012},
     )

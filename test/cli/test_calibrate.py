@@ -100,7 +100,7 @@ def test_a_board_is_calibrated_by_turning_it_over(board: Turned, tmp_path: Path)
     assert values["serial.calibration.board"] == "board-7"
     assert values["serial.calibration.gain"] == pytest.approx(49.0 / FULL_SCALE / 1.05, rel=1e-3)
     assert values["serial.calibration.offset"] == pytest.approx(0.5 / 49.0 * FULL_SCALE, abs=1)
-    assert values["serial.actuator.force_constant"] == 2.5
+    assert values["actuator.force_constant"] == 2.5
     assert "Standard errors" in (tmp_path / "found.yaml").read_text()
     assert yaml.safe_load((tmp_path / "found.yaml").read_text())
 

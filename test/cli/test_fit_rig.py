@@ -48,10 +48,10 @@ def outcome() -> Unknowns:
     """Return what config/ keeps of a fit."""
     master = kept("plywood").master
     return Unknowns(
-        master.structure.frequency,
-        master.structure.damping,
-        master.actuator.delay,
-        master.actuator.coulomb_friction,
+        master.mount.frequency,
+        master.mount.damping,
+        master.drive.delay,
+        master.drive.coulomb_friction,
         *(kept(surface).slave.surface.contact_damping for surface in SURFACES),
     )
 

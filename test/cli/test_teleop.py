@@ -308,7 +308,10 @@ def test_wrong_arguments_end_in_one_line(
     ("content", "named"),
     [
         ("compensator: {ros__parameters: {constant: {mass: .nan}}}", ["constant.mass", "nan"]),
-        ("compensator: {ros__parameters: {peak_force: -6.6}}", ["peak_force", "-6.6"]),
+        (
+            "compensator: {ros__parameters: {actuator: {peak_force: -6.6}}}",
+            ["actuator.peak_force", "-6.6"],
+        ),
         ("compensator: {ros__parameters: {pek_force: 6.6}}", ["pek_force", "compensator"]),
         ("compensater: {ros__parameters: {}}", ["compensater"]),
         ("/**: {ros__parameters: {k_mm: 3}}", ["k_mm"]),
@@ -339,7 +342,9 @@ def test_a_bag_that_is_there_is_not_written_over(haptic_accel: Start, tmp_path: 
 
 
 def test_a_parameter_file_reaches_the_nodes(haptic_accel: Start, tmp_path: Path) -> None:
-    (tmp_path / "mine.yaml").write_text("compensator: {ros__parameters: {peak_force: 0.05}}")
+    (tmp_path / "mine.yaml").write_text(
+        "compensator: {ros__parameters: {actuator: {peak_force: 0.05}}}"
+    )
     command = haptic_accel(
         "teleop", "config:=mine.yaml", "controller:=constant", "duration:=2", "bag:=bag"
     )

@@ -9,7 +9,7 @@ import pytest
 from haptic_accel.core.model import AccelerometerParameters
 from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.instruments import ArmParameters
-from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRigParameters
+from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
 from haptic_accel.core.trial import RigParameters
 
@@ -41,7 +41,7 @@ def ideal_master(
 ) -> MasterRigParameters:
     """Return Table I with ideal instruments and a hand at rest: nothing but the mechanics."""
     return MasterRigParameters(
-        actuator=ActuatorParameters(bits=32),
+        drive=DriveParameters(bits=32),
         accelerometer=ideal_accelerometer,
         arm=ideal_arm,
         exploration=still_hand,

@@ -9,8 +9,8 @@ from haptic_accel.devices import MASTERS, SLAVES
 @pytest.mark.parametrize("devices", [MASTERS, SLAVES])
 def test_parameters_are_those_of_both_parts(devices: dict) -> None:
     names = set(schema(devices["can_serial"].Parameters))
-    arm = {f"arm.{name}" for name in schema(devices["can"].Parameters)}
-    handle = {f"handle.{name}" for name in schema(devices["serial"].Parameters)}
+    arm = set(schema(devices["can"].Parameters, "arm."))
+    handle = set(schema(devices["serial"].Parameters, "handle."))
     assert names == arm | handle
 
 

@@ -24,7 +24,7 @@ def test_a_rig_says_what_the_devices_know(rig: str) -> None:
     _, slaves = node_parameters("slave_device", values["slave_device"])
     # Table I in both.
     assert masters["simulated"].handle == HandleParameters()
-    assert (masters["simulated"].structure.frequency > 0) == (rig == "paper")
+    assert (masters["simulated"].mount.frequency > 0) == (rig == "paper")
     assert (slaves["simulated"].accelerometer.noise_density > 0) == (rig == "paper")
 
 

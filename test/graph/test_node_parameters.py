@@ -24,7 +24,7 @@ def test_defaults_are_the_papers() -> None:
     compensator, controllers = node_parameters("compensator", {})
     assert compensator.rate == 1000.0
     assert compensator.high_pass_frequency == 15.0
-    assert compensator.peak_force == 6.6
+    assert controllers["actuator"].peak_force == 6.6
     assert controllers["constant"].mass == 0.128
     _, masters = node_parameters("master_device", {})
     handle = masters["simulated"].handle

@@ -37,16 +37,16 @@ def test_composed_is_one_process_and_a_recorder() -> None:
 def test_an_identification_has_three_and_knows_the_simulated_actuator(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text(
-        "master_device: {ros__parameters: {simulated: {handle: {m_a: 0.03, k_s: 400.0}}}}\n"
-        "identifier: {ros__parameters: {suspension: {k_s: 500.0}, rest: 2.0}}"
+        "/**: {ros__parameters: {actuator: {m_a: 0.03, k_s: 400.0}}}\n"
+        "identifier: {ros__parameters: {actuator: {k_s: 500.0}, rest: 2.0}}"
     )
     arguments = IdentifyArguments(config=str(mine), trials=2, end_frequency=300.0, grip="hook")
     processes = {p.executable: p.parameters for p in identification_graph(arguments)}
     assert set(processes) == {"recorder", "master_device", "identifier"}
     values = processes["identifier"]["identifier"]
     assert set(values) <= set(node_schema("identifier"))
-    assert values["suspension.m_a"] == 0.03
-    assert values["suspension.k_s"] == 500.0  # what the user measured goes first
+    assert values["actuator.m_a"] == 0.03
+    assert values["actuator.k_s"] == 500.0  # what the user measured goes first
     assert (values["trials"], values["end_frequency"], values["rest"]) == (2, 300.0, 2.0)
     assert processes["master_device"]["master_device"]["simulated.grip.posture"] == "hook"
 
@@ -84,13 +84,13 @@ def test_arguments_go_over_the_users_file_and_that_over_the_defaults(tmp_path: P
     mine = tmp_path / "mine.yaml"
     mine.write_text(
         "coupler: {ros__parameters: {k_m: 300.0}}\n"
-        "compensator: {ros__parameters: {rate: 2000.0, peak_force: 1.0}}"
+        "compensator: {ros__parameters: {rate: 2000.0, actuator: {peak_force: 1.0}}}"
     )
     values = graph_parameters(GraphArguments(config=str(mine), rate=500.0))
     assert values["coupler"]["k_m"] == 300.0
     assert values["coupler"]["k_sl"] == 250.0
     assert values["compensator"]["rate"] == 500.0
-    assert values["compensator"]["peak_force"] == 1.0
+    assert values["compensator"]["actuator.peak_force"] == 1.0
 
 
 def test_the_rig_is_made_of_the_same_parameters(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.guard import PEAK_FORCE
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.devices import MASTERS, DeviceError, Sample
@@ -219,7 +219,7 @@ def test_nothing_unsafe_reaches_the_device(bench: Bench) -> None:
     bench.warned("arm force out of date", "actuator force out of date")
     for forces in bench.written[before:]:
         assert math.hypot(*forces.get("arm_force", ZERO)) <= ARM_PEAK_FORCE * 1.000001
-        assert abs(forces.get("actuator_force", 0.0)) <= PEAK_FORCE
+        assert abs(forces.get("actuator_force", 0.0)) <= ActuatorParameters.peak_force
     assert {"arm_force": (0.5, 0.0, 0.0)} not in bench.written
     bench.driven()
 

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
+from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.filters import high_pass, without_hand_motion
+from haptic_accel.core.model import Suspension
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope import windows
 from haptic_accel.scope.frames import FIGURES, SAMPLES, TRACES, Cursor, figures_frame
@@ -203,7 +204,7 @@ def test_derived_in_whatever_steps_the_result_is_the_same(steps: list[int]) -> N
             made.handle.put(int(stamps[index]), handle[index])
         at += step
         made.advance()
-    estimator = TravelEstimator(SuspensionParameters(), RATE)
+    estimator = TravelEstimator(Suspension(), RATE)
     expected = [estimator.sample(*pair) for pair in zip(force[:at], handle[:at], strict=True)]
     _, _, travel = made.travel.since(0)
     assert travel == pytest.approx(np.array(expected), abs=1e-12)

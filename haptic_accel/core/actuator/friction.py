@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
-from haptic_accel.core.model import HandleParameters
+from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.model import Suspension
 
 SLIP_VELOCITY = 3e-3
 """Speed at which friction is taken to have 0.76 of its force, m/s: below it the slip is not known
@@ -21,17 +21,17 @@ class FrictionCompensation:
 
     Parameters
     ----------
-    handle : HandleParameters
-        Mass, spring and bearing of the actuator count.
+    suspension : Suspension
+        An actuator or a handle.
     friction : float
         N.
     rate : float
         Samples per second.
     """
 
-    def __init__(self, handle: HandleParameters, friction: float, rate: float) -> None:
+    def __init__(self, suspension: Suspension, friction: float, rate: float) -> None:
         self._friction = friction
-        self._slip = TravelEstimator(SuspensionParameters.of(handle), rate)
+        self._slip = TravelEstimator(suspension, rate)
 
     def force(self, actuator_force: float, desired_acceleration: float) -> float:
         """Return what to add to a force until the next sample, N.

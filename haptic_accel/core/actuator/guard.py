@@ -5,18 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
-from haptic_accel.core.model import HandleParameters
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
-
-PEAK_FORCE = 6.6
-"""Peak force of the paper's voice coil, H2W NCM02-05-005-4JB, in N."""
-
-CONTINUOUS_FORCE = 2.2
-"""Force that it bears for ever, N."""
-
-THERMAL_TIME = 10.0
-"""Time constant of the coil, s (assumed: small coils have 5 to 30 s; the data sheet has none)."""
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator.travel import TravelEstimator
 
 CUSHION = 0.8
 """Share of the travel from which on the actuator is held back."""
@@ -49,25 +39,6 @@ FORGOTTEN = 0.1
 CUSHION_AHEAD = 1.5
 """How far it looks ahead, ms, or samples where these are longer: there is no time to brake for
 what is seen only once it is there."""
-
-
-@dataclass(frozen=True)
-class LimitParameters(Checked):
-    """What the actuator bears."""
-
-    continuous_force: float = parameter(
-        CONTINUOUS_FORCE,
-        "root mean square over the coil's time constant that it bears (data sheet)",
-        unit="N",
-        low=0,
-        high=100.0,
-    )
-    thermal_time: float = parameter(
-        THERMAL_TIME, "time constant of the coil (assumed)", unit="s", low=0.01, high=1e4
-    )
-    travel: float = parameter(
-        3.8e-3, "free travel either way (data sheet)", unit="m", low=0, high=0.1, above=True
-    )
 
 
 @dataclass(frozen=True)
@@ -105,11 +76,7 @@ class ActuatorGuard:
 
     Parameters
     ----------
-    peak_force : float
-        N.
-    limits : LimitParameters
-    handle : HandleParameters
-        Mass, spring and damping of the actuator count.
+    actuator : ActuatorParameters
     rate : float
         Samples per second.
     margins : Margins
@@ -121,25 +88,17 @@ class ActuatorGuard:
     """
 
     def __init__(
-        self,
-        peak_force: float,
-        limits: LimitParameters,
-        handle: HandleParameters,
-        rate: float,
-        margins: Margins = COMFORT,
+        self, actuator: ActuatorParameters, rate: float, margins: Margins = COMFORT
     ) -> None:
-        if not 0 <= peak_force < math.inf:
-            raise ParameterError(f"peak_force = {peak_force}: must be at least 0 N, and finite")
-        self._peak = peak_force
-        self._bearable = min(limits.continuous_force, peak_force) ** 2
-        self._staying = -1.0 / (rate * limits.thermal_time)
+        self._peak = actuator.peak_force
+        self._bearable = min(actuator.continuous_force, actuator.peak_force) ** 2
+        self._staying = -1.0 / (rate * actuator.thermal_time)
         self._warming = -math.expm1(self._staying)
         self._forgotten = math.ceil(rate * FORGOTTEN)
-        suspension = SuspensionParameters.of(handle, limits.travel)
-        self._estimator = TravelEstimator(suspension, rate)
-        self._m_a, self._k_s, self._b_s = handle.m_a, handle.k_s, handle.b_s
-        self._soft = margins.cushion * limits.travel
-        self._end = margins.cushion_end * limits.travel
+        self._estimator = TravelEstimator(actuator, rate)
+        self._m_a, self._k_s, self._b_s = actuator.m_a, actuator.k_s, actuator.b_s
+        self._soft = margins.cushion * actuator.travel
+        self._end = margins.cushion_end * actuator.travel
         self._cool = 1.0 - margins.warm
         self._speed = min(CUSHION_SPEED, CUSHION_SPEED_SHARE * rate)
         self._ahead = CUSHION_AHEAD * max(1e-3, 1.0 / rate)

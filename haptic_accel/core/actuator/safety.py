@@ -16,9 +16,10 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any
 
-from haptic_accel.core.actuator.guard import HARD, PEAK_FORCE, ActuatorGuard, LimitParameters
+from haptic_accel.core.actuator.guard import HARD, ActuatorGuard
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
-from haptic_accel.core.model import ZERO, HandleParameters, Vector
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, parameter
 
 ACTUATOR_TIMEOUT = 5e-3
@@ -74,10 +75,6 @@ def _max_age() -> Any:
     )
 
 
-def _peak_force(default: float, text: str) -> Any:
-    return parameter(default, text, unit="N", low=0, high=100.0)
-
-
 def _slew_rate() -> Any:
     return parameter(0.0, "how fast this force may grow; 0 for any", unit="N/s", low=0, high=1e6)
 
@@ -88,28 +85,23 @@ class ArmLimits(Checked):
 
     command_timeout: float = _timeout(ARM_TIMEOUT)
     max_age: float = _max_age()
-    peak_force: float = _peak_force(
-        ARM_PEAK_FORCE, "limit of the arm's force (Phantom Omni: 3.3 N)"
+    peak_force: float = parameter(
+        ARM_PEAK_FORCE,
+        "limit of the arm's force (Phantom Omni: 3.3 N)",
+        unit="N",
+        low=0,
+        high=100.0,
     )
     slew_rate: float = _slew_rate()
 
 
 @dataclass(frozen=True)
-class ActuatorLimits(LimitParameters):
-    """What the actuator may do, and what is known of it."""
+class ActuatorCommandLimits(Checked):
+    """Limits of the commands for the actuator, beside the actuator's own."""
 
     command_timeout: float = _timeout(ACTUATOR_TIMEOUT)
     max_age: float = _max_age()
-    peak_force: float = _peak_force(PEAK_FORCE, "limit of the actuator's force (data sheet)")
     slew_rate: float = _slew_rate()
-    m_a: float = parameter(0.018, "moving mass of the actuator", unit="kg", low=0, above=True)
-    k_s: float = parameter(266.0, "its centring spring", unit="N/m", low=0)
-    b_s: float = parameter(2.0, "damping of its bearing", unit="N s/m", low=0)
-
-    @property
-    def handle(self) -> HandleParameters:
-        """A handle with this actuator."""
-        return HandleParameters(m_a=self.m_a, k_s=self.k_s, b_s=self.b_s)
 
 
 @dataclass(frozen=True)
@@ -129,7 +121,8 @@ class SafetyParameters(Checked):
 class MasterSafetyParameters(SafetyParameters):
     """Of a device with an arm and an actuator."""
 
-    actuator: ActuatorLimits = field(default_factory=ActuatorLimits)
+    actuator: ActuatorCommandLimits = field(default_factory=ActuatorCommandLimits)
+    hardware: ActuatorParameters = field(default_factory=ActuatorParameters)
 
 
 class Watchdog:
@@ -298,10 +291,17 @@ class _ActuatorChannel:
 
     name = "actuator force"
 
-    def __init__(self, limits: ActuatorLimits, rate: float, *, manual: bool) -> None:
+    def __init__(
+        self,
+        limits: ActuatorCommandLimits,
+        actuator: ActuatorParameters,
+        rate: float,
+        *,
+        manual: bool,
+    ) -> None:
         timeout = max(limits.command_timeout, LEAST_PERIODS / rate)
         self.watchdog = Watchdog(timeout, limits.max_age, manual=manual)
-        self.guard = ActuatorGuard(limits.peak_force, limits, limits.handle, rate, HARD)
+        self.guard = ActuatorGuard(actuator, rate, HARD)
         self._slew = limits.slew_rate
         self._rate = rate
         self._period = 1.0 / rate
@@ -427,7 +427,9 @@ class SafetyLayer:
         self._actuator: _ActuatorChannel | None = None
         self._channels: list[_ArmChannel | _ActuatorChannel] = [self._arm]
         if isinstance(parameters, MasterSafetyParameters):
-            self._actuator = _ActuatorChannel(parameters.actuator, rate, manual=manual)
+            self._actuator = _ActuatorChannel(
+                parameters.actuator, parameters.hardware, rate, manual=manual
+            )
             self._channels.append(self._actuator)
         self._warned: defaultdict[str, int] = defaultdict(int)
         self.stopped = self.active = False

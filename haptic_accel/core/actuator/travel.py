@@ -2,35 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from haptic_accel.core.model import HandleParameters
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
-
-TRAVEL = 3.8e-3
-"""Free travel of the paper's voice coil either way, m (data sheet)."""
+from haptic_accel.core.model import Suspension
+from haptic_accel.core.parameters import ParameterError
 
 LARGEST_ACCELERATION = 1.0e4
 """Above anything an accelerometer of a hand tool gives, m/s^2: a thousand g."""
-
-
-@dataclass(frozen=True)
-class SuspensionParameters(Checked):
-    """The actuator's mass on its spring, as can be measured on the bench: Table I of the paper."""
-
-    m_a: float = parameter(0.018, "moving mass of the actuator", unit="kg", low=0, above=True)
-    k_s: float = parameter(266.0, "its centring spring", unit="N/m", low=0)
-    b_s: float = parameter(2.0, "damping of its bearing", unit="N s/m", low=0)
-    travel: float = parameter(
-        TRAVEL, "free travel either way (data sheet)", unit="m", low=0, high=0.1, above=True
-    )
-
-    @classmethod
-    def of(cls, handle: HandleParameters, travel: float = TRAVEL) -> SuspensionParameters:
-        """Return the actuator's part of a handle, with its free travel in m."""
-        return cls(handle.m_a, handle.k_s, handle.b_s, travel)
 
 
 class TravelEstimator:
@@ -43,7 +21,8 @@ class TravelEstimator:
 
     Parameters
     ----------
-    suspension : SuspensionParameters
+    suspension : Suspension
+        An actuator or a handle
     rate : float
         Samples per second.
 
@@ -53,7 +32,7 @@ class TravelEstimator:
         The rate is not a positive number.
     """
 
-    def __init__(self, suspension: SuspensionParameters, rate: float) -> None:
+    def __init__(self, suspension: Suspension, rate: float) -> None:
         # scipy.linalg takes a while to import: only who estimates waits for it.
         from scipy.linalg import expm
 

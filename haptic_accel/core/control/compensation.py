@@ -6,12 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from haptic_accel.core.actuator.guard import PEAK_FORCE, ActuatorGuard, LimitParameters
+from haptic_accel.core.actuator.guard import ActuatorGuard
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION as LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, SampleFilter, high_pass
 from haptic_accel.core.control.inversion.plant import Plant
-from haptic_accel.core.model import GRAVITY
+from haptic_accel.core.model import ACTUATOR, GRAVITY
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
 AT_RANGE = 0.999
@@ -26,8 +27,8 @@ FADING = 5e-3
 RESTING = 0.05
 """Over which the tool's acceleration at rest is averaged for who begins to listen, s."""
 
-LIMITS, PLANT = "limits", "plant"
-"""Names of the actuator's limits, and of the handle's parameters, among the controllers'."""
+PLANT = "plant"
+"""Name of the identified plant among the controllers' parameters."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,6 @@ class CompensationParameters(Checked):
         unit="Hz",
         low=0.1,
         high=1000.0,
-    )
-    peak_force: float = parameter(
-        PEAK_FORCE, "limit of the actuator's force", unit="N", low=0, high=100.0
     )
     handle_range: float = parameter(
         5 * GRAVITY,
@@ -104,7 +102,7 @@ class Compensation:
     rate : float
         Samples per second; more than twice the high-pass' corner.
     options : mapping, optional
-        Parameters of controllers by controller name, of the actuator (`LIMITS`) and of the
+        Parameters of controllers by controller name, of the actuator (`ACTUATOR`) and of the
         handle as identified (`PLANT`), where not the defaults.
     prepared : sequence of str
         Controllers to build beforehand, so that `select` takes no time.
@@ -133,11 +131,11 @@ class Compensation:
         self._options = dict(options or {})
         self._sections = high_pass(parameters.high_pass_frequency, rate)
         self._handle_range = AT_RANGE * parameters.handle_range
-        limits = self._options.get(LIMITS, LimitParameters())
+        actuator = self._options.get(ACTUATOR, ActuatorParameters())
         plant = self._options.get(PLANT, Plant())
-        assert isinstance(limits, LimitParameters) and isinstance(plant, Plant)
+        assert isinstance(actuator, ActuatorParameters) and isinstance(plant, Plant)
         self._loop = Loop(rate, parameters.high_pass_frequency, plant.coupled())
-        self.guard = ActuatorGuard(parameters.peak_force, limits, plant.handle, rate)
+        self.guard = ActuatorGuard(actuator, rate)
         self._built: dict[str, _Channel] = {}
         for name in (parameters.controller, *prepared):
             self._build(name)

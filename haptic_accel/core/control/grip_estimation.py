@@ -27,7 +27,7 @@ MOST_MISSING = 0.02
 """Share of the samples looked at that may be missing; they are given the value before."""
 
 LOWEST, HIGHEST = 15.0, 250.0
-"""Band that the grip is looked for in, Hz: above the hand's own motion, below structure."""
+"""Band that the grip is looked for in, Hz: above the hand's own motion, below its mount's."""
 
 SMALLEST = np.array([0.4, 0.1, 0.05])
 LARGEST = np.array([2.5, 6.0, 6.0])

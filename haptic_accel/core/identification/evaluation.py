@@ -26,7 +26,7 @@ from haptic_accel.core.model import (
     ApproximateModel,
     FloatArray,
     HandleParameters,
-    StructureParameters,
+    MountParameters,
 )
 from haptic_accel.core.parameters import ParameterError
 
@@ -36,7 +36,7 @@ DISCRETE_ORDER = 7
 UNEXPLAINED = 2.0
 """Residual, in standard deviations of the noise, above which a model is said to lack something."""
 
-MOUNT_START = StructureParameters(frequency=280.0, damping=0.15)
+MOUNT_START = MountParameters(frequency=280.0, damping=0.15)
 """Where the search for a mode of the accelerometer's mount starts, as on the paper's rig."""
 
 

@@ -16,7 +16,7 @@ from haptic_accel.core.model import (
     ComplexArray,
     FloatArray,
     HandleParameters,
-    StructureParameters,
+    MountParameters,
     handle_model,
 )
 from haptic_accel.core.parameters import ParameterError
@@ -41,7 +41,7 @@ EARLIEST_DELAY = -0.001
 MOUNT = ("mount_frequency", "mount_damping")
 """What else can be fitted: the mode of the accelerometer's mount."""
 
-RIGID = StructureParameters()
+RIGID = MountParameters()
 """A mount without a mode."""
 
 _HANDLE = tuple(field.name for field in fields(HandleParameters))
@@ -63,7 +63,7 @@ class HandleFit:
     ----------
     handle : HandleParameters
         Fitted and known parameters.
-    mount : StructureParameters
+    mount : MountParameters
         Of the accelerometer, fitted or known.
     delay : float
         Beside the hold and the accelerometer's low-pass, s. In lockstep, where a force acts
@@ -85,7 +85,7 @@ class HandleFit:
     """
 
     handle: HandleParameters
-    mount: StructureParameters
+    mount: MountParameters
     delay: float
     standard_errors: dict[str, float]
     residual: float
@@ -115,7 +115,7 @@ def fit_handle(
     delay: float = 0.0,
     low_pass_frequency: float = ACCELEROMETER_CORNER,
     hold: bool = True,
-    mount: StructureParameters = RIGID,
+    mount: MountParameters = RIGID,
     band: Band | None = None,
 ) -> HandleFit:
     """Fit eq. (3) of the paper, with delay, hold and low-pass, to one or more responses.
@@ -138,7 +138,7 @@ def fit_handle(
         Corner of the accelerometer's first-order low-pass, Hz.
     hold : bool
         Whether the force is held from one sample to the next, as a converter does.
-    mount : StructureParameters
+    mount : MountParameters
         Of the accelerometer, where it is not free, and where the search starts; rigid otherwise.
     band : tuple of float, optional
         Frequencies to use, Hz; all otherwise.
@@ -168,7 +168,7 @@ def sampled_response(
     low_pass_frequency: float = ACCELEROMETER_CORNER,
     *,
     hold: bool = True,
-    mount: StructureParameters = RIGID,
+    mount: MountParameters = RIGID,
 ) -> ComplexArray:
     """Response of sampled acceleration to actuator force, behind delay and low-pass.
 
@@ -189,7 +189,7 @@ def sampled_response(
     hold : bool
         Whether the force is held from one sample to the next; otherwise the response of the
         continuous system.
-    mount : StructureParameters
+    mount : MountParameters
         Of the accelerometer.
 
     Returns
@@ -218,7 +218,7 @@ def sampled_response(
     return np.asarray(seen * z**-late)
 
 
-def _mount_response(mount: StructureParameters, frequency: FloatArray) -> ComplexArray:
+def _mount_response(mount: MountParameters, frequency: FloatArray) -> ComplexArray:
     """Return acceleration of the accelerometer over that of the handle."""
     if not mount.frequency:
         return np.ones(len(frequency), dtype=np.complex128)
@@ -228,7 +228,7 @@ def _mount_response(mount: StructureParameters, frequency: FloatArray) -> Comple
 
 
 def _mechanics(
-    handle: HandleParameters, corner: float, mount: StructureParameters
+    handle: HandleParameters, corner: float, mount: MountParameters
 ) -> tuple[FloatArray, FloatArray]:
     """Return A and B of eq. (1) and (2) with the hand at rest; the last state is the output.
 
@@ -273,7 +273,7 @@ class _Point:
     """All that a response depends on."""
 
     handle: HandleParameters
-    mount: StructureParameters
+    mount: MountParameters
     delay: float
 
     def value(self, name: str) -> float:

@@ -32,7 +32,7 @@ class Quantizer:
         if abs(value) > self._full_scale:
             self.saturated += 1
             return math.copysign(self._full_scale, value)
-        return round(value / self._step) * self._step
+        return round(value / self._step) * self._step if self._step else 0.0
 
 
 class Accelerometer:

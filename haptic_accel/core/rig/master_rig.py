@@ -8,13 +8,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import (
     AccelerometerParameters,
     FloatArray,
     GripParameters,
     HandleParameters,
+    MountParameters,
     Sample,
-    StructureParameters,
     Vector,
     held,
 )
@@ -46,14 +47,10 @@ ACTUATOR_AND_HANDLE, HAND, HAND_ACCELERATION = slice(Y_A, X_U), slice(X_U, MEASU
 
 
 @dataclass(frozen=True)
-class ActuatorParameters(Checked):
-    """The voice coil H2W NCM02-05-005-4JB behind a 14-bit converter, as in the paper."""
+class DriveParameters(Checked):
+    """The simulated actuator's converter, amplifier, bearing and travel stops."""
 
-    peak_force: float = parameter(6.6, "limit of its force", unit="N", low=0, above=True)
     bits: int = parameter(14, "resolution of the command", low=4, high=32)
-    travel: float = parameter(
-        3.8e-3, "free travel either way", unit="m", low=0, high=0.1, above=True
-    )
     stop_stiffness: float = parameter(
         3e4, "stiffness of the travel stops (assumed: rubber)", unit="N/m", low=0, high=1e5
     )
@@ -81,8 +78,9 @@ class MasterRigParameters:
 
     handle: HandleParameters = field(default_factory=HandleParameters)
     grip: GripParameters = field(default_factory=GripParameters)
-    structure: StructureParameters = field(default_factory=StructureParameters)
+    mount: MountParameters = field(default_factory=MountParameters)
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
+    drive: DriveParameters = field(default_factory=DriveParameters)
     accelerometer: AccelerometerParameters = field(default_factory=AccelerometerParameters)
     arm: ArmParameters = field(default_factory=ArmParameters)
     exploration: ExplorationParameters = field(default_factory=ExplorationParameters)
@@ -121,8 +119,8 @@ class MasterRig:
         self._system = self._mechanics()
         self._exploration = Exploration(parameters.exploration)
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
-        self._converter = Quantizer(parameters.actuator.peak_force, parameters.actuator.bits)
-        self._delay = round(parameters.actuator.delay / self._step)
+        self._converter = Quantizer(parameters.actuator.peak_force, parameters.drive.bits)
+        self._delay = round(parameters.drive.delay / self._step)
         self._commands: deque[tuple[int, float]] = deque()
         self._now = 0
         self._explored_since: int | None = None
@@ -217,7 +215,7 @@ class MasterRig:
         overrun = max(0.0, abs(y_a - y_h) - self._p.actuator.travel)
         kinetic = h.m_a * v_a**2 + h.m_h * v_h**2 + (h.m_a + h.m_h) * vx_h**2
         springs = h.k_s * (y_a - y_h) ** 2 + h.k_u * ((y_h - y_u) ** 2 + (x_h - x_u) ** 2)
-        return float(kinetic + springs + self._p.actuator.stop_stiffness * overrun**2) / 2
+        return float(kinetic + springs + self._p.drive.stop_stiffness * overrun**2) / 2
 
     def disturb(self, handle_velocity: float = 0.0, actuator_velocity: float = 0.0) -> None:
         """Set velocities along the actuator's axis, m/s: a blow, for tests and experiments."""
@@ -257,7 +255,7 @@ class MasterRig:
         steps = min(due, self._longest)
         if self._commands:
             steps = min(steps, max(1, self._commands[0][0] - self._now))
-        if self._p.actuator.coulomb_friction:
+        if self._p.drive.coulomb_friction:
             steps = min(steps, FRICTION_STEPS)
         reach = abs(offset) + 2 * abs(slip) * steps * self._step
         return min(steps, STOP_STEPS) if reach > self._p.actuator.travel / 2 else steps
@@ -284,8 +282,8 @@ class MasterRig:
 
     def _stop_force(self, offset: float, slip: float) -> float:
         """Force of a travel stop on the actuator's mass, N; zero in free travel."""
-        p = self._p.actuator
-        overrun = abs(offset) - p.travel
+        p = self._p.drive
+        overrun = abs(offset) - self._p.actuator.travel
         touching = overrun > 0
         if touching and not self._touching:
             self._stop_hits += 1
@@ -301,7 +299,7 @@ class MasterRig:
 
     def _friction(self, slip: float) -> float:
         """Dry friction of the bearing on the actuator's mass, N."""
-        p = self._p.actuator
+        p = self._p.drive
         if not p.coulomb_friction:
             return 0.0
         force = p.coulomb_friction * math.tanh(abs(slip) / p.slip_velocity)
@@ -332,7 +330,7 @@ def _mechanics(
     a[VX_H] = grip_x / (h.m_a + h.m_h)
     b[VX_H, F_X] = 1 / (h.m_a + h.m_h)
     b[V_U, A_U] = b[VX_U, AX_U] = 1.0
-    mount = _mount(parameters.structure, a, b)
+    mount = _mount(parameters.mount, a, b)
     # The accelerometer's first-order low-pass of its mount's acceleration.
     corner = 2 * np.pi * parameters.accelerometer.bandwidth
     a[MEASURED] = corner * a[mount]
@@ -341,13 +339,13 @@ def _mechanics(
     return a, b
 
 
-def _mount(structure: StructureParameters, a: FloatArray, b: FloatArray) -> int:
+def _mount(mount: MountParameters, a: FloatArray, b: FloatArray) -> int:
     """Add the accelerometer's mount to A and B; return the state that is its velocity."""
-    if not structure.frequency:
+    if not mount.frequency:
         return V_H
-    omega = 2 * np.pi * structure.frequency
+    omega = 2 * np.pi * mount.frequency
     # So light that the handle does not feel it.
     a[Y_M, V_M] = 1.0
     a[V_M, [Y_H, Y_M]] = omega**2, -(omega**2)
-    a[V_M, [V_H, V_M]] = 2 * structure.damping * omega, -2 * structure.damping * omega
+    a[V_M, [V_H, V_M]] = 2 * mount.damping * omega, -2 * mount.damping * omega
     return V_M

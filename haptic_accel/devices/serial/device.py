@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.devices.connection import AUTO, MANUAL
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 # pyserial and cobs are an extra of the package: only who opens a port needs them.
 
 MISSING_LIBRARY = "needs pyserial and cobs: pip install 'haptic_accel[serial]'"
-
-FORCE_CONSTANT = 2.4
-"""Force constant of the paper's voice coil, H2W NCM02-05-005-4JB (data sheet), N/A."""
 
 BAUD = 1_000_000
 """Bit rate of a real serial line, bit/s; USB has none."""
@@ -90,34 +88,15 @@ class SerialSlaveParameters(PortParameters):
 
 
 @dataclass(frozen=True)
-class ActuatorParameters(Checked):
-    """Actuator driven by the current of a board."""
+class SerialMasterParameters(SerialSlaveParameters):
+    """Board with an accelerometer and an actuator."""
 
-    force_constant: float = parameter(
-        FORCE_CONSTANT,
-        "force per current, negative where its wires are swapped (H2W NCM02-05-005-4JB: 2.4)",
-        unit="N/A",
-        low=-1000.0,
-        high=1000.0,
-    )
     rearm: str = parameter(
         MANUAL,
         "how forces are allowed after the board was unplugged: auto, as soon as it is back, or"
         " manual, on request",
         choices=(AUTO, MANUAL),
     )
-
-    def __post_init__(self) -> None:
-        """Check all fields; a force constant of zero makes no force."""
-        super().__post_init__()
-        if self.force_constant == 0:
-            raise ParameterError("force_constant = 0: must not be 0 N/A")
-
-
-@dataclass(frozen=True)
-class SerialMasterParameters(SerialSlaveParameters):
-    """Board with an accelerometer and an actuator."""
-
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
 
 
@@ -132,6 +111,7 @@ class SerialDevice(Device):
 
     _actuator: ActuatorParameters | None = None
     """None for a board without an actuator."""
+    _rearm = MANUAL
 
     def __init__(self, parameters: SerialSlaveParameters, rate: float, seed: int) -> None:
         if not (parameters.port or parameters.usb_serial):
@@ -167,7 +147,7 @@ class SerialDevice(Device):
         required = Requirements(
             Configuration(self._rate, axes, p.samples_per_frame),
             actuator=self._actuator is not None,
-            rearm=self._actuator is not None and self._actuator.rearm == AUTO,
+            rearm=self._rearm == AUTO,
             serial_number=p.calibration.board,
         )
         self._link = BoardLink(p.port, p.usb_serial, p.baud, required, self._take)
@@ -257,7 +237,7 @@ class SerialMaster(SerialDevice):
 
     def __init__(self, parameters: SerialMasterParameters, rate: float, seed: int) -> None:
         super().__init__(parameters, rate, seed)
-        self._actuator = parameters.actuator
+        self._actuator, self._rearm = parameters.actuator, parameters.rearm
 
     def write(
         self,

@@ -10,7 +10,7 @@ from haptic_accel.core.actuator.friction import SLIP_VELOCITY, FrictionCompensat
 from haptic_accel.core.control.inversion import Plant
 from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.model import HandleParameters
-from haptic_accel.core.rig.master_rig import ActuatorParameters
+from haptic_accel.core.rig.master_rig import DriveParameters
 from haptic_accel.core.trial import RigParameters, run_trial
 
 RATE = 1000.0
@@ -58,7 +58,7 @@ def test_on_a_rig_with_friction_it_takes_most_of_the_error_that_friction_makes(
     controller: str,
 ) -> None:
     rig = RigParameters()
-    dry = replace(rig.master, actuator=ActuatorParameters(coulomb_friction=0.05, bits=32))
+    dry = replace(rig.master, drive=DriveParameters(coulomb_friction=0.05, bits=32))
     from scipy import signal
 
     white = np.random.default_rng(1).normal(0.0, 3.0, 4000)

@@ -12,27 +12,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.actuator.guard import (
-    CONTINUOUS_FORCE,
     CUSHION,
-    PEAK_FORCE,
     ActuatorGuard,
-    LimitParameters,
 )
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import (
     GRAVITY,
     AccelerometerParameters,
     FloatArray,
     GripParameters,
-    HandleParameters,
-    StructureParameters,
+    MountParameters,
 )
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import DriveParameters, MasterRig, MasterRigParameters
 
 RATE = 1000.0
 RATES = [1000.0, 4000.0]
-TRAVEL = LimitParameters().travel
+COIL = ActuatorParameters()
+PEAK_FORCE, CONTINUOUS_FORCE, TRAVEL = COIL.peak_force, COIL.continuous_force, COIL.travel
 STILL = ExplorationParameters(stroke_speed=0.0, press_depth=0.0, height=0.0)
 SENSOR_RANGE = 5 * GRAVITY
 
@@ -44,15 +42,13 @@ forces = st.lists(
 handle_accelerations = st.floats(-1e4, 1e4)
 
 
-def guard(
-    limits: LimitParameters | None = None, rate: float = RATE, peak: float = PEAK_FORCE
-) -> ActuatorGuard:
-    return ActuatorGuard(peak, limits or LimitParameters(), HandleParameters(), rate)
+def guard(actuator: ActuatorParameters = COIL, rate: float = RATE) -> ActuatorGuard:
+    return ActuatorGuard(actuator, rate)
 
 
-def wide(**limits: float) -> LimitParameters:
-    """Return limits of a travel that is none."""
-    return LimitParameters(travel=0.1, **limits)
+def wide(**limits: float) -> ActuatorParameters:
+    """Return an actuator of so much travel that it is no limit."""
+    return ActuatorParameters(travel=0.1, **limits)
 
 
 def alternating(force: float, count: int) -> list[float]:
@@ -83,8 +79,10 @@ def test_no_command_overheats_the_coil_or_exceeds_its_peak(
     travel: float,
     rate: float,
 ) -> None:
-    limits = LimitParameters(continuous, thermal_time, travel)
-    limited = ActuatorGuard(peak, limits, HandleParameters(), rate)
+    actuator = ActuatorParameters(
+        travel=travel, peak_force=peak, continuous_force=continuous, thermal_time=thermal_time
+    )
+    limited = ActuatorGuard(actuator, rate)
     bearable = min(peak, continuous) ** 2
     heat, weight = 0.0, -math.expm1(-1 / (rate * thermal_time))
     for force in wanted * repeats:
@@ -133,15 +131,15 @@ def test_a_coil_that_one_sample_would_overheat_gets_what_it_bears_of_it() -> Non
 
 
 def test_a_coil_that_bears_no_force_gets_none() -> None:
-    for limited in (guard(wide(continuous_force=0.0)), guard(peak=0.0)):
+    for limited in (guard(wide(continuous_force=0.0)), guard(wide(peak_force=0.0))):
         assert [limited.limited(force, 0.0) for force in (1.0, -1e300)] == [0.0, 0.0]
         assert limited.heat == 0.0
 
 
 @pytest.mark.parametrize("peak", [-1.0, math.nan, math.inf])
 def test_an_impossible_peak_is_refused(peak: float) -> None:
-    with pytest.raises(ParameterError, match=f"^peak_force = {peak}: must be at least 0 N"):
-        guard(peak=peak)
+    with pytest.raises(ParameterError, match=f"^peak_force = {peak}: must be from 0 to 100 N"):
+        guard(wide(peak_force=peak))
 
 
 def test_reset_takes_the_coil_for_cold_and_in_the_middle() -> None:
@@ -242,8 +240,8 @@ def test_nor_does_it_on_a_rig_like_the_papers_in_another_grip(
     rig = MasterRigParameters(
         exploration=STILL,
         grip=GripParameters(posture=posture),
-        structure=StructureParameters(280.0, 0.127),
-        actuator=ActuatorParameters(delay=225e-6),
+        mount=MountParameters(280.0, 0.127),
+        drive=DriveParameters(delay=225e-6),
     )
 
     def command(time: float) -> float:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.actuator.guard import CONTINUOUS_FORCE, PEAK_FORCE, THERMAL_TIME
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import (
     ACTUATOR_TIMEOUT,
     ARM_PEAK_FORCE,
@@ -24,12 +24,12 @@ from haptic_accel.core.actuator.safety import (
     SafetyLayer,
     SafetyParameters,
 )
-from haptic_accel.core.actuator.travel import TRAVEL
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, from_flat
 from haptic_accel.core.trial import run_trial
 
 RATE = 1000.0
+COIL = ActuatorParameters()
 PERIOD = 1 / RATE
 FRESH = 2e-4
 """Age of a sample when its command comes, s."""
@@ -109,7 +109,7 @@ def test_whatever_comes_only_less_of_it_is_applied(
             if applied:
                 assert math.isfinite(applied)
                 assert 0.0 < applied / force[0] <= 1.0
-                assert abs(applied) <= PEAK_FORCE
+                assert abs(applied) <= COIL.peak_force
                 assert not layer.refusal
                 assert abs(number) <= MAX_AGE
         elif what == "pull":
@@ -152,16 +152,16 @@ def test_heat_stays_below_what_the_coil_bears_whenever_commands_come(
             share = -math.expm1(-seconds / time_constant)
             heat += share * (bench.actuator**2 - heat)
         # What is allowed is known from tick to tick.
-        assert heat <= CONTINUOUS_FORCE**2 + warming * PEAK_FORCE**2
+        assert heat <= COIL.continuous_force**2 + warming * COIL.peak_force**2
     bench.tick()
     left = bench.value("actuator force heat left (%)") / 100
-    assert (1 - left) * CONTINUOUS_FORCE**2 == pytest.approx(heat, rel=0.05, abs=0.02)
+    assert (1 - left) * COIL.continuous_force**2 == pytest.approx(heat, rel=0.05, abs=0.02)
 
 
 def test_a_force_above_its_peak_is_cut_and_keeps_its_direction() -> None:
     bench = Bench()
     bench.push(-50.0)
-    assert bench.actuator == -PEAK_FORCE
+    assert bench.actuator == -COIL.peak_force
     bench.pull((30.0, 0.0, 40.0))
     assert bench.arm == pytest.approx((0.6 * ARM_PEAK_FORCE, 0.0, 0.8 * ARM_PEAK_FORCE))
     assert bench.value("actuator force limited") == bench.value("arm force limited") == 1
@@ -316,11 +316,11 @@ def alternating(force: float, count: int) -> list[float]:
 
 def test_a_coil_driven_at_its_peak_ends_at_what_it_bears() -> None:
     bench = Bench(actuator__thermal_time=0.2, actuator__travel=0.1)
-    applied = bench.run(alternating(PEAK_FORCE, 3000))
-    assert applied[:10] == alternating(PEAK_FORCE, 10)
+    applied = bench.run(alternating(COIL.peak_force, 3000))
+    assert applied[:10] == alternating(COIL.peak_force, 10)
     settled = applied[-400:]
     rms = math.sqrt(sum(force * force for force in settled) / len(settled))
-    assert rms == pytest.approx(CONTINUOUS_FORCE, rel=0.02)
+    assert rms == pytest.approx(COIL.continuous_force, rel=0.02)
     assert bench.value("actuator force heat left (%)") < 5.0
     assert bench.value("actuator force limited by heat") > 1000
     for _ in range(1000):
@@ -331,7 +331,7 @@ def test_a_coil_driven_at_its_peak_ends_at_what_it_bears() -> None:
     for _ in range(2000):
         bench.tick()
         bench.push(0.0)
-        bench.push(PEAK_FORCE)
+        bench.push(COIL.peak_force)
         bench.wait(0.9 * PERIOD)
         bench.push(0.0)
         bench.wait(0.1 * PERIOD)
@@ -342,9 +342,9 @@ def test_a_coil_driven_at_its_peak_ends_at_what_it_bears() -> None:
 def test_a_device_that_stood_still_knows_that_its_coil_did_not_cool() -> None:
     bench = Bench(actuator__command_timeout=10.0)
     bench.run([2.0])
-    bench.wait(THERMAL_TIME)
+    bench.wait(COIL.thermal_time)
     bench.tick()
-    left = 1.0 - (2.0 / CONTINUOUS_FORCE) ** 2 * -math.expm1(-1.0)
+    left = 1.0 - (2.0 / COIL.continuous_force) ** 2 * -math.expm1(-1.0)
     assert bench.value("actuator force heat left (%)") == pytest.approx(100 * left, abs=0.1)
 
 
@@ -353,8 +353,8 @@ def test_a_force_that_would_press_the_actuator_on_its_stop_is_held_back(sign: fl
     bench = Bench()
     bench.run([2.0 * sign] * 2000)
     # There the spring alone holds what is left of the force.
-    assert abs(bench.actuator) < 266.0 * TRAVEL * 1.01
-    assert abs(bench.value("actuator force travel (mm)")) < 1.05e3 * TRAVEL
+    assert abs(bench.actuator) < 266.0 * COIL.travel * 1.01
+    assert abs(bench.value("actuator force travel (mm)")) < 1.05e3 * COIL.travel
     assert bench.value("actuator force limited by travel") > 100
     bench.run([-0.5 * sign])
     assert bench.actuator == -0.5 * sign, "what pulls it back is not touched"

@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from haptic_accel.core.actuator.travel import SuspensionParameters, TravelEstimator
+from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.identification import SweepParameters, excitation
-from haptic_accel.core.model import AccelerometerParameters, GripParameters
+from haptic_accel.core.model import AccelerometerParameters, GripParameters, Suspension
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 
 
 def test_a_constant_force_stretches_the_spring() -> None:
-    estimator = TravelEstimator(SuspensionParameters(k_s=200.0), 1000.0)
+    estimator = TravelEstimator(Suspension(k_s=200.0), 1000.0)
     for _ in range(2000):
         travel = estimator.sample(0.3, 0.0)
     assert travel == pytest.approx(-0.3 / 200.0)
@@ -23,7 +23,7 @@ def test_a_constant_force_stretches_the_spring() -> None:
 
 
 def test_gravity_that_the_accelerometer_feels_makes_it_sag() -> None:
-    suspension = SuspensionParameters()
+    suspension = Suspension()
     estimator = TravelEstimator(suspension, 1000.0)
     for _ in range(2000):
         estimator.sample(0.0, 9.81)
@@ -32,7 +32,7 @@ def test_gravity_that_the_accelerometer_feels_makes_it_sag() -> None:
 
 @pytest.mark.parametrize("rate", [500.0, 1000.0, 4000.0])
 def test_a_free_mass_rings_at_its_frequency_and_fades_with_its_damping(rate: float) -> None:
-    suspension = SuspensionParameters(b_s=0.2)
+    suspension = Suspension(b_s=0.2)
     m_a, k_s, b_s = suspension.m_a, suspension.k_s, suspension.b_s
     estimator = TravelEstimator(suspension, rate)
     # After a blow of one sample: d(t) = v / w * exp(-b t / 2 m) * sin(w t).
@@ -56,7 +56,7 @@ def test_it_follows_the_simulated_actuator_through_the_sweep() -> None:
     )
     rate = 1000.0
     master = MasterRig(rig, rate)
-    estimator = TravelEstimator(SuspensionParameters(), rate)
+    estimator = TravelEstimator(Suspension(), rate)
     true, found = [], []
     applied = 0.0
     for index, force in enumerate(excitation(SweepParameters(), rate).tolist()):
@@ -73,4 +73,4 @@ def test_it_follows_the_simulated_actuator_through_the_sweep() -> None:
 
 def test_a_rate_that_is_none_is_refused() -> None:
     with pytest.raises(ParameterError, match="rate = 0"):
-        TravelEstimator(SuspensionParameters(), 0.0)
+        TravelEstimator(Suspension(), 0.0)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy import signal
 
-from haptic_accel.core.actuator.guard import PEAK_FORCE, LimitParameters
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control import compensation as module
 from haptic_accel.core.control.compensation import (
     FADING,
@@ -36,7 +36,8 @@ RATE = 1000.0
 NAMES = tuple(CONTROLLERS)
 PAIRS = list(permutations(NAMES, 2))
 
-UNLIMITED = LimitParameters(travel=0.1, continuous_force=100.0)
+COIL = ActuatorParameters()
+UNLIMITED = ActuatorParameters(travel=0.1, continuous_force=100.0)
 """Of travel and heat, for what is not about them."""
 
 STIFF = Plant(handle=HandleParameters(k_s=1e4, b_s=20.0))
@@ -77,7 +78,7 @@ def designed(name: str) -> Controller:
 
 def unlimited(controller: str, **parameters: float) -> Compensation:
     around = CompensationParameters(controller, **parameters)
-    return Compensation(around, RATE, {"limits": UNLIMITED, "plant": STIFF})
+    return Compensation(around, RATE, {"actuator": UNLIMITED, "plant": STIFF})
 
 
 def forces(of: Compensation, tool_acceleration: list[float]) -> list[float]:
@@ -107,10 +108,12 @@ def test_samples_give_what_the_whole_signal_gives(
         "constant": 0.128 * desired,
         "dynamic": signal.sosfilt(inverse_of(ApproximateModel(), rate), desired),
     }[controller]
-    stream = Compensation(CompensationParameters(controller), rate, {"limits": UNLIMITED})
+    stream = Compensation(CompensationParameters(controller), rate, {"actuator": UNLIMITED})
     output = np.array([stream.sample(value, 0.0) for value in values.tolist()])
     assert output[:, 0] == pytest.approx(desired, abs=1e-9)
-    assert output[:, 1] == pytest.approx(np.clip(force, -PEAK_FORCE, PEAK_FORCE), abs=1e-9)
+    assert output[:, 1] == pytest.approx(
+        np.clip(force, -COIL.peak_force, COIL.peak_force), abs=1e-9
+    )
     assert stream.rejected == 0
 
 
@@ -143,7 +146,10 @@ def test_reset_forgets_the_past() -> None:
 def test_a_force_beyond_the_peak_is_cut_and_counted() -> None:
     stream = unlimited("constant")
     # 6.6 N / 0.128 kg = 51.6 m/s^2, of which the first sample passes 88 %.
-    assert [stream.sample(50.0, 0.0)[1] < PEAK_FORCE, stream.saturated] == [True, 0]
+    assert [stream.sample(50.0, 0.0)[1] < COIL.peak_force, stream.saturated] == [
+        True,
+        0,
+    ]
     stream.reset()
     assert [stream.sample(100.0, 0.0)[1], stream.saturated] == [6.6, 1]
     stream.reset()
@@ -183,7 +189,7 @@ def test_whatever_comes_in_the_force_is_finite_and_limited(
         desired, force = stream.sample(tool, handle)
         stream.adapt()
         assert math.isfinite(desired)
-        assert abs(force) <= PEAK_FORCE
+        assert abs(force) <= COIL.peak_force
     warning, values = stream.status()
     assert isinstance(warning, str)
     assert all(isinstance(value, str) for value in values.values())
@@ -206,7 +212,7 @@ def test_nor_does_any_long_stream_that_changes_controllers_all_the_time(controll
         desired, force = stream.sample(tool, None if index % 1000 < 50 else handle)
         stream.adapt()
         assert math.isfinite(desired)
-        assert abs(force) <= PEAK_FORCE
+        assert abs(force) <= COIL.peak_force
         heat += weight * (force**2 - heat)
     assert heat < 2.2**2 * 1.001
     _, values = stream.status()
@@ -358,7 +364,7 @@ def test_the_force_does_not_jump_when_another_takes_over(
         return own[name]
 
     monkeypatch.setattr(module, "build_controller", recorded)
-    stream = Compensation(CompensationParameters(one), RATE, {"limits": UNLIMITED}, (other,))
+    stream = Compensation(CompensationParameters(one), RATE, {"actuator": UNLIMITED}, (other,))
     values = texture(1.2).tolist()
     found = forces(stream, values[:BEFORE])
     stream.select(other)

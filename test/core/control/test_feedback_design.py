@@ -19,13 +19,13 @@ from haptic_accel.core.control.feedback_design import (
 )
 from haptic_accel.core.control.inversion import Plant, design_inverse
 from haptic_accel.core.control.inversion.plant import Grid
-from haptic_accel.core.model import HandleParameters, StructureParameters
+from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 
 RATE = 4000.0
 MARGIN = 0.5
 GRID = Grid(1000.0, 8192)
-MOUNTED = Plant(structure=StructureParameters(280.0, 0.127), delay=225e-6)
+MOUNTED = Plant(mount=MountParameters(280.0, 0.127), delay=225e-6)
 FACTORS = st.floats(-1.0, 1.0)
 
 

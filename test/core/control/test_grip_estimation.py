@@ -16,7 +16,7 @@ from haptic_accel.core.control.grip_estimation import (
 )
 from haptic_accel.core.control.inversion import Plant
 from haptic_accel.core.model import AccelerometerParameters, HandleParameters
-from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import DriveParameters, MasterRig, MasterRigParameters
 
 RATE = 1000.0
 TABLE_I = HandleParameters()
@@ -32,7 +32,7 @@ def estimator(**parameters: float) -> GripEstimator:
 def rig(handle: HandleParameters, noise: float = 0.0, rate: float = RATE) -> MasterRig:
     sensor = AccelerometerParameters(noise_density=noise, bits=32)
     return MasterRig(
-        MasterRigParameters(handle, actuator=ActuatorParameters(bits=32), accelerometer=sensor),
+        MasterRigParameters(handle, drive=DriveParameters(bits=32), accelerometer=sensor),
         rate,
     )
 

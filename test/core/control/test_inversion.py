@@ -30,11 +30,11 @@ from haptic_accel.core.control.inversion import (
 from haptic_accel.core.control.inversion.design import EXTENDED_CORNER
 from haptic_accel.core.control.inversion.plant import Grid, grid_for, grip_factors
 from haptic_accel.core.identification.discrete import DiscreteModel
-from haptic_accel.core.model import FloatArray, HandleParameters, StructureParameters, handle_model
+from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters, handle_model
 from haptic_accel.core.parameters import ParameterError
 
 RATES = [1000.0, 4000.0]
-PAPER = Plant(structure=StructureParameters(280.0, 0.127), delay=225e-6)
+PAPER = Plant(mount=MountParameters(280.0, 0.127), delay=225e-6)
 FAST_SENSOR = Plant(bandwidth=100e3)
 
 grips = st.builds(
@@ -366,7 +366,7 @@ def test_impossible_designs_are_refused(arguments: dict[str, float], message: st
 def test_any_plant_has_a_finite_inverse(
     handle: HandleParameters, frequency: float, damping: float, delay: float, rate: float
 ) -> None:
-    plant = Plant(handle, StructureParameters(frequency, damping), delay)
+    plant = Plant(handle, MountParameters(frequency, damping), delay)
     inverse = design_inverse(plant, rate, memory=0.1)
     assert np.isfinite(inverse.taps).all()
     found = predict(inverse, plant)

@@ -30,7 +30,7 @@ from haptic_accel.core.model import (
     ComplexArray,
     FloatArray,
     HandleParameters,
-    StructureParameters,
+    MountParameters,
 )
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
@@ -256,8 +256,8 @@ def test_what_cannot_be_approximated_is_refused() -> None:
 
 @pytest.mark.parametrize("frequency", [180.0, 300.0])
 def test_the_accelerometers_mount_is_found_with_the_handle(frequency: float) -> None:
-    mount = StructureParameters(frequency=frequency, damping=0.13)
-    rig = MasterRigParameters(structure=mount)
+    mount = MountParameters(frequency=frequency, damping=0.13)
+    rig = MasterRigParameters(mount=mount)
     parameters = SweepParameters(end_frequency=450.0)
     (trial,) = run_identification(rig, parameters, RATE, seed=4)
     response = dft_ratio(
@@ -266,7 +266,7 @@ def test_the_accelerometers_mount_is_found_with_the_handle(frequency: float) -> 
         RATE,
         parameters.band,
     )
-    start = StructureParameters(frequency=250.0, damping=0.2)
+    start = MountParameters(frequency=250.0, damping=0.2)
     found = fit_handle(response, free=(*DEFAULT_FREE, *MOUNT), mount=start)
     assert found.mount.frequency == pytest.approx(frequency, rel=0.01)
     assert found.mount.damping == pytest.approx(0.13, rel=0.02)

@@ -16,13 +16,13 @@ from haptic_accel.core.model import (
     AccelerometerParameters,
     GripParameters,
     HandleParameters,
-    StructureParameters,
+    MountParameters,
     held,
 )
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE
-from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import DriveParameters, MasterRig, MasterRigParameters
 
 RATE = 1000.0
 PERIOD = 1 / RATE
@@ -98,9 +98,9 @@ def test_the_handle_follows_eq_3_behind_hold_and_low_pass(
     mode: tuple[float, float] | None,
     delay: float,
 ) -> None:
-    parameters = replace(ideal_master, actuator=replace(ideal_master.actuator, delay=delay))
+    parameters = replace(ideal_master, drive=replace(ideal_master.drive, delay=delay))
     if mode:
-        parameters = replace(parameters, structure=StructureParameters(*mode))
+        parameters = replace(parameters, mount=MountParameters(*mode))
     rig = MasterRig(parameters, rate)
     frequencies = [10, 15, 17, 20, 30, 50, 100, 150, 200]
     count = int(rate)  # one second: whole periods of each sine
@@ -215,7 +215,7 @@ def test_undamped_stops_give_back_what_they_took() -> None:
     undamped = replace(
         STILL,
         handle=HandleParameters(b_s=0.0, b_u=0.0),
-        actuator=ActuatorParameters(stop_damping=0.0),
+        drive=DriveParameters(stop_damping=0.0),
     )
     rig = MasterRig(undamped, RATE)
     rig.disturb(0.0, 3.0)
@@ -333,7 +333,7 @@ def test_a_command_beyond_the_peak_is_cut_and_counted(ideal_master: MasterRigPar
 def test_commands_have_the_converter_s_steps(
     ideal_master: MasterRigParameters, command: float, steps: int
 ) -> None:
-    rig = MasterRig(replace(ideal_master, actuator=ActuatorParameters(bits=14)), RATE)
+    rig = MasterRig(replace(ideal_master, drive=DriveParameters(bits=14)), RATE)
     step = 2 * 6.6 / 2**14  # 0.8 mN
     rig.apply_actuator_force(command * step)
     run(rig, 0, 2000)
@@ -416,11 +416,11 @@ def test_the_seed_decides_about_the_noise() -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("peak_force", 0.0), ("travel", -1.0), ("stop_stiffness", math.nan), ("bits", 64)],
+    [("delay", -1.0), ("slip_velocity", 0.0), ("stop_stiffness", math.nan), ("bits", 64)],
 )
-def test_an_impossible_actuator_is_refused(field: str, value: float) -> None:
+def test_an_impossible_drive_is_refused(field: str, value: float) -> None:
     with pytest.raises(ParameterError, match=f"^{field} = {value}: must be "):
-        ActuatorParameters(**{field: value})  # type: ignore[arg-type]
+        DriveParameters(**{field: value})  # type: ignore[arg-type]
 
 
 # What a real rig has besides
@@ -436,8 +436,8 @@ def test_an_impossible_actuator_is_refused(field: str, value: float) -> None:
 def test_dry_friction_only_takes_energy(
     friction: float, slip: float, v_h: float, v_a: float
 ) -> None:
-    actuator = ActuatorParameters(coulomb_friction=friction, slip_velocity=slip)
-    rig = MasterRig(replace(STILL, actuator=actuator), RATE)
+    drive = DriveParameters(coulomb_friction=friction, slip_velocity=slip)
+    rig = MasterRig(replace(STILL, drive=drive), RATE)
     rig.disturb(handle_velocity=v_h, actuator_velocity=v_a)
     energies = [rig.energy(), *run(rig, 0, 200)]
     for before, after in pairwise(energies):
@@ -445,9 +445,9 @@ def test_dry_friction_only_takes_energy(
 
 
 def test_dry_friction_stops_a_small_swing_away_from_the_middle() -> None:
-    actuator = ActuatorParameters(coulomb_friction=0.1)
+    drive = DriveParameters(coulomb_friction=0.1)
     free = replace(STILL.handle, b_s=0.0, m_h=1e3, k_u=0.0, b_u=0.0)
-    rig = MasterRig(replace(STILL, handle=free, actuator=actuator), RATE)
+    rig = MasterRig(replace(STILL, handle=free, drive=drive), RATE)
     rig.disturb(actuator_velocity=0.1)
     amplitudes = []
     for index in range(400):
@@ -544,8 +544,8 @@ def test_whatever_is_physically_possible_runs(
     parameters = replace(
         STILL,
         handle=HandleParameters(m_a=m_a, k_s=k_s, b_s=b_s, m_h=m_h, k_u=k_u, b_u=b_u),
-        structure=StructureParameters(frequency=frequency),
-        actuator=ActuatorParameters(coulomb_friction=friction, delay=delay),
+        mount=MountParameters(frequency=frequency),
+        drive=DriveParameters(coulomb_friction=friction, delay=delay),
     )
     rig = MasterRig(parameters, rate)
     for index in range(100):

@@ -17,7 +17,7 @@ from haptic_accel.core.model import (
     ComplexArray,
     FloatArray,
     HandleParameters,
-    StructureParameters,
+    MountParameters,
     handle_model,
 )
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
@@ -39,7 +39,7 @@ class Plant(Checked):
     """The handle of eq. (3) with all that lies between a command and a sample."""
 
     handle: HandleParameters = field(default_factory=HandleParameters)
-    structure: StructureParameters = field(default_factory=StructureParameters)
+    mount: MountParameters = field(default_factory=MountParameters)
     delay: float = parameter(
         0.0,
         "from the command to the force beside the hold: converter, amplifier, transport",
@@ -71,7 +71,7 @@ class Plant(Checked):
     model: str = parameter(
         "",
         "figures of an identification (JSON), whose discrete model tells the response in place of"
-        " structure, delay and bandwidth; empty for none",
+        " mount, delay and bandwidth; empty for none",
     )
 
     def coupled(self) -> Plant:
@@ -96,7 +96,7 @@ class Plant(Checked):
         if self.model:
             return IdentifiedPlant(_model(self.model), self.handle).response(frequency, rate)
         return sampled_response(
-            self.handle, frequency, rate, self.delay, self.bandwidth, mount=self.structure
+            self.handle, frequency, rate, self.delay, self.bandwidth, mount=self.mount
         )
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from haptic_accel.core.actuator.guard import LimitParameters
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import LARGEST_ACCELERATION, build_controller
 from haptic_accel.core.control.controllers import CONTROLLERS, Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
@@ -18,19 +18,19 @@ from haptic_accel.core.control.filters import SampleFilter, high_pass
 from haptic_accel.core.control.inversion import Plant, design_inverse, measured_spectrum, predict
 from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY
 from haptic_accel.core.evaluation.metrics import evaluate
-from haptic_accel.core.model import AccelerometerParameters, FloatArray, StructureParameters
+from haptic_accel.core.model import AccelerometerParameters, FloatArray, MountParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.master_rig import ActuatorParameters, MasterRigParameters
+from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters
 from haptic_accel.core.trial import RigParameters, Trial, run_trial
 
 RATE = 1000.0
 SILENT = AccelerometerParameters(noise_density=0.0, bits=32)
-STRUCTURE = StructureParameters(280.0, 0.127)
+MOUNT = MountParameters(280.0, 0.127)
 STILL = ExplorationParameters(stroke_speed=0.0, press_depth=0.0, height=0.0)
 """Without the hand's own motion, the handle does what the actuator makes it do."""
 
-UNLIMITED = LimitParameters(travel=0.1, continuous_force=100.0)
+UNLIMITED = ActuatorParameters(travel=0.1, continuous_force=100.0)
 
 
 def texture(rate: float, seconds: float = 4.0) -> FloatArray:
@@ -47,24 +47,24 @@ def texture(rate: float, seconds: float = 4.0) -> FloatArray:
 def follow(
     controller: str,
     rate: float = RATE,
-    structure: StructureParameters | None = None,
+    mount: MountParameters | None = None,
     delay: float = 0.0,
 ) -> tuple[Trial, Plant]:
-    structure = structure or StructureParameters()
+    mount = mount or MountParameters()
     master = MasterRigParameters(
-        structure=structure,
-        actuator=ActuatorParameters(delay=delay, bits=32),
+        mount=mount,
+        drive=DriveParameters(delay=delay, bits=32),
         accelerometer=SILENT,
         exploration=STILL,
     )
-    plant = Plant(structure=structure, delay=delay)
+    plant = Plant(mount=mount, delay=delay)
     trial = run_trial(
         controller,
         RigParameters(master=master),
         duration=3.0,
         rate=rate,
         recording=texture(rate),
-        controllers={"plant": plant, "limits": UNLIMITED},
+        controllers={"plant": plant, "actuator": UNLIMITED},
     )
     return trial, plant
 
@@ -80,13 +80,11 @@ def test_it_is_registered() -> None:
 
 
 @pytest.mark.parametrize("rate", [1000.0, 4000.0])
-@pytest.mark.parametrize(
-    ("structure", "delay"), [(StructureParameters(), 0.0), (STRUCTURE, 225e-6)]
-)
+@pytest.mark.parametrize(("mount", "delay"), [(MountParameters(), 0.0), (MOUNT, 225e-6)])
 def test_a_rig_without_noise_follows_as_predicted(
-    rate: float, structure: StructureParameters, delay: float
+    rate: float, mount: MountParameters, delay: float
 ) -> None:
-    trial, plant = follow("inverse", rate, structure, delay)
+    trial, plant = follow("inverse", rate, mount, delay)
     plant = plant.coupled()
     measured = measured_spectrum(trial.tool_acceleration, rate)
     # Here the tool's sensor is silent, so that what is taken for its noise is none.
@@ -206,7 +204,7 @@ def test_a_rate_too_low_for_the_high_pass_is_refused() -> None:
 
 
 def test_plant_and_high_pass_are_the_loops() -> None:
-    plant = Plant(structure=STRUCTURE, delay=2e-4)
+    plant = Plant(mount=MOUNT, delay=2e-4)
     found = InverseParameters().filter(Loop(RATE, 30.0, plant))
     expected = design_inverse(plant, RATE, high_pass_frequency=30.0)
     assert found.taps == pytest.approx(expected.taps)

@@ -1,0 +1,65 @@
+"""Description of the actuator: one set of numbers for all that drives, limits or simulates it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from haptic_accel.core.model import ACTUATOR, Suspension
+from haptic_accel.core.parameters import ParameterError, parameter
+
+
+@dataclass(frozen=True)
+class ActuatorParameters(Suspension):
+    """A voice coil on its suspension: H2W NCM02-05-005-4JB on Table I's spring.
+
+    Every node that needs the actuator has these parameters in its block ``actuator``. Safety
+    layer, compensator, simulated device, identifier and drivers are built from it.
+
+    Raises
+    ------
+    ParameterError
+        A value is out of range, or the force constant is zero.
+    """
+
+    travel: float = parameter(
+        3.8e-3,
+        "free travel either way (data sheet)",
+        unit="m",
+        low=0,
+        high=0.1,
+        above=True,
+        block=ACTUATOR,
+    )
+    peak_force: float = parameter(
+        6.6, "limit of its force (data sheet)", unit="N", low=0, high=100.0, block=ACTUATOR
+    )
+    continuous_force: float = parameter(
+        2.2,
+        "root mean square of the force that the coil withstands for ever (data sheet)",
+        unit="N",
+        low=0,
+        high=100.0,
+        block=ACTUATOR,
+    )
+    thermal_time: float = parameter(
+        10.0,
+        "thermal time constant of the coil (assumed: small coils have 5 to 30 s)",
+        unit="s",
+        low=0.01,
+        high=1e4,
+        block=ACTUATOR,
+    )
+    force_constant: float = parameter(
+        2.4,
+        "force per current, negative where the wires are swapped (data sheet)",
+        unit="N/A",
+        low=-1000.0,
+        high=1000.0,
+        block=ACTUATOR,
+    )
+
+    def __post_init__(self) -> None:
+        """Check all fields; a force constant of zero makes no force."""
+        super().__post_init__()
+        if self.force_constant == 0:
+            raise ParameterError("force_constant = 0: must not be 0 N/A")

@@ -1,0 +1,117 @@
+"""Another voice coil, described once in one file, is what every part of the graph uses."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+import yaml
+
+from haptic_accel.core.actuator.guard import ActuatorGuard
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator.safety import SafetyLayer
+from haptic_accel.core.control.compensation import PLANT, Compensation
+from haptic_accel.core.model import ACTUATOR
+from haptic_accel.devices.serial.device import SerialMaster
+from haptic_accel.devices.simulated import SimulatedMaster
+from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.graph.node_parameters import SAFETY, node_parameters
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
+
+COIL = ActuatorParameters(
+    m_a=0.031,
+    k_s=410.0,
+    b_s=1.3,
+    travel=2.5e-3,
+    peak_force=4.0,
+    continuous_force=1.5,
+    thermal_time=7.0,
+    force_constant=-3.1,
+)
+RATE = 1000.0
+
+
+class Wire:
+    """A serial link that keeps the set-points of the current."""
+
+    def __init__(self) -> None:
+        self.currents: list[float] = []
+
+    def set_current(self, current: float) -> None:
+        """Keep a set-point."""
+        self.currents.append(current)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """Return a parameter file that describes the coil, and the port of its board."""
+    content = {
+        "/**": {"ros__parameters": {ACTUATOR: asdict(COIL)}},
+        "master_device": {"ros__parameters": {"serial": {"port": "/dev/coil"}}},
+    }
+    path = tmp_path / "coil.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def test_every_number_of_the_coil_differs_from_the_papers() -> None:
+    paper = asdict(ActuatorParameters())
+    assert all(value != paper[name] for name, value in asdict(COIL).items())
+
+
+@pytest.mark.parametrize("rig", ["ideal", "paper"])
+def test_one_block_describes_the_actuator_to_every_node(file: Path, rig: str) -> None:
+    values = graph_parameters(GraphArguments(config=str(file), rig=rig))
+    suspension = (COIL.m_a, COIL.k_s, COIL.b_s)
+    _, master = node_parameters("master_device", values["master_device"])
+    _, compensator = node_parameters("compensator", values["compensator"])
+    assert master[SAFETY].hardware == compensator[ACTUATOR] == COIL
+    assert master["simulated"].actuator == master["serial"].actuator == COIL
+    assert master["can_serial"].handle.actuator == COIL
+    for handle in (compensator[PLANT].handle, master["simulated"].handle):
+        assert (handle.m_a, handle.k_s, handle.b_s) == suspension
+    _, identifier = node_parameters(
+        "identifier", graph_parameters(IdentifyArguments(config=str(file)))["identifier"]
+    )
+    assert identifier[ACTUATOR] == COIL
+
+
+def test_all_that_drives_or_limits_the_coil_uses_it(file: Path) -> None:
+    values = graph_parameters(GraphArguments(config=str(file), controller="constant"))
+    _, master = node_parameters("master_device", values["master_device"])
+    own, options = node_parameters("compensator", values["compensator"])
+
+    layer = SafetyLayer(master[SAFETY], RATE)
+    layer.enable(0.0, True)
+    assert layer.actuator_force(0.0, 0.0, 50.0) == COIL.peak_force
+
+    compensation = Compensation(own, RATE, options)
+    assert compensation.sample(1000.0, 0.0)[1] == COIL.peak_force
+    expected = ActuatorGuard(COIL, RATE)
+    expected.limited(50.0, 0.0)
+    assert (compensation.guard.heat, compensation.guard.travel) == (expected.heat, expected.travel)
+
+    simulated = SimulatedMaster(master["simulated"], RATE, 0)
+    simulated.open()
+    simulated.read(0.0)
+    simulated.write(0.0, actuator_force=50.0)
+    assert simulated.status()["actuator_saturated"] == 1
+    simulated.write(0.0, actuator_force=COIL.peak_force)
+    assert simulated.status()["actuator_saturated"] == 1
+
+    driver, wire = SerialMaster(master["serial"], RATE, 0), Wire()
+    driver._link = wire  # type: ignore[assignment]
+    driver.write(0.0, actuator_force=1.0)
+    assert wire.currents == [1.0 / COIL.force_constant]
+
+
+def test_one_node_may_believe_in_another_actuator(file: Path, tmp_path: Path) -> None:
+    content = yaml.safe_load(file.read_text())
+    content["compensator"] = {"ros__parameters": {ACTUATOR: {"m_a": 0.04}}}
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(yaml.safe_dump(content))
+    values = graph_parameters(GraphArguments(config=str(mine)))
+    _, options = node_parameters("compensator", values["compensator"])
+    assert options[PLANT].handle.m_a == options[ACTUATOR].m_a == 0.04
+    assert rig_parameters(values).master.handle.m_a == COIL.m_a
