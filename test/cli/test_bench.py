@@ -41,6 +41,7 @@ def test_latency_gives_well_formed_figures_of_graph_and_yardsticks(
     assert nodes_of(domain) == {}
 
 
+@pytest.mark.slow
 def test_sweep_draws_rates_and_pairs(haptic_accel: Start, tmp_path: Path) -> None:
     command = haptic_accel(
         *("bench", "sweep", "--rates", "100,200", "--pairs", "1", "--seconds", "1"),

@@ -66,6 +66,7 @@ def test_the_table_is_printed_and_saved(haptic_accel: Start, tmp_path: Path) -> 
     assert "ideal, 4 kHz" in command.text
 
 
+@pytest.mark.slow
 def test_adaptation_halves_what_another_hand_costs() -> None:
     grips = ((1.0, hand(2, 3, HandleParameters())),)
     adaptive, inverse = (

@@ -54,6 +54,7 @@ def test_table_i_comes_back_as_a_parameter_file(haptic_accel: Start, tmp_path: P
 
 
 @pytest.mark.quiet
+@pytest.mark.slow
 def test_on_the_papers_rig_models_follow_the_handle_to_400_hz(
     haptic_accel: Start, tmp_path: Path
 ) -> None:

@@ -54,6 +54,7 @@ def test_at_rest_it_gives_next_to_nothing() -> None:
 
 
 @pytest.mark.parametrize("controller", ["inverse", "adaptive"])
+@pytest.mark.slow
 def test_on_a_rig_with_friction_it_takes_most_of_the_error_that_friction_makes(
     controller: str,
 ) -> None:

@@ -234,6 +234,7 @@ def test_an_absurd_command_does_not_hit_the_stops(
 
 @pytest.mark.parametrize("posture", ["pinch", "hook"])
 @pytest.mark.parametrize("frequency", [8.0, 20.0])
+@pytest.mark.slow
 def test_nor_does_it_on_a_rig_like_the_papers_in_another_grip(
     posture: str, frequency: float
 ) -> None:
