@@ -1,9 +1,9 @@
-"""The devices by name. A new one is a class in a file of its own and a line here."""
+"""Devices by name. A new one is a class in a file of its own and a line here."""
 
 from __future__ import annotations
 
 from haptic_accel.devices.can.device import CanMaster, CanSlave
-from haptic_accel.devices.can_serial import CanSerialMaster, CanSerialSlave
+from haptic_accel.devices.combined import CanSerialMaster, CanSerialSlave
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 from haptic_accel.devices.playback.device import ReplayMaster, ReplaySlave
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave

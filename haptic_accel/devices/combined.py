@@ -1,56 +1,65 @@
-"""A device made of two: an arm's motion and force of one, the accelerometer of another."""
+"""Devices made of two: motion and force of an arm, and the accelerometer of a handle or tool."""
 
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from haptic_accel.core.model import Vector
+from haptic_accel.core.parameters import Checked
+from haptic_accel.devices.can.device import CanMaster, CanSlave
+from haptic_accel.devices.can.parameters import CanMasterParameters, CanSlaveParameters
 from haptic_accel.devices.interface import Device, Sample
+from haptic_accel.devices.serial.device import (
+    SerialMaster,
+    SerialMasterParameters,
+    SerialSlave,
+    SerialSlaveParameters,
+)
 
 ARM, HANDLE = "arm", "handle"
-"""Fields of the parameters, and what the names of their counts begin with."""
+"""Fields of the parameters, and prefixes of the counts."""
 
 
 class CombinedDevice(Device):
-    """An arm that tells position and velocity, and a handle or tool that tells acceleration.
+    """Arm that measures position and velocity, and handle or tool that measures acceleration.
 
     A subclass names both classes, and in `Parameters` a dataclass with a field `arm` and a field
-    `handle` of their parameters. Both are opened or none; both are closed whatever the other
-    does.
+    `handle` of their parameters. Both are opened or none; both are closed even if one fails.
     """
 
-    Arm: ClassVar[type[Device]]
-    Handle: ClassVar[type[Device]]
+    ArmDevice: ClassVar[type[Device]]
+    HandleDevice: ClassVar[type[Device]]
 
     def __init_subclass__(cls, **words: Any) -> None:
-        """Take over what can be changed in either."""
+        """Collect the changeable parameters of both."""
         super().__init_subclass__(**words)
         cls.CHANGEABLE = tuple(
-            f"{field}.{name}"
-            for field, kind in ((ARM, cls.Arm), (HANDLE, cls.Handle))
+            f"{part}.{name}"
+            for part, kind in ((ARM, cls.ArmDevice), (HANDLE, cls.HandleDevice))
             for name in kind.CHANGEABLE
         )
 
     def __init__(self, parameters: Any, rate: float, seed: int) -> None:
-        self._arm = self.Arm(parameters.arm, rate, seed)
-        self._handle = self.Handle(parameters.handle, rate, seed)
+        self._arm = self.ArmDevice(parameters.arm, rate, seed)
+        self._handle = self.HandleDevice(parameters.handle, rate, seed)
+        self._parts = {ARM: self._arm, HANDLE: self._handle}
 
     def open(self) -> None:
         """Open both, or leave both closed."""
         with ExitStack() as opened:
-            opened.callback(self._arm.close)
-            self._arm.open()
-            opened.callback(self._handle.close)
-            self._handle.open()
+            for device in self._parts.values():
+                opened.callback(device.close)
+                device.open()
             opened.pop_all()
 
     def read(self, time: float) -> Sample | None:
-        """Return the arm's motion and the handle's acceleration, None where either has none."""
-        moved, shaken = self._arm.read(time), self._handle.read(time)
-        if moved is None or shaken is None:
+        """Return the arm's motion and the handle's acceleration, None if either has none."""
+        motion, vibration = self._arm.read(time), self._handle.read(time)
+        if motion is None or vibration is None:
             return None
-        return moved._replace(acceleration=shaken.acceleration)
+        return motion._replace(acceleration=vibration.acceleration)
 
     def write(
         self,
@@ -59,20 +68,20 @@ class CombinedDevice(Device):
         arm_force: Vector | None = None,
         actuator_force: float | None = None,
     ) -> None:
-        """Give each its force, the actuator's first."""
+        """Write each force to its device, the actuator's first."""
         if actuator_force is not None:
             self._handle.write(time, actuator_force=actuator_force)
         if arm_force is not None:
             self._arm.write(time, arm_force=arm_force)
 
     def change(self, parameters: Any) -> None:
-        """Let both go on with other parameters."""
-        for device, given in ((self._arm, parameters.arm), (self._handle, parameters.handle)):
+        """Change the parameters of both."""
+        for part, device in self._parts.items():
             if device.CHANGEABLE:
-                device.change(given)
+                device.change(getattr(parameters, part))
 
     def arm(self) -> bool | None:
-        """Let both allow forces again: False if one cannot, None if one takes a while."""
+        """Arm both; return False if one cannot, None if one takes a while."""
         answers = self._arm.arm(), self._handle.arm()
         if False in answers:
             return False
@@ -81,28 +90,58 @@ class CombinedDevice(Device):
     def close(self) -> None:
         """Leave both without force, one also when the other fails."""
         with ExitStack() as closing:
-            closing.callback(self._arm.close)
-            closing.callback(self._handle.close)
+            for device in self._parts.values():
+                closing.callback(device.close)
 
     @property
     def remark(self) -> str:
-        """What either has to say."""
-        return "; ".join(filter(None, (self._arm.remark, self._handle.remark)))
+        """Remarks of both."""
+        return "; ".join(device.remark for device in self._parts.values() if device.remark)
 
     @property
     def problem(self) -> str:
-        """What is wrong with either."""
-        return "; ".join(filter(None, (self._arm.problem, self._handle.problem)))
+        """Problems of both."""
+        return "; ".join(device.problem for device in self._parts.values() if device.problem)
 
     @property
     def ended(self) -> bool:
-        """Whether either has come to its end."""
-        return self._arm.ended or self._handle.ended
+        """True if either has ended."""
+        return any(device.ended for device in self._parts.values())
 
     def status(self) -> dict[str, int]:
-        """Return the counts of both, each with its part's name before it."""
+        """Return the counts of both, with the part as prefix."""
         return {
             f"{part}_{name}": count
-            for part, device in ((ARM, self._arm), (HANDLE, self._handle))
+            for part, device in self._parts.items()
             for name, count in device.status().items()
         }
+
+
+@dataclass(frozen=True)
+class CanSerialMasterParameters(Checked):
+    """Parameters of the arm on the CAN bus and of the board in the handle."""
+
+    arm: CanMasterParameters = field(default_factory=CanMasterParameters)
+    handle: SerialMasterParameters = field(default_factory=SerialMasterParameters)
+
+
+@dataclass(frozen=True)
+class CanSerialSlaveParameters(Checked):
+    """Parameters of the arm on the CAN bus and of the board at the tool."""
+
+    arm: CanSlaveParameters = field(default_factory=CanSlaveParameters)
+    handle: SerialSlaveParameters = field(default_factory=SerialSlaveParameters)
+
+
+class CanSerialMaster(CombinedDevice):
+    """Master with an arm of ODrives, and a handle behind a microcontroller."""
+
+    Parameters = CanSerialMasterParameters
+    ArmDevice, HandleDevice = CanMaster, SerialMaster
+
+
+class CanSerialSlave(CombinedDevice):
+    """Slave with an arm of ODrives, and a tool behind a microcontroller."""
+
+    Parameters = CanSerialSlaveParameters
+    ArmDevice, HandleDevice = CanSlave, SerialSlave

@@ -1,4 +1,4 @@
-"""What every device has: parameters, open, read, write, close."""
+"""Interface of all devices: parameters, open, read, write, close."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ __all__ = ["Device", "DeviceError", "Sample"]
 
 
 class DeviceError(RuntimeError):
-    """A device cannot be opened or does not answer; the message is one line fit to be shown."""
+    """Failure to open a device or to get an answer; the message is one line fit to be shown."""
 
 
 class Device(ABC):
-    """An arm with an accelerometer, and at the master an actuator in the handle.
+    """Arm with an accelerometer, and at the master an actuator in the handle.
 
     A subclass names its parameter dataclass in `Parameters`; the device nodes declare its
     fields as ROS parameters below the device's name. Times are seconds on the caller's
@@ -27,15 +27,15 @@ class Device(ABC):
     parameters
         An instance of the class' `Parameters`.
     rate : float
-        Samples per second at which it will be read.
+        Rate at which it will be read, Hz.
     seed : int
-        For what is random in it, if anything is.
+        Seed of its random numbers, if it has any.
     """
 
     Parameters: ClassVar[type]
 
     CHANGEABLE: ClassVar[tuple[str, ...]] = ()
-    """Dotted names of the parameters that `change` takes."""
+    """Dotted names of the parameters that `change` accepts."""
 
     @abstractmethod
     def __init__(self, parameters: Any, rate: float, seed: int) -> None: ...
@@ -47,22 +47,22 @@ class Device(ABC):
         Raises
         ------
         DeviceError
-            It cannot be opened.
+            The device cannot be opened.
         """
 
     @abstractmethod
     def read(self, time: float) -> Sample | None:
-        """Return the sample of an instant, None where there is none: unplugged, not yet heard.
+        """Return the sample of an instant, None without one: unplugged, or nothing received yet.
 
         Parameters
         ----------
         time : float
-            The instant the sample is for: a tick of the caller's rate, now or just past.
+            Instant of the sample: a tick of the caller's rate, now or just past.
 
         Raises
         ------
         DeviceError
-            It does not answer.
+            The device does not answer.
         """
 
     @abstractmethod
@@ -73,7 +73,7 @@ class Device(ABC):
         arm_force: Vector | None = None,
         actuator_force: float | None = None,
     ) -> None:
-        """Apply forces at once; what is not given stays as it is.
+        """Apply forces at once; a force that is not given stays as it is.
 
         Parameters
         ----------
@@ -87,11 +87,11 @@ class Device(ABC):
         Raises
         ------
         DeviceError
-            It does not answer.
+            The device does not answer.
         """
 
     def change(self, parameters: Any) -> None:
-        """Go on with other parameters; motion and forces stay as they are.
+        """Change parameters in operation; motion and forces stay as they are.
 
         Parameters
         ----------
@@ -101,17 +101,17 @@ class Device(ABC):
         Raises
         ------
         ParameterError
-            They cannot be taken now; nothing has changed.
+            They cannot be changed now; nothing has changed.
         """
         raise NotImplementedError(f"{type(self).__name__} names no CHANGEABLE parameter")
 
     def arm(self) -> bool | None:
-        """Allow forces again after the device itself refused them; `problem` says whether it does.
+        """Allow forces again after the device itself refused them; `problem` shows the result.
 
         Returns
         -------
         bool or None
-            Whether it could; None where that takes a while to tell.
+            True if it succeeded; None if that takes a while to find out.
         """
         return True
 
@@ -121,19 +121,19 @@ class Device(ABC):
 
     @property
     def remark(self) -> str:
-        """What is worth telling once it is open; empty for nothing."""
+        """Remark for the log once it is open; empty for none."""
         return ""
 
     @property
     def problem(self) -> str:
-        """Why there are no samples or no forces, in one line; empty if all is well."""
+        """Reason why there are no samples or no forces, in one line; empty if there is none."""
         return ""
 
     @property
     def ended(self) -> bool:
-        """Whether it has come to its end, and the graph with it: a recording that is over."""
+        """True once it has ended, and the graph with it: the end of a recording."""
         return False
 
     def status(self) -> dict[str, int]:
-        """Return counts worth showing in diagnostics, by name."""
+        """Return counts for the diagnostics, by name."""
         return {}

@@ -86,8 +86,8 @@ class BothParameters:
 
 class Both(CombinedDevice):
     Parameters = BothParameters
-    Arm = Arm
-    Handle = Handle
+    ArmDevice = Arm
+    HandleDevice = Handle
 
 
 @pytest.fixture
