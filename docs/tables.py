@@ -10,7 +10,8 @@ import re
 from pathlib import Path
 
 from haptic_accel.core.parameters import Checked
-from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, described
+from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.graph.words import described
 
 FOLDER = Path(__file__).parent
 

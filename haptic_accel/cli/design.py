@@ -26,7 +26,7 @@ from haptic_accel.core.control.inversion import (
 from haptic_accel.core.control.inversion.spectrum import ToolSpectrum
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE
-from haptic_accel.devices.playback.files import read_recording
+from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import RECORDING, graph_parameters

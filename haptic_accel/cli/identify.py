@@ -62,7 +62,7 @@ from haptic_accel.core.model import (
 from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.devices.playback.files import read_recording
+from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import SIMULATED, graph_parameters, identification_graph

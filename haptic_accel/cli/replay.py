@@ -23,7 +23,7 @@ from haptic_accel.core.process import DONE
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS
 from haptic_accel.core.track import Track, played_at
 from haptic_accel.core.trial import Trial
-from haptic_accel.devices.playback.device import SLAVE, ReplayParameters, read_track, start_offset
+from haptic_accel.devices.playback import SLAVE, ReplayParameters, read_track, start_offset
 from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import SIMULATED, Process, graph

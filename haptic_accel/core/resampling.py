@@ -11,29 +11,20 @@ import numpy as np
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 
-LOWEST_RATE = 10.0
-
-
-HIGHEST_RATE = 1.0e6
+LOWEST_RATE, HIGHEST_RATE = 10.0, 1.0e6
 """Range of sampling rates, Hz."""
 
-
 MOST_SAMPLES = 20_000_000
-"""Limit before and after resampling: half an hour at 10 kHz, 160 MB."""
-
+"""Maximum length before and after resampling: half an hour at 10 kHz, 160 MB."""
 
 PASS_BAND = 0.9
 """Highest frequency kept in full, as a fraction of half the lower of the two rates."""
 
-
 ATTENUATION = 80.0
 """Attenuation, dB, from half the lower of the two rates upwards."""
 
-
 _MOST_STEPS = 10_000  # larger term of the resampling ratio; keeps the filter small
-
-
-RATE_TOLERANCE = 1.0e-4  # relative; what that ratio may be off by at the worst
+RATE_TOLERANCE = 1.0e-4  # relative error of that ratio at the worst
 
 
 def resampled(samples: FloatArray, recording_rate: float, rate: float) -> FloatArray:

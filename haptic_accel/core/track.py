@@ -20,20 +20,20 @@ from haptic_accel.core.sampling import (
 from haptic_accel.core.topics import ACTUATOR_AXIS
 
 SHORTEST = 0.2
-"""A track must last this long, s: four of the fades of a loop."""
+"""Minimum duration of a track, s: four of the fades of a loop."""
 
 FADE = 0.05
-"""How long an acceleration that has ended takes to come to rest, s."""
+"""Time in which the acceleration comes to rest after the end, s."""
 
 QUIET = 0.3
-"""How long it then stays at rest, s: ten times what the paper's high-pass remembers."""
+"""Time at rest after that, s: ten time constants of the paper's high-pass."""
 
 AXES = 3
 
 
 @dataclass(frozen=True)
 class Track:
-    """What one arm and its accelerometer gave, a sample per point of a sampling grid.
+    """Samples of one arm and its accelerometer, one for each point of a sampling grid.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Track:
     position, velocity : ndarray, shape (n, 3)
         m and m/s.
     lost : ndarray of bool, shape (n,)
-        Samples that were not there and have the value of the one before.
+        Missing samples, which hold the value before them.
     """
 
     rate: float
@@ -59,7 +59,7 @@ class Track:
 
     @property
     def seconds(self) -> float:
-        """How long it lasts."""
+        """Duration, s."""
         return len(self) / self.rate
 
     @property
@@ -88,7 +88,7 @@ def gridded(
     position, velocity : Stamped, optional
         m and m/s; the arm stands still at its origin without.
     rate : float
-        Of the grid, Hz.
+        Sampling rate of the grid, Hz.
     start : int, optional
         Stamp before which samples are left out, ns.
 
@@ -225,7 +225,7 @@ def quieted(track: Track) -> Track:
 
 
 class ReplayRig:
-    """An arm whose samples were recorded; the forces on it are taken and do nothing.
+    """An arm whose samples were recorded; the forces on it are counted and do nothing.
 
     It waits at its first position, at rest, until it is given its first force of the arm's
     motors, and plays from the next sample on, whatever the forces then are.
@@ -235,7 +235,7 @@ class ReplayRig:
     track : Track
         At the rate at which it is read.
     loop : bool
-        Whether to begin anew at the end; otherwise the last sample stays.
+        Begin again at the end; otherwise the last sample stays.
     """
 
     def __init__(self, track: Track, *, loop: bool = False) -> None:
@@ -250,7 +250,7 @@ class ReplayRig:
 
     @property
     def ended(self) -> bool:
-        """Whether the last sample was played."""
+        """True once the last sample was played."""
         return not self._loop and self._place >= len(self._track) - 1
 
     def advance(self, time: float) -> None:
@@ -287,7 +287,7 @@ class ReplayRig:
         """Do nothing: no force acts."""
 
     def status(self) -> dict[str, int]:
-        """Return what was lost in the recording, not asked for in time, and not acted on."""
+        """Return counts of samples lost or skipped, and of forces ignored."""
         return {
             "samples_lost_in_recording": self._lost,
             "samples_skipped": self._skipped,
@@ -296,7 +296,7 @@ class ReplayRig:
         }
 
     def _count(self, place: int) -> None:
-        """Note which sample is played."""
+        """Count a sample that is played, and those skipped."""
         if place == self._place:
             return
         self._skipped += place - self._place - 1
@@ -310,7 +310,7 @@ def _vector(row: FloatArray) -> Vector:
 
 
 def _whole(signal: Stamped) -> Stamped:
-    """Leave out vectors that hold no number, and put the others in order."""
+    """Return the finite vectors in the order of their stamps."""
     stamps, values = signal
     finite = np.isfinite(values).all(axis=1)
     stamps, values = stamps[finite], values[finite]
@@ -327,7 +327,7 @@ class _Grid:
     period: float
 
     def held(self, signal: Stamped) -> tuple[FloatArray, BoolArray]:
-        """Return a signal's value at every place, and where the one before is held."""
+        """Return a signal's value at every place, and the places where the last one is held."""
         stamps, values = _whole(signal)
         near = np.maximum(np.searchsorted(self.stamps, stamps, side="right") - 1, 0)
         steps = np.rint((stamps - self.stamps[near]) / self.period).astype(np.int64)

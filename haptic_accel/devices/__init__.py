@@ -5,7 +5,7 @@ from __future__ import annotations
 from haptic_accel.devices.can.device import CanMaster, CanSlave
 from haptic_accel.devices.combined import CanSerialMaster, CanSerialSlave
 from haptic_accel.devices.interface import Device, DeviceError, Sample
-from haptic_accel.devices.playback.device import ReplayMaster, ReplaySlave
+from haptic_accel.devices.playback import ReplayMaster, ReplaySlave
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
 from haptic_accel.devices.simulated import SimulatedMaster, SimulatedSlave
 

@@ -12,7 +12,7 @@ from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import parameter, schema
 from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.devices.playback.device import loop_parameter, speed_parameter, start_parameter
+from haptic_accel.devices.playback import loop_parameter, speed_parameter, start_parameter
 from haptic_accel.graph.node_parameters import (
     rate_parameter,
     scope_control_parameter,

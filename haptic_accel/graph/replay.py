@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.parameters import Checked, ParameterError, checked, parameter, schema
 from haptic_accel.core.trial import DEFAULT_RATE
-from haptic_accel.devices.playback.device import (
+from haptic_accel.devices.playback import (
     MASTER,
     SLAVE,
     bag_rate,

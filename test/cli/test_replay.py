@@ -13,7 +13,7 @@ from bag_maker import write_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.cli.replay import play_command
 from haptic_accel.core import topics
-from haptic_accel.devices.playback.device import SLAVE, ReplayParameters, read_track
+from haptic_accel.devices.playback import SLAVE, ReplayParameters, read_track
 from haptic_accel.graph.lockstep import lockstep_trial
 from haptic_accel.graph.replay import replay_arguments
 from running import Command

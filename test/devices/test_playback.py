@@ -20,7 +20,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import Topic
 from haptic_accel.core.track import FADE, QUIET
 from haptic_accel.devices import MASTERS, SLAVES, Device
-from haptic_accel.devices.playback.device import (
+from haptic_accel.devices.playback import (
     ReplayMaster,
     ReplayParameters,
     ReplaySlave,

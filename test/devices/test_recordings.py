@@ -16,8 +16,8 @@ from scipy.io import wavfile
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import crossfaded, resampled
-from haptic_accel.devices.playback import files as recording
-from haptic_accel.devices.playback.files import FULL_SCALE, FloatArray, read_recording
+from haptic_accel.devices import recordings as recording
+from haptic_accel.devices.recordings import FULL_SCALE, FloatArray, read_recording
 from recordings import write_recording
 
 # One folder serves all examples of a test: each writes its files anew.
@@ -169,7 +169,7 @@ def test_column_that_is_there_twice_is_refused(tmp_path: Path) -> None:
     assert "accel: is there more than once" in refusal(path, 100.0, 100.0)
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e7", "", "abc", "1,5", "0x10"])
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e7", "", "abc", "1,5", "0x10", "\0"])
 def test_what_is_no_acceleration_is_refused_with_its_line(tmp_path: Path, value: str) -> None:
     path = tmp_path / "a.csv"
     path.write_text("speed;accel\n" + "0;1\n" * 50 + f"0;{value}\n" + "0;1\n" * 50)
@@ -183,18 +183,18 @@ def test_only_the_wanted_column_must_be_numbers(tmp_path: Path) -> None:
     assert read_recording(path, 100.0, 100.0).tolist() == [1.0] * 100
 
 
-@pytest.mark.parametrize("row", ["1", "1,2,3"])
-def test_ragged_row_is_refused_with_its_line(tmp_path: Path, row: str) -> None:
+def test_a_row_longer_than_the_header_is_refused_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("accel,speed\n1,2\n" + f"{row}\n" + "1,2\n" * 100)
+    path.write_text("accel,speed\n1,2\n1,2,3\n" + "1,2\n" * 100)
     message = refusal(path, 100.0, 100.0)
-    assert message.startswith(f"{path}: line 3: {row.count(',') + 1} values, must be 2")
+    assert message.startswith(f"{path}: ")
+    assert "line 3" in message
 
 
 def test_open_quote_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text('accel,speed\n1,"2\n' + "1,2\n" * 100)
-    assert "line " in refusal(path, 100.0, 100.0)
+    assert refusal(path, 100.0, 100.0).endswith("must be comma-separated values")
 
 
 def test_recording_shorter_than_a_second_is_refused(tmp_path: Path) -> None:
@@ -383,7 +383,7 @@ def test_huge_file_is_refused_unread(tmp_path: Path) -> None:
     assert "more than 500000000" in refusal(tmp_path / "a.csv", 1000.0, 1000.0)
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00a", b"\x89PNG\r\n", b"accel\n1\n\0\n"])
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00a", b"\x89PNG\r\n"])
 def test_binary_file_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.csv").write_bytes(content)
     assert "is not text" in refusal(tmp_path / "a.csv", 1000.0, 1000.0)

@@ -1,4 +1,4 @@
-"""The devices that play what was recorded, in place of an arm: a bag, or a CSV or WAV file."""
+"""Devices that play a recording in place of an arm: a bag, or a CSV or WAV file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from haptic_accel.core.track import (
     played_at,
     quieted,
 )
-from haptic_accel.devices.playback.files import read_recording
+from haptic_accel.devices.recordings import read_recording
 from haptic_accel.devices.simulated import SimulatedDevice
 
 if TYPE_CHECKING:
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 # Reading a bag takes a quarter of a second to import: only who replays one waits for it.
 
 SLOWEST, FASTEST = 0.1, 10.0
-"""Range of the speed."""
+"""Range of the playback speed."""
 
 LONGEST_START = 1e6
-"""s."""
+"""Maximum time to skip, s."""
 
 
 def speed_parameter() -> Any:
-    """Declare how fast a recording is played, which arguments and devices share."""
+    """Declare the playback speed, for arguments and devices."""
     return parameter(
         1.0,
         "seconds of the recording per second, as `ros2 bag play --rate`: signals are stretched in"
@@ -49,15 +49,15 @@ def speed_parameter() -> Any:
 
 
 def loop_parameter() -> Any:
-    """Declare whether a recording is played over and over."""
-    return parameter(False, "whether to play over and over, its end fading into its beginning")
+    """Declare repetition, for arguments and devices."""
+    return parameter(False, "repeat the recording, its end fading into its beginning")
 
 
 def start_parameter() -> Any:
-    """Declare where in a recording to begin."""
+    """Declare the start of the playback, for arguments and devices."""
     return parameter(
         0.0,
-        "what to leave out, from where the bag's arms were coupled or the file begins",
+        "time to skip after the bag's arms were coupled or the file begins",
         unit="s",
         low=0.0,
         high=LONGEST_START,
@@ -66,33 +66,33 @@ def start_parameter() -> Any:
 
 @dataclass(frozen=True)
 class ReplayParameters(Checked):
-    """What is played and how."""
+    """Recording to play, and way to play it."""
 
     file: str = parameter("", "folder or file of a bag, or CSV or WAV file of an acceleration")
     rate: float = parameter(
         0.0, "rate of a CSV file's samples; others have their own", unit="Hz", low=0.0, high=1e6
     )
-    column: str = parameter("", "column of a CSV or channel of a WAV file; empty for the usual")
+    column: str = parameter("", "column of a CSV or channel of a WAV file; empty for the default")
     speed: float = speed_parameter()
     loop: bool = loop_parameter()
     start: float = start_parameter()
 
 
 @dataclass(frozen=True)
-class Arm:
-    """Where a bag has what one arm's device gave."""
+class ArmTopics:
+    """Topics of one arm in a bag."""
 
     acceleration: Topic
     position: Topic
     velocity: Topic
 
 
-MASTER = Arm(topics.HANDLE_ACCELERATION, topics.MASTER_POSITION, topics.MASTER_VELOCITY)
-SLAVE = Arm(topics.TOOL_ACCELERATION, topics.SLAVE_POSITION, topics.SLAVE_VELOCITY)
+MASTER = ArmTopics(topics.HANDLE_ACCELERATION, topics.MASTER_POSITION, topics.MASTER_VELOCITY)
+SLAVE = ArmTopics(topics.TOOL_ACCELERATION, topics.SLAVE_POSITION, topics.SLAVE_VELOCITY)
 
 
 class ReplayDevice(SimulatedDevice):
-    """Plays one arm's samples at their original times, one a tick, whatever the forces are.
+    """Plays one arm's samples at their original times, one a tick, independent of the forces.
 
     Until the arm gets its first force it waits at its first position. Samples that the bag
     lacks hold the one before, and are counted; where the bag has another rate than the graph
@@ -102,7 +102,7 @@ class ReplayDevice(SimulatedDevice):
 
     Parameters = ReplayParameters
 
-    _arm: Arm
+    _arm: ArmTopics
     _rig: ReplayRig
 
     def __init__(self, parameters: ReplayParameters, rate: float, seed: int) -> None:
@@ -119,35 +119,35 @@ class ReplayDevice(SimulatedDevice):
 
     @property
     def remark(self) -> str:
-        """What is played."""
+        """Description of the recording."""
         return self._remark
 
     @property
     def ended(self) -> bool:
-        """Whether the recording and its rest are over."""
+        """True once the recording and its rest are over."""
         return self._rig.ended
 
 
 class ReplayMaster(ReplayDevice):
-    """The handle's acceleration and the arm's motion."""
+    """Plays the handle's acceleration and the master arm's motion."""
 
     _arm = MASTER
 
 
 class ReplaySlave(ReplayDevice):
-    """The tool's acceleration and the arm's motion."""
+    """Plays the tool's acceleration and the slave arm's motion."""
 
     _arm = SLAVE
 
 
-def read_track(parameters: ReplayParameters, arm: Arm, rate: float) -> Track:
-    """Read what one arm gave, at the rate at which it was recorded.
+def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> Track:
+    """Read one arm's samples, at the rate at which they were recorded.
 
     Parameters
     ----------
     parameters : ReplayParameters
-        Of which `speed` and `loop` are not looked at.
-    arm : Arm
+        `speed` and `loop` are not used.
+    arm : ArmTopics
     rate : float
         Samples per second, Hz, to which a CSV or WAV file is resampled; a bag keeps its own.
 
@@ -171,63 +171,56 @@ def read_track(parameters: ReplayParameters, arm: Arm, rate: float) -> Track:
 
 
 def is_bag(file: str) -> bool:
-    """Whether a path is taken for a bag rather than for a CSV or WAV file."""
+    """Return whether a path is taken for a bag rather than for a CSV or WAV file."""
     return Path(file).is_dir() or is_storage(Path(file))
 
 
-def bag_track(bag: Bag, arm: Arm) -> Track:
-    """Return what one arm gave in a bag, from where its arms were coupled, if they were.
+def bag_track(bag: Bag, arm: ArmTopics) -> Track:
+    """Return one arm's samples in a bag, from where its arms were coupled, if they were.
 
     Raises
     ------
     ParameterError
-        It has no acceleration of the arm, or its rate cannot be told.
+        It has no acceleration of the arm, or its rate cannot be determined.
     """
-    acceleration = _stamped(bag, arm.acceleration)
-    if acceleration is None:
-        raise ParameterError(f"{bag.path}: has no message of {arm.acceleration.name}")
+    rate = bag_rate(bag, arm)
+    acceleration, position, velocity = (
+        _stamped(bag, topic) for topic in (arm.acceleration, arm.position, arm.velocity)
+    )
+    assert acceleration
     try:
-        return gridded(
-            acceleration,
-            _stamped(bag, arm.position),
-            _stamped(bag, arm.velocity),
-            bag_rate(bag, arm),
-            _coupled(bag),
-        )
+        return gridded(acceleration, position, velocity, rate, _coupled(bag))
     except ParameterError as error:
         raise ParameterError(f"{bag.path}: {error}") from None
 
 
-def bag_rate(bag: Bag, arm: Arm = SLAVE) -> float:
-    """Return the samples per second of an arm in a bag: as the bag says, or as it looks.
+def bag_rate(bag: Bag, arm: ArmTopics = SLAVE) -> float:
+    """Return the sampling rate of an arm in a bag, Hz: as stated, or by its stamps.
 
     Raises
     ------
     ParameterError
         It has no acceleration of the arm, or stamps that do not advance.
     """
-    acceleration = bag.signals.get(arm.acceleration.name)
+    acceleration = _stamped(bag, arm.acceleration)
     if acceleration is None:
         raise ParameterError(f"{bag.path}: has no message of {arm.acceleration.name}")
     arguments = bag.facts.get("arguments")
     stated = arguments.get("rate") if isinstance(arguments, dict) else None
     try:
-        return sampling_rate(
-            acceleration.stamps, stated if isinstance(stated, (int, float)) else None
-        )
+        return sampling_rate(acceleration[0], stated if isinstance(stated, (int, float)) else None)
     except ParameterError as error:
         raise ParameterError(f"{bag.path}: {error}") from None
 
 
 def start_offset(bag: Bag, start: float) -> float:
-    """Return where in a bag its replay begins, s from its first message of the slave."""
+    """Return the start of a bag's replay, s from its first message of the slave."""
     first = int(bag.signals[SLAVE.acceleration.name].received[0])
-    coupled = _coupled(bag)
-    return start + (max(0, coupled - first) / NANOSECONDS if coupled else 0.0)
+    return start + max(0, _coupled(bag) - first) / NANOSECONDS
 
 
-def _coupled(bag: Bag) -> int | None:
-    """Return the stamp from which on both arms are there and coupled, if they ever were."""
+def _coupled(bag: Bag) -> int:
+    """Return the stamp from which both arms have samples and are coupled, if they ever are."""
     firsts = [
         int(bag.signals[arm.acceleration.name].stamps[0])
         for arm in (MASTER, SLAVE)
@@ -247,7 +240,7 @@ def _stamped(bag: Bag, topic: Topic) -> Stamped | None:
 
 
 def _remark(parameters: ReplayParameters, track: Track, rate: float) -> str:
-    """Say what is played and what was changed about it."""
+    """Describe the recording and the changes made to it."""
     words = [f"plays {track.seconds:.1f} s of {parameters.file}"]
     if track.rate != rate:
         words.append(f"resampled from {track.rate:g} to {rate:g} Hz")

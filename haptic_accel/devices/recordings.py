@@ -1,14 +1,11 @@
-"""Recorded tool accelerations as input: read from CSV or WAV, resampled, made to loop."""
+"""Recorded accelerations as input: read from CSV or WAV files, and resampled."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import os
 import stat
 import warnings
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,24 +23,22 @@ from haptic_accel.core.resampling import (
     resampled,
 )
 
-# scipy.signal and scipy.io take half a second to import: only who reads a file waits for them.
-
+# pandas and scipy.io take half a second to import: only who reads a file waits for them.
 
 COLUMNS = ("acceleration", "accel", "acc", "a")
-"""Names that a CSV column of acceleration in m/s^2 is looked for by, the first found."""
+"""Default names of a CSV file's column of acceleration in m/s^2, in order of preference."""
 
 FULL_SCALE = 5 * 9.80665
 """Acceleration at full scale of integer samples, m/s^2: the +-5 g of the paper's ADXL320J."""
 
 SHORTEST = 1.0
-"""A recording must last this long, s."""
+"""Minimum duration of a recording, s."""
 
 LARGEST = 1.0e6
-"""No acceleration may exceed this, m/s^2: beyond it a file holds something else."""
-
+"""Maximum magnitude of an acceleration, m/s^2; a file that exceeds it holds something else."""
 
 MOST_BYTES = 500_000_000
-"""Limit of a file's size."""
+"""Maximum size of a file."""
 
 
 def read_recording(
@@ -65,8 +60,8 @@ def read_recording(
     path : str or path-like
         The file.
     recording_rate : float
-        Samples per second of the file. A CSV file needs it; with a WAV file it is 0, or what
-        the file itself says.
+        Samples per second of the file. A CSV file needs it; with a WAV file it is 0, or the rate
+        in the file itself.
     rate : float
         Samples per second wanted.
     column : str, optional
@@ -84,7 +79,7 @@ def read_recording(
     Raises
     ------
     ParameterError
-        In one line: which file, row, column or parameter is wrong, its value, and what is
+        In one line: the file, line, column or parameter that is wrong, its value, and what is
         allowed. A recording shorter than `SHORTEST` is refused, as are NaN and infinity.
     """
     rate = checked_rate("rate", rate)
@@ -92,24 +87,24 @@ def read_recording(
         recording_rate = checked_rate("recording_rate", recording_rate)
     if not 0.0 < full_scale <= LARGEST:
         raise ParameterError(f"full_scale = {full_scale}: must be above 0 to {LARGEST:g} m/s^2")
-    content = _content(path)
     name = _shown(os.fspath(path))
-    if content[:4] == b"RIFF" or Path(path).suffix.lower() == ".wav":
-        recording_rate, samples = _read_wav(name, content, recording_rate, column, full_scale)
+    start = _start(name, path)
+    if start[:4] == b"RIFF" or Path(path).suffix.lower() == ".wav":
+        recording_rate, samples = _read_wav(name, path, start, recording_rate, column, full_scale)
+    elif recording_rate == 0.0:
+        raise ParameterError(
+            f"recording_rate = 0: must be given for a CSV file such as {name}, "
+            f"from {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz"
+        )
     else:
-        if recording_rate == 0.0:
-            raise ParameterError(
-                f"recording_rate = 0: must be given for a CSV file such as {name}, "
-                f"from {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz"
-            )
-        samples = _read_csv(name, content, column)
+        samples = _read_csv(name, path, column)
     seconds = len(samples) / recording_rate
     if seconds < SHORTEST:
         raise ParameterError(
             f"{name}: {len(samples)} samples at {recording_rate:g} Hz last {seconds:.3g} s, "
             f"must be at least {SHORTEST:g} s"
         )
-    if seconds * rate > MOST_SAMPLES:
+    if max(len(samples), seconds * rate) > MOST_SAMPLES:
         raise ParameterError(
             f"{name}: {seconds:.3g} s are {seconds * rate:.3g} samples at {rate:g} Hz, "
             f"must be at most {MOST_SAMPLES}"
@@ -117,29 +112,27 @@ def read_recording(
     return resampled(samples, recording_rate, rate)
 
 
-# Files
-
-
-def _content(path: str | os.PathLike[str]) -> bytes:
-    """Return all bytes of a regular file."""
-    name = _shown(os.fspath(path)) or "recording = ''"
-    content = b""
+def _start(name: str, path: str | os.PathLike[str]) -> bytes:
+    """Return the first bytes of a regular file."""
+    start = b""
     try:
-        # Looked at before it is opened: a pipe or a device would be read for ever.
+        # Checked before it is opened: a pipe or a device would be read for ever.
         wrong = _unfit(os.stat(path))
         if not wrong:
-            content = Path(path).read_bytes()
+            with Path(path).open("rb") as file:
+                start = file.read(8)
     except OSError as error:
         wrong = error.strerror or type(error).__name__
     except ValueError as error:  # a NUL in the name
         wrong = str(error)
     if wrong:
-        raise ParameterError(f"{name}: {wrong}, must be a CSV or WAV file")
-    return content
+        shown = name or "recording = ''"
+        raise ParameterError(f"{shown}: {wrong}, must be a CSV or WAV file")
+    return start
 
 
 def _unfit(status: os.stat_result) -> str:
-    """Tell what keeps a file from being read, nothing if it may be."""
+    """Return the reason why a file cannot be read, nothing if it can."""
     if stat.S_ISDIR(status.st_mode):
         return "is a folder"
     if not stat.S_ISREG(status.st_mode):
@@ -157,80 +150,55 @@ def _shown(value: str) -> str:
     return shown if len(shown) <= 200 else shown[:200] + "..."
 
 
-def _listed(names: Sequence[str]) -> str:
-    listed = ", ".join(_shown(name) or "''" for name in names[:20])
-    return listed if len(names) <= 20 else f"{listed} and {len(names) - 20} more"
-
-
-# CSV
-
-
-def _read_csv(name: str, content: bytes, column: str | None) -> FloatArray:
+def _read_csv(name: str, path: str | os.PathLike[str], column: str | None) -> FloatArray:
     """Return one column of numbers."""
+    import pandas as pd
+
     try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
+        with Path(path).open(encoding="utf-8-sig") as file:
+            blank, header = 0, file.readline()
+            while header.isspace():
+                blank, header = blank + 1, file.readline()
+        # Lines are kept as they are in the file, for their numbers.
+        table = pd.read_csv(
+            path,
+            sep=max(",;\t", key=header.count),
+            header=None,
+            skiprows=blank,
+            skip_blank_lines=False,
+            dtype=str,
+            keep_default_na=False,
+            skipinitialspace=True,
+            encoding="utf-8-sig",
+        )
+    except UnicodeError:
+        raise ParameterError(f"{name}: is not text, must be a CSV or WAV file") from None
+    except ValueError as error:
         raise ParameterError(
-            f"{name}: is not text (byte {error.start} is not UTF-8), must be a CSV or WAV file"
+            f"{name}: {_shown(str(error).strip())}: must be comma-separated values"
         ) from None
-    if "\0" in text:
-        raise ParameterError(f"{name}: is not text (holds NUL), must be a CSV or WAV file")
-    return _column(name, _rows(name, text), column)
-
-
-def _rows(name: str, text: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number of the line and the values of each row that is not empty."""
-    lines = io.StringIO(text, newline="")
-    rows = csv.reader(lines, delimiter=_delimiter(text), skipinitialspace=True, strict=True)
-    try:
-        for row in rows:
-            if row:
-                yield rows.line_num, row
-    except csv.Error as error:
-        raise ParameterError(
-            f"{name}: line {rows.line_num}: {error}; must be comma-separated values"
-        ) from None
-
-
-def _delimiter(text: str) -> str:
-    header = text.lstrip("\r\n").partition("\n")[0]
-    return max(",;\t", key=header.count)
-
-
-def _column(name: str, rows: Iterator[tuple[int, list[str]]], column: str | None) -> FloatArray:
-    """Return the wanted column of rows, the first of which names the columns."""
-    _, titles = next(rows, (1, []))
-    header = [title.strip() for title in titles]
-    index = _column_index(name, header, column)
-    values: list[float] = []
-    for line, row in rows:
-        if len(row) != len(header):
-            raise ParameterError(
-                f"{name}: line {line}: {len(row)} values, must be {len(header)} as in the header"
-            )
-        value = _number(row[index])
-        if not -LARGEST <= value <= LARGEST:
-            raise ParameterError(
-                f"{name}: line {line}: {_shown(header[index])} = {row[index][:40]!r}: "
-                f"must be a number from {-LARGEST:g} to {LARGEST:g} m/s^2"
-            )
-        values.append(value)
-        if len(values) > MOST_SAMPLES:
-            raise ParameterError(f"{name}: more than {MOST_SAMPLES} rows, the most allowed")
-    return np.array(values, dtype=np.float64)
-
-
-def _column_index(name: str, header: Sequence[str], column: str | None) -> int:
+    titles = [str(title).strip() for title in table.iloc[0]]
     wanted = (column,) if column else COLUMNS
-    found = next((title for title in wanted if title in header), None)
+    found = next((title for title in wanted if title in titles), None)
     if found is None:
         raise ParameterError(
             f"{name}: column = {_shown(' or '.join(wanted))}: no such column; "
-            f"there are {_listed(header)}"
+            f"there are {_shown(', '.join(titles))}"
         )
-    if header.count(found) > 1:
+    if titles.count(found) > 1:
         raise ParameterError(f"{name}: column = {_shown(found)}: is there more than once")
-    return header.index(found)
+    rows = table.iloc[1:]
+    rows = rows[(rows.fillna("") != "").any(axis=1)]
+    texts = rows[titles.index(found)]
+    values = np.array(list(map(_number, texts)), dtype=np.float64)
+    wrong = np.flatnonzero(~(np.abs(values) <= LARGEST))
+    if len(wrong):
+        line = texts.index[wrong[0]] + blank + 1
+        raise ParameterError(
+            f"{name}: line {line}: {_shown(found)} = {texts.iloc[wrong[0]][:40]!r}: "
+            f"must be a number from {-LARGEST:g} to {LARGEST:g} m/s^2"
+        )
+    return values
 
 
 def _number(text: str) -> float:
@@ -241,25 +209,29 @@ def _number(text: str) -> float:
         return math.nan
 
 
-# WAV
-
-
 def _read_wav(
-    name: str, content: bytes, recording_rate: float, column: str | None, full_scale: float
+    name: str,
+    path: str | os.PathLike[str],
+    start: bytes,
+    recording_rate: float,
+    column: str | None,
+    full_scale: float,
 ) -> tuple[float, FloatArray]:
     """Return sampling rate and acceleration of one channel."""
-    stated, channels = _decode_wav(name, content)
+    stated, channels = _decode_wav(name, path, start)
     own_rate = checked_rate(f"{name}: sampling rate", stated)
-    if recording_rate != 0.0 and not math.isclose(
-        recording_rate, own_rate, rel_tol=RATE_TOLERANCE
-    ):
+    if recording_rate and not math.isclose(recording_rate, own_rate, rel_tol=RATE_TOLERANCE):
         raise ParameterError(
             f"recording_rate = {recording_rate:g}: must be 0 or {own_rate:g} Hz as {name} says"
         )
-    samples = channels[:, _channel_index(name, channels.shape[1], column)]
-    if len(samples) > MOST_SAMPLES:
-        raise ParameterError(f"{name}: {len(samples)} samples, must be at most {MOST_SAMPLES}")
-    acceleration = _acceleration(samples, full_scale)
+    numbers = [str(number + 1) for number in range(channels.shape[1])]
+    wanted = column or "1"
+    if wanted not in numbers:
+        raise ParameterError(
+            f"{name}: column = {_shown(wanted)}: no such channel; "
+            f"there are {_shown(', '.join(numbers))}"
+        )
+    acceleration = _acceleration(channels[:, numbers.index(wanted)], full_scale)
     wrong = np.flatnonzero(~(np.abs(acceleration) <= LARGEST))
     if len(wrong):
         raise ParameterError(
@@ -269,19 +241,21 @@ def _read_wav(
     return own_rate, acceleration
 
 
-def _decode_wav(name: str, content: bytes) -> tuple[int, npt.NDArray[Any]]:
+def _decode_wav(
+    name: str, path: str | os.PathLike[str], start: bytes
+) -> tuple[int, npt.NDArray[Any]]:
     """Return sampling rate and samples, shape (n, channels), as they are in the file."""
-    stated_size = int.from_bytes(content[4:8], "little") + 8
-    if content[:4] == b"RIFF" and stated_size > len(content) + 1:  # a last pad byte may lack
-        raise ParameterError(
-            f"{name}: is cut off after {len(content)} bytes, its header says {stated_size}"
-        )
     from scipy.io import wavfile
 
+    size, stated_size = os.stat(path).st_size, int.from_bytes(start[4:], "little") + 8
+    if start[:4] == b"RIFF" and stated_size > size + 1:  # a last pad byte may lack
+        raise ParameterError(
+            f"{name}: is cut off after {size} bytes, its header says {stated_size}"
+        )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
-            rate, samples = wavfile.read(io.BytesIO(content))
+            rate, samples = wavfile.read(path)
         if not np.issubdtype(samples.dtype, np.number):
             raise TypeError(f"samples of type {samples.dtype}")
     except Exception as error:  # scipy raises a dozen kinds on a malformed header
@@ -290,16 +264,6 @@ def _decode_wav(name: str, content: bytes) -> tuple[int, npt.NDArray[Any]]:
             f"{name}: is not a WAV file of integer or floating-point samples ({_shown(reason)})"
         ) from None
     return rate, samples if samples.ndim == 2 else samples[:, np.newaxis]
-
-
-def _channel_index(name: str, channels: int, column: str | None) -> int:
-    numbers = [str(number) for number in range(1, channels + 1)]
-    wanted = column or numbers[0]
-    if wanted not in numbers:
-        raise ParameterError(
-            f"{name}: column = {_shown(wanted)}: no such channel; there are {_listed(numbers)}"
-        )
-    return numbers.index(wanted)
 
 
 def _acceleration(samples: npt.NDArray[Any], full_scale: float) -> FloatArray:
