@@ -11,12 +11,21 @@ from types import ModuleType
 
 import pytest
 
+from haptic_accel.cli import main
+from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.topics import TOPICS
 
 SOURCE = Path(__file__).resolve().parents[2]
 DOCS = sorted((SOURCE / "docs").glob("*.md"))
 PAGES = [*DOCS, *sorted(SOURCE.glob("*.md"))]
+
+(COMMAND,) = (
+    group
+    for group in vars(main).values()
+    if isinstance(group, LazyGroup) and group.name == "haptic-accel"
+)
+VERBS = COMMAND.verbs
 
 READERS = re.compile(r"^\*For: [^*]+\.\*$", re.MULTILINE)
 LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)")
@@ -42,6 +51,16 @@ def anchors(page: Path) -> set[str]:
 def test_tables_of_arguments_are_those_of_the_code(page: Path) -> None:
     text = page.read_text()
     assert tables().with_tables(text) == text, "run: python docs/tables.py"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_verb_that_is_named_exists(page: Path) -> None:
+    named = re.findall(r"(?:^|[ `/])haptic-accel ([a-z]+)(?: ([a-z]+))?", page.read_text(), re.M)
+    for verb, kind in named:
+        assert verb in VERBS, verb
+        place = VERBS[verb].place
+        if isinstance(place, LazyGroup) and kind:
+            assert kind in place.verbs, f"{verb} {kind}"
 
 
 def test_every_set_of_arguments_has_a_table() -> None:
