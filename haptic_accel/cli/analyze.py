@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 
 import click
@@ -15,7 +14,7 @@ from haptic_accel.analysis.loading import Analysis, analyse, find_bags
 from haptic_accel.analysis.metrics import Shift
 from haptic_accel.analysis.writing import as_json, write_analysis, write_json
 from haptic_accel.cli.options import FILE, Verb, json_option, out_option
-from haptic_accel.cli.output import check_writable, make_folder
+from haptic_accel.cli.output import results_folder
 from haptic_accel.cli.tables import print_analysis
 from haptic_accel.core.process import DONE, FAILED
 
@@ -75,10 +74,7 @@ def analyze(
         check_comparison(comparison, places)
     for place in places:
         find_bags(place)
-    folder = out or Path("results") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
-    make_folder(folder)
-    if json_file:
-        check_writable(json_file)
+    folder = results_folder(out)
     console = Console()
     analysis = _analysed(places, chosen, perceptual, console)
     found = compared(analysis, comparison, places) if comparison else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -19,6 +18,7 @@ from haptic_accel.bags.folder import MCAP, MUST_BE, storage_files
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.bags.repair import DamagedError, Repair, inspect, repair
 from haptic_accel.cli.options import FILE, Verb, json_option
+from haptic_accel.cli.output import save
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.sampling import NANOSECONDS
@@ -60,8 +60,7 @@ def info(path: Path, json_file: Path | None) -> int:
     console.print(_table(metadata))
     for problem in found.problems:
         console.print(f"{problem}: {REPAIR}", highlight=False, markup=False, soft_wrap=True)
-    if json_file:
-        _write(json_file, _figures(path, found))
+    save(_figures(path, found), json_file)
     return DONE
 
 
@@ -82,8 +81,7 @@ def repair_bags(paths: Sequence[Path], json_file: Path | None) -> int:
             print(f"haptic-accel: {path}: cannot be repaired: {error}", file=sys.stderr)
             return FAILED
         _tell(done[-1])
-    if json_file:
-        _write(json_file, [{**asdict(one), "path": str(one.path)} for one in done])
+    save([{**asdict(one), "path": str(one.path)} for one in done], json_file)
     return FAILED if any(one.messages == 0 and one.problems for one in done) else DONE
 
 
@@ -197,10 +195,3 @@ def _tell(done: Repair) -> None:
         return
     said = "is whole again" if done.repairs else "is whole"
     print(f"{done.path}: {said}: {done.messages} messages in {done.duration:.2f} s")
-
-
-def _write(file: Path, content: Any) -> None:
-    try:
-        file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ParameterError(f"json = '{file}': {error.strerror}") from None

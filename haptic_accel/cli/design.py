@@ -1,4 +1,4 @@
-"""``haptic-accel design``: what a controller's design will do, before anything runs."""
+"""``haptic-accel design``: predict the performance of a controller before anything runs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.cli.options import Verb, json_option, words
-from haptic_accel.cli.output import check_writable, save
+from haptic_accel.cli.output import save
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.interface import Loop
@@ -38,6 +38,7 @@ DESIGNED = ("inverse", "feedback", "adaptive")
 """Controllers that are designed for a plant."""
 
 DEGREES = 180 / np.pi
+"""Degrees per radian."""
 
 
 @click.command(
@@ -59,8 +60,6 @@ def design(words: Sequence[str], json_file: Path | None) -> int:
     if not any(word.startswith("controller:=") for word in words):
         given.append(f"controller:={DESIGNED[0]}")
     arguments = parse_arguments(given)
-    if json_file:
-        check_writable(json_file)
     name = arguments.controller
     if name not in DESIGNED:
         raise ParameterError(f"controller = {name!r}: must be one of {', '.join(DESIGNED)}")
@@ -85,14 +84,14 @@ def design(words: Sequence[str], json_file: Path | None) -> int:
         granted_delay=parameters.granted_delay,
         high_pass_frequency=loop.high_pass_frequency,
     )
-    console = Console()
-    console.print(_table(found))
+    shown = _shown(found)
+    Console().print(_table(shown))
     print(
         f"error {found.nrmse_percent:.1f} % (no causal linear filter below {bound:.1f} %),"
         f" force {found.force_rms:.2f} N RMS, travel {1e3 * found.travel_rms:.2f} mm RMS and"
         f" {1e3 * found.landing_travel:.2f} mm after a landing"
     )
-    figures: dict[str, Any] = {
+    metrics: dict[str, Any] = {
         "controller": name,
         "rate_hz": loop.rate,
         "nrmse_percent": found.nrmse_percent,
@@ -100,34 +99,31 @@ def design(words: Sequence[str], json_file: Path | None) -> int:
         "force_rms_n": found.force_rms,
         "travel_rms_mm": 1e3 * found.travel_rms,
         "landing_travel_mm": 1e3 * found.landing_travel,
-        "frequency_hz": list(_shown(found)),
-        "gain": [float(found.gain[at]) for at in _shown(found).values()],
-        "phase_deg": [float(found.phase[at]) * DEGREES for at in _shown(found).values()],
+        **shown,
     }
     if isinstance(parameters, FeedbackParameters):
         summary = parameters.design(loop).summary()
         print(summary)
-        figures["feedback"] = summary.splitlines()
-    save(figures, json_file)
+        metrics["feedback"] = summary.splitlines()
+    save(metrics, json_file)
     return DONE
 
 
-def _shown(found: Prediction) -> dict[float, int]:
-    """Return where the frequencies that are shown lie, as far as they are below half the rate."""
+def _shown(found: Prediction) -> dict[str, list[float]]:
+    """Return frequency, gain and phase where they are shown, below half the sampling rate."""
+    frequencies = [frequency for frequency in SHOWN if frequency < found.frequency[-1]]
+    nearest = [int(np.argmin(np.abs(found.frequency - frequency))) for frequency in frequencies]
     return {
-        frequency: int(np.argmin(np.abs(found.frequency - frequency)))
-        for frequency in SHOWN
-        if frequency < found.frequency[-1]
+        "frequency_hz": frequencies,
+        "gain": [float(found.gain[at]) for at in nearest],
+        "phase_deg": [float(found.phase[at]) * DEGREES for at in nearest],
     }
 
 
-def _table(found: Prediction) -> Table:
+def _table(shown: dict[str, list[float]]) -> Table:
     table = Table(title="handle over desired acceleration, after the granted delay")
-    table.add_column("frequency (Hz)", justify="right")
-    table.add_column("gain", justify="right")
-    table.add_column("phase (degrees)", justify="right")
-    for frequency, at in _shown(found).items():
-        table.add_row(
-            f"{frequency:g}", f"{found.gain[at]:.3f}", f"{found.phase[at] * DEGREES:+.1f}"
-        )
+    for heading in ("frequency (Hz)", "gain", "phase (degrees)"):
+        table.add_column(heading, justify="right")
+    for frequency, gain, phase in zip(*shown.values(), strict=True):
+        table.add_row(f"{frequency:g}", f"{gain:.3f}", f"{phase:+.1f}")
     return table

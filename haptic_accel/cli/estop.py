@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ import click
 
 from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.core.process import DONE
 from haptic_accel.core.topics import EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.graph.words import parse_words
 
@@ -20,24 +19,24 @@ if TYPE_CHECKING:
     from haptic_accel.cli.calling import Caller
 
 PATIENCE = 5.0
-"""How long both devices may take to be found, and to confirm, s."""
+"""Time-out for both devices to be found and to confirm, s."""
 
 COUPLER_PATIENCE = 1.0
-"""How long the coupler may take after them, s: they stop without it."""
+"""Time-out for the coupler after the devices, which stop without it, s."""
 
 LOOK_PERIOD = 0.05
-"""How often what is waited for is looked at while no message comes, s."""
+"""Interval between looks at the answers while no message comes, s."""
 
 DEVICES = {MASTER_STOPPED: "master_device", SLAVE_STOPPED: "slave_device"}
-"""Who confirms on which topic."""
+"""Devices by the topic on which they confirm."""
 
 
 @dataclass(frozen=True)
 class StopArguments(Checked):
-    """What can be said."""
+    """Arguments of the emergency stop."""
 
     release: bool = parameter(False, "allow forces again")
-    namespace: str = parameter("", "of the graph")
+    namespace: str = parameter("", "namespace of the graph")
 
 
 @click.command(cls=Verb, examples=["haptic-accel estop", "haptic-accel estop release:=true"])
@@ -45,27 +44,26 @@ class StopArguments(Checked):
 def estop(words: Sequence[str]) -> int:
     """Remove all forces from both devices at once; they refuse new ones until release:=true."""
     arguments = parse_words(words, StopArguments)
-    # ROS takes a while to import: only who talks to it waits for that.
-    from haptic_accel.cli.calling import connected
+    # ROS takes a while to import: wrong words are refused without it.
+    from haptic_accel.cli.calling import CallError, connected
 
     stop = not arguments.release
     with connected(arguments.namespace) as caller:
         missing, coupler_answers = _confirmed(caller, stop)
     if missing:
-        print(
-            f"haptic-accel: {' and '.join(missing)} did not confirm within {PATIENCE:g} s;"
-            " is the graph running?",
-            file=sys.stderr,
-        )
-        return FAILED
-    done = "both devices are without force" if stop else "both devices take forces again"
-    said = "emergency stop" if stop else "emergency stop released"
-    print(f"{said}: {done}" + ("" if coupler_answers else "; the coupler does not answer"))
+        names = " and ".join(missing)
+        raise CallError(f"{names} did not confirm within {PATIENCE:g} s; is the graph running?")
+    done = (
+        "emergency stop: both devices are without force"
+        if stop
+        else "emergency stop released: both devices take forces again"
+    )
+    print(done + ("" if coupler_answers else "; the coupler does not answer"))
     return DONE
 
 
 def _confirmed(caller: Caller, stop: bool) -> tuple[list[str], bool]:
-    """Ask devices and coupler; return the devices that did not confirm, and if the coupler did."""
+    """Return the devices that did not confirm, and true if the coupler did."""
     import rclpy
     from std_msgs.msg import Bool
     from std_srvs.srv import SetBool
@@ -73,7 +71,7 @@ def _confirmed(caller: Caller, stop: bool) -> tuple[list[str], bool]:
     from haptic_accel.nodes.interface import quality
 
     node = caller.node
-    # The topic first: a device hears it even when nobody else is left.
+    # The topic first: it reaches the devices even if no other node is left.
     publisher = node.create_publisher(Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, 1))
     publisher.publish(Bool(data=stop))
     answers: dict[str, bool] = {}

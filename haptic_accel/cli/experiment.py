@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ from haptic_accel.cli.options import (
     word_options,
     words,
 )
-from haptic_accel.cli.output import check_writable, make_folder
+from haptic_accel.cli.output import results_folder
 from haptic_accel.cli.running import StopOnSignal, conclude
 from haptic_accel.cli.tables import print_analysis
 from haptic_accel.core.control.controllers import CONTROLLERS
@@ -147,10 +146,7 @@ def experiment(
     plan = _plan(words, arguments, seeds, controllers)
     for planned in plan:
         graph(planned)  # everything that can be wrong is found before anything runs
-    folder = out or Path("results") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
-    make_folder(folder)
-    if json_file:
-        check_writable(json_file)
+    folder = results_folder(out)
     done: dict[Path, GraphArguments] = {}
     status = DONE
     console = Console()

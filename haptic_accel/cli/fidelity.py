@@ -18,7 +18,7 @@ from rich.table import Table
 
 from haptic_accel.cli.experiment import SURFACES
 from haptic_accel.cli.options import Verb, json_option, listed, listed_words
-from haptic_accel.cli.output import check_writable, save
+from haptic_accel.cli.output import save
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.inversion import Plant, causal_bound, measured_spectrum
@@ -180,8 +180,6 @@ def fidelity(
             raise ParameterError(f"controllers = {name!r}: must be among {', '.join(CONTROLLERS)}")
     if not 0 <= hands <= 1000:
         raise ParameterError(f"hands = {hands}: must be from 0 to 1000")
-    if json_file:
-        check_writable(json_file)
     inputs = _inputs(recordings, recording_rates)
     cases = list(_cases(controllers, inputs, hands, seed))
     for case in cases[:: len(controllers)]:

@@ -7,7 +7,6 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from datetime import datetime
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -30,7 +29,7 @@ from haptic_accel.cli.options import (
     word_options,
     words,
 )
-from haptic_accel.cli.output import check_writable, make_folder
+from haptic_accel.cli.output import results_folder
 from haptic_accel.cli.running import StopOnSignal, conclude
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification import (
@@ -161,10 +160,7 @@ def identify(
         raise ParameterError("from: not with --lockstep, which makes its own recordings")
     for grip in grips:
         identification_graph(replace(arguments, grip=grip))  # everything wrong is found first
-    folder = out or Path("results") / f"identify_{datetime.now():%Y-%m-%d_%H-%M-%S}"
-    make_folder(folder)
-    if json_file:
-        check_writable(json_file)
+    folder = results_folder(out, "identify_")
     try:
         if sources:
             recorded = _read(sources, arguments, recording_rate)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import click
 
+from haptic_accel import __version__
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.lazy import Lazy, LazyGroup
 from haptic_accel.core.parameters import ParameterError
@@ -99,28 +100,10 @@ SECTIONS = {
 """Verbs by heading."""
 
 
-def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
-    if asked and not ctx.resilient_parsing:
-        from importlib.metadata import version  # takes as long as all the rest
-
-        click.echo(f"haptic-accel {version('haptic_accel')}")
-        ctx.exit()
-
-
-haptic_accel = LazyGroup(
+command_line = LazyGroup(
     "haptic-accel",
     SECTIONS,
     help="Haptic teleoperation with acceleration feedback: feel what a remote tool touches.",
-    params=[
-        click.Option(
-            ["--version"],
-            is_flag=True,
-            is_eager=True,
-            expose_value=False,
-            callback=_show_version,
-            help="Show the version and exit.",
-        )
-    ],
     context_settings={
         "help_option_names": ["-h", "--help"],
         "max_content_width": 100,
@@ -132,12 +115,13 @@ haptic_accel = LazyGroup(
         "haptic-accel VERB --help",
     ],
 )
+click.version_option(__version__, message="%(prog)s %(version)s")(command_line)
 
 
 def main(words: Sequence[str] | None = None) -> None:
     """Run the command line and exit; wrong arguments are answered in one line."""
     try:
-        sys.exit(haptic_accel.main(words, "haptic-accel", standalone_mode=False))
+        sys.exit(command_line.main(words, "haptic-accel", standalone_mode=False))
     except (click.ClickException, ParameterError) as error:
         message = error.format_message() if isinstance(error, click.ClickException) else str(error)
         print(f"haptic-accel: {' '.join(message.split())}", file=sys.stderr)

@@ -10,7 +10,8 @@ import click
 from click.shell_completion import CompletionItem
 
 from haptic_accel.cli.lazy import write_examples
-from haptic_accel.core.parameters import Checked, schema
+from haptic_accel.cli.output import check_writable
+from haptic_accel.core.parameters import Checked, schema, suggestion
 from haptic_accel.graph.words import described
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -75,7 +76,14 @@ class Verb(click.Command):
         self.examples = examples
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb, with the options that mean a word among its words."""
+        """Run the verb, with the options that mean a word among its words.
+
+        A file for results that cannot be written is refused before anything runs for it; one in
+        the folder that the verb is to make can be.
+        """
+        file, folder = ctx.params.get("json_file"), ctx.params.get("out")
+        if file and folder not in file.parents:
+            check_writable(file)
         for parameter in self.params:
             if isinstance(parameter, WordOption):
                 value = ctx.params.pop(str(parameter.name))
@@ -102,6 +110,19 @@ def listed_words(text: str) -> list[str]:
     return text.split(",") if text else []
 
 
+def one_of(known: Iterable[str]) -> Callable[[str], str]:
+    """Return what reads one of the known words, or names the nearest."""
+    words = list(known)
+
+    def read(text: str) -> str:
+        if text not in words:
+            near = suggestion(text, words)
+            raise click.BadParameter(f"{text!r}: must be one of {', '.join(words)}{near}")
+        return text
+
+    return read
+
+
 def listed_numbers(kind: Callable[[str], T]) -> Callable[[str], list[T]]:
     """Return what reads numbers with commas between."""
 
@@ -118,7 +139,11 @@ FILE = click.Path(path_type=Path)
 """A path that need not exist."""
 
 json_option = click.option(
-    "--json", "json_file", type=FILE, metavar="FILE", help="Write the results as JSON."
+    "--json",
+    "json_file",
+    type=FILE,
+    metavar="FILE",
+    help="Write the results as JSON.",
 )
 out_option = click.option(
     "--out",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 from haptic_accel.core.parameters import ParameterError
 
 
-def save(metrics: Mapping[str, Any], json_file: Path | None) -> None:
+def save(metrics: Any, json_file: Path | None) -> None:
     """Write metrics as JSON, if a file was given."""
     if json_file:
         json_file.write_text(json.dumps(metrics, indent=2) + "\n", encoding="utf-8")
@@ -54,7 +53,10 @@ def check_writable(file: Path) -> None:
     ParameterError
         The file cannot be opened; with the reason.
     """
+    new = not file.exists()
     try:
         file.open("a", encoding="utf-8").close()
     except OSError as error:
         raise ParameterError(f"json = '{file}': {error.strerror}") from None
+    if new:
+        file.unlink()

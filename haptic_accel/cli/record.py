@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import click
 
-from haptic_accel.cli.options import Verb, words
+from haptic_accel.cli.options import Verb, one_of, words
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.process import DONE
 from haptic_accel.graph.words import parse_words
@@ -33,7 +33,7 @@ class RecordArguments(Checked):
 
 
 @click.command(cls=Verb, examples=["haptic-accel record pause", "haptic-accel record status"])
-@click.argument("action", type=click.Choice(list(ACTIONS)))
+@click.argument("action", type=one_of(ACTIONS), metavar="|".join(ACTIONS))
 @words(RecordArguments)
 def record(action: str, words: Sequence[str]) -> int:
     """Control the recording of a running graph."""

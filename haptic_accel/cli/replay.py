@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.cli.options import FILE, Verb, json_option, listed_words, words
-from haptic_accel.cli.output import check_writable, make_folder, save
+from haptic_accel.cli.output import make_folder, save
 from haptic_accel.cli.running import StopOnSignal, conclude, show
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
@@ -141,8 +141,6 @@ def replay_lockstep(
     each = [_with_bag([bag], arguments) for bag in bags] or [arguments]
     # All that can be wrong is found before anything runs.
     plan = [_in_lockstep(replay_arguments(given)) for given in each]
-    if json_file:
-        check_writable(json_file)
     if out:
         _check_names([asked.own.bag for asked in plan], controllers)
         make_folder(out)

@@ -1,4 +1,4 @@
-"""``haptic-accel scope``: a page that shows a graph that runs already."""
+"""``haptic-accel scope``: a page that shows a running graph."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ __all__ = ["TOKEN_VARIABLE", "ScopeArguments", "scope"]
 
 @dataclass(frozen=True)
 class ScopeArguments(ScopeNodeParameters):
-    """What a user may say of the page."""
+    """Arguments of the page."""
 
-    namespace: str = parameter("", "of the graph")
+    namespace: str = parameter("", "namespace of the graph")
 
 
 @click.command(
@@ -47,11 +47,11 @@ def scope(words: Sequence[str]) -> int:
     }
     name = arguments.namespace.strip("/")
     namespace = f"/{name}" if name else ""
-    # Here it is all there is: its end is the end.
+    # The only process here: its end is the end of the verb.
     process = replace(scope_process(parameters, namespace=namespace), optional=False)
     with StopOnSignal() as stop:
         outcome = Supervisor([process], on_line=lambda _, line: print(line, flush=True)).run(stop)
     if not outcome.first:
         return DONE
-    # What went wrong was printed as it was said.
+    # The reason has been printed already.
     return outcome.status if outcome.status >= 0 else FAILED

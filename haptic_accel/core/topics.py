@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from haptic_accel.core.model import Vector
+if TYPE_CHECKING:  # an emergency stop must not wait for numpy
+    from haptic_accel.core.model import Vector
 
 MASTER_FRAME = "master_base"
 SLAVE_FRAME = "slave_base"

@@ -1,9 +1,20 @@
 from __future__ import annotations
 
+import itertools
 import re
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from typing import Any
 
+import click
 import pytest
 
+from haptic_accel import __version__
+from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.lazy import LazyGroup
+from haptic_accel.cli.main import command_line
+from haptic_accel.core.parameters import ParameterError
 from verbs import refusal, status_of
 
 
@@ -42,3 +53,129 @@ def test_wrong_words_are_answered_in_one_line_with_the_nearest(
     words: list[str], message: str
 ) -> None:
     assert refusal(*words).replace(". (Did", ". Did").startswith(message)
+
+
+def every_verb() -> Iterator[tuple[str, ...]]:
+    """Yield the words that call each verb, those of groups too."""
+    for verb, lazy in command_line.verbs.items():
+        yield (verb,)
+        if isinstance(lazy.place, LazyGroup):
+            yield from ((verb, kind) for kind in lazy.place.verbs)
+
+
+def command_of(words: Sequence[str]) -> click.Command:
+    """Return the command that words call."""
+    found: click.Command = command_line
+    for word in words:
+        assert isinstance(found, LazyGroup)
+        below = found.get_command(click.Context(found), word)
+        assert below, word
+        found = below
+    return found
+
+
+@pytest.mark.parametrize("verb", list(every_verb()), ids=" ".join)
+def test_every_verb_explains_itself_and_its_options(
+    verb: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status_of(*verb, "--help") == 0
+    assert f"Usage: haptic-accel {' '.join(verb)} " in capsys.readouterr().out
+    command = command_of(verb)
+    texts = [option.help for option in command.params if isinstance(option, click.Option)]
+    for text in [command.help, *texts]:
+        assert text
+        assert text.strip().endswith(".")
+        assert re.match(r"(?!Of|What|How|Whether|Who|Where|By how)[A-Z]", text), text
+
+
+@pytest.mark.parametrize(
+    "given",
+    list(itertools.permutations([("seed:=1",), ("--lockstep",), ("--seeds", "2"), ("rig:=a",)])),
+)
+def test_words_and_options_stand_in_any_order(given: tuple[tuple[str, ...], ...]) -> None:
+    words = [word for part in given for word in part]
+    found = command_of(["experiment"]).make_context("experiment", words).params
+    assert sorted(found["words"]) == ["rig:=a", "seed:=1"]
+    assert (found["lockstep"], found["seeds"], found["json_file"]) == (True, 2, None)
+
+
+def test_an_option_may_stand_for_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[Any] = []
+    command = command_of(["experiment"])
+    monkeypatch.setattr(command, "callback", lambda words, **_: given.extend(words) or 0)
+    assert status_of("experiment", "--recording-rate", "500", "seed:=1", "--rig", "ideal") == 0
+    assert given == ["seed:=1", "rig:=ideal", "recording_rate:=500"]
+
+
+@pytest.mark.parametrize(
+    ("end", "status", "written"),
+    [
+        (KeyboardInterrupt(), 130, ""),
+        (StoppedError(1, "no such bag"), 1, "haptic-accel: no such bag"),
+        (StoppedError(130), 130, ""),
+        (
+            ParameterError("rate = 0: must be above 0"),
+            2,
+            "haptic-accel: rate = 0: must be above 0",
+        ),
+    ],
+)
+def test_an_early_end_has_its_status_and_its_line(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    end: BaseException,
+    status: int,
+    written: str,
+) -> None:
+    def run(**_: Any) -> int:
+        raise end
+
+    monkeypatch.setattr(command_of(["bag", "info"]), "callback", run)
+    assert status_of("bag", "info", "there") == status
+    assert capsys.readouterr().err.strip() == written
+
+
+def test_the_version_is_the_package_s(capsys: pytest.CaptureFixture[str]) -> None:
+    assert status_of("--version") == 0
+    assert capsys.readouterr().out == f"haptic-accel {__version__}\n"
+
+
+def test_shells_get_a_script(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("_HAPTIC_ACCEL_COMPLETE", "zsh_source")
+    assert status_of() == 0
+    assert "#compdef haptic-accel" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("typed", "found"),
+    [
+        ("emu", "emulate"),
+        ("bench fid", "fidelity"),
+        ("experiment --lock", "--lockstep"),
+        ("teleop contr", "controller:="),
+        ("teleop --json x controller:=inv", "controller:=inverse"),
+        ("replay samp", "sampling_rate:="),
+    ],
+)
+def test_shells_complete_verbs_options_and_words(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], typed: str, found: str
+) -> None:
+    monkeypatch.setenv("_HAPTIC_ACCEL_COMPLETE", "zsh_complete")
+    monkeypatch.setenv("COMP_WORDS", f"haptic-accel {typed}")
+    monkeypatch.setenv("COMP_CWORD", str(len(typed.split())))
+    assert status_of() == 0
+    assert capsys.readouterr().out.splitlines()[1::3] == [found]
+
+
+@pytest.mark.parametrize("words", ["--help", "estop --help", "--version"])
+def test_it_starts_without_what_computes_and_draws(words: str) -> None:
+    code = (
+        "import sys; from haptic_accel.cli.main import main\n"
+        f"try: main({words.split()})\n"
+        "except SystemExit: pass\n"
+        "print(*{'numpy', 'scipy', 'rich', 'yaml', 'rclpy'} & {*sys.modules})"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == ""

@@ -21,7 +21,8 @@ def test_without_a_graph_it_says_so(haptic_accel: Callable[..., Command]) -> Non
     ("words", "named"),
     [
         (["split", "name:=x"], "name: no such argument"),
-        (["rewind"], "'rewind' is not one of 'start'"),
+        (["rewind"], "'rewind': must be one of start, pause, split, stop, status"),
+        (["strat"], "(did you mean start?)"),
     ],
 )
 def test_what_it_cannot_do_is_refused_by_name(words: list[str], named: str) -> None:
