@@ -43,7 +43,7 @@ void Board::receive(const uint8_t *bytes, size_t length, uint32_t now) {
       heard_ = true;
       last_status_ = now;
     }
-    obey(frame, now);
+    execute(frame, now);
   }
 }
 
@@ -83,7 +83,7 @@ void Board::disconnect() {
   if (state_ != FAULT) state_ = DISARMED;
 }
 
-void Board::obey(const Frame &frame, uint32_t now) {
+void Board::execute(const Frame &frame, uint32_t now) {
   const ErrorCode code = refusal(frame);
   if (code != NO_ERROR) {
     uint8_t payload[4] = {code, frame.type};

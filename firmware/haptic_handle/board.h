@@ -59,7 +59,7 @@ class Board {
   uint16_t rate() const { return rate_; }       // of the samples wanted; 0 for none
 
  private:
-  void obey(const Frame &frame, uint32_t now);
+  void execute(const Frame &frame, uint32_t now);
   ErrorCode refusal(const Frame &frame) const;
   bool can(const Frame &frame) const;
   void configure(const Frame &frame, uint32_t now);

@@ -20,14 +20,17 @@ from haptic_accel.devices.can.protocol import (
     TORQUE_CONTROL,
     WATCHDOG_TIMER_EXPIRED,
     AxisState,
+    ClearErrors,
     Command,
+    EmergencyStop,
+    Estimates,
+    EstimatesRequest,
     Frame,
-    Order,
+    Heartbeat,
+    Message,
     SetMode,
     SetState,
     SetTorque,
-    make_estimates,
-    make_heartbeat,
     parse_order,
 )
 from haptic_accel.devices.interface import Device
@@ -97,7 +100,7 @@ class EmulatedAxis:
         self._error |= error
         self._state = AxisState.IDLE
 
-    def execute(self, order: Order, now: float) -> list[Frame]:
+    def execute(self, order: Message, now: float) -> list[Frame]:
         """Execute an order and return the answer to it."""
         self._fed = now  # by any command (can_simple.cpp, do_command)
         if isinstance(order, SetTorque):
@@ -106,11 +109,11 @@ class EmulatedAxis:
             self._torque_mode = (order.control, order.input) == (TORQUE_CONTROL, PASS_THROUGH)
         elif isinstance(order, SetState):
             self._enter(order.state)
-        elif order.command == Command.CLEAR_ERRORS:
+        elif isinstance(order, ClearErrors):
             self._error = 0
-        elif order.command == Command.ESTOP:
+        elif isinstance(order, EmergencyStop):
             self.fail(ESTOP_REQUESTED[self._firmware])
-        elif order.command == Command.ENCODER_ESTIMATES:
+        elif isinstance(order, EstimatesRequest):
             return self._unmuted([self._estimates()])
         return []
 
@@ -121,7 +124,7 @@ class EmulatedAxis:
         frames = []
         if now >= self._next_heartbeat:
             self._next_heartbeat = _next_due(self._next_heartbeat, HEARTBEAT_PERIOD, now)
-            frames.append(make_heartbeat(self.node, self._error, self._state))
+            frames.append(Heartbeat(self.node, self._error, self._state).frame())
         if self._estimates_period and now >= self._next_estimates:
             self._next_estimates = _next_due(self._next_estimates, self._estimates_period, now)
             frames.append(self._estimates())
@@ -134,7 +137,7 @@ class EmulatedAxis:
             self._state = AxisState.IDLE
 
     def _estimates(self) -> Frame:
-        return make_estimates(self.node, self.turns, self.speed)
+        return Estimates(self.node, self.turns, self.speed).frame()
 
     def _unmuted(self, frames: Iterable[Frame]) -> list[Frame]:
         return [frame for frame in frames if frame.command not in self.mute]

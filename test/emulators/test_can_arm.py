@@ -20,18 +20,18 @@ from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import (
     WATCHDOG_TIMER_EXPIRED,
     AxisState,
+    ClearErrors,
     Command,
+    EmergencyStop,
     Estimates,
+    EstimatesRequest,
     Frame,
     Heartbeat,
-    Order,
+    Message,
+    SetMode,
+    SetState,
+    SetTorque,
     error_names,
-    make_clear_errors,
-    make_estimates_request,
-    make_estop,
-    make_input_torque,
-    make_set_state,
-    make_torque_mode,
     parse_order,
     parse_report,
 )
@@ -48,7 +48,7 @@ PERIOD = 1 / RATE
 CLOSED = AxisState.CLOSED_LOOP_CONTROL
 
 
-def order(frame: Frame) -> Order:
+def order(frame: Frame) -> Message:
     found = parse_order(frame)
     assert found is not None
     return found
@@ -60,7 +60,7 @@ def axis(watchdog: float = 0.0) -> EmulatedAxis:
 
 def armed(watchdog: float = 0.0) -> EmulatedAxis:
     found = axis(watchdog)
-    for frame in (make_torque_mode(1), make_set_state(1, CLOSED), make_input_torque(1, 0.5)):
+    for frame in (SetMode(1).frame(), SetState(1, CLOSED).frame(), SetTorque(1, 0.5).frame()):
         found.execute(order(frame), 0.0)
     return found
 
@@ -91,19 +91,19 @@ def test_after_a_stall_it_sends_each_once() -> None:
 def test_it_answers_a_request() -> None:
     one = axis()
     one.turns = 2.5
-    (answer,) = one.execute(order(make_estimates_request(1)), 0.0)
+    (answer,) = one.execute(order(EstimatesRequest(1).frame()), 0.0)
     assert parse_report(answer) == Estimates(1, 2.5, 0.0)
 
 
 def test_it_has_a_torque_only_in_closed_loop_and_torque_control() -> None:
     one = axis()
-    one.execute(order(make_input_torque(1, 0.5)), 0.0)
+    one.execute(order(SetTorque(1, 0.5).frame()), 0.0)
     assert one.torque == 0.0
-    one.execute(order(make_set_state(1, CLOSED)), 0.0)
+    one.execute(order(SetState(1, CLOSED).frame()), 0.0)
     assert one.torque == 0.0
-    one.execute(order(make_torque_mode(1)), 0.0)
+    one.execute(order(SetMode(1).frame()), 0.0)
     assert one.torque == 0.5
-    one.execute(order(make_set_state(1, AxisState.IDLE)), 0.0)
+    one.execute(order(SetState(1, AxisState.IDLE).frame()), 0.0)
     assert one.torque == 0.0
 
 
@@ -111,7 +111,7 @@ def test_silence_makes_it_let_go_with_an_error() -> None:
     one = armed(watchdog=0.05)
     one.due(0.04)
     assert one.torque == 0.5
-    one.execute(order(make_estimates_request(1)), 0.04)  # anything feeds it
+    one.execute(order(EstimatesRequest(1).frame()), 0.04)  # anything feeds it
     one.due(0.08)
     assert one.torque == 0.5
     one.due(0.1)
@@ -122,13 +122,13 @@ def test_silence_makes_it_let_go_with_an_error() -> None:
 
 def test_with_an_error_it_does_not_go_into_closed_loop_until_cleared() -> None:
     one = armed()
-    one.execute(order(make_estop(1)), 0.0)
+    one.execute(order(EmergencyStop(1).frame()), 0.0)
     assert one.torque == 0.0
     assert error_names(heartbeat(one, 0.0).error, "0.6") == "ESTOP_REQUESTED"
-    one.execute(order(make_set_state(1, CLOSED)), 0.0)
+    one.execute(order(SetState(1, CLOSED).frame()), 0.0)
     assert not one.armed
-    one.execute(order(make_clear_errors(1)), 0.0)
-    one.execute(order(make_set_state(1, CLOSED)), 0.0)
+    one.execute(order(ClearErrors(1).frame()), 0.0)
+    one.execute(order(SetState(1, CLOSED).frame()), 0.0)
     assert one.armed
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -20,15 +20,16 @@ from haptic_accel.devices.can.parameters import REQUESTED, CanParameters
 from haptic_accel.devices.can.protocol import (
     WATCHDOG_TIMER_EXPIRED,
     AxisState,
+    ClearErrors,
     Estimates,
+    EstimatesRequest,
     Frame,
     Heartbeat,
+    Message,
+    SetMode,
+    SetState,
+    SetTorque,
     error_names,
-    make_clear_errors,
-    make_estimates_request,
-    make_input_torque,
-    make_set_state,
-    make_torque_mode,
     parse_report,
     state_name,
 )
@@ -112,7 +113,7 @@ class DrivenArm:
 
     def __init__(self, parameters: CanParameters, send: Callable[[Sequence[Frame]], bool]) -> None:
         self._p = parameters
-        self._send = send
+        self._send_frames = send
         self._kinematics = parameters.arm()
         self._axes = [Axis(name, joint) for name, joint in parameters.joints.items()]
         self._by_node = {axis.node: axis for axis in self._axes}
@@ -158,14 +159,14 @@ class DrivenArm:
 
     def take(self, frame: Frame, now: float) -> None:
         """Process a frame received at a time."""
-        answer = parse_report(frame)
+        report = parse_report(frame)
         axis = self._by_node.get(frame.node)
-        if answer is None or axis is None:
+        if report is None or axis is None:
             self._counts["foreign_frames"] += 1
-        elif isinstance(answer, Estimates):
-            axis.turns, axis.speed, axis.estimated = answer.position, answer.velocity, now
-        elif isinstance(answer, Heartbeat):
-            axis.error, axis.state, axis.reported = answer.error, answer.state, now
+        elif isinstance(report, Estimates):
+            axis.turns, axis.speed, axis.estimated = report.position, report.velocity, now
+        elif isinstance(report, Heartbeat):
+            axis.error, axis.state, axis.reported = report.error, report.state, now
             self._react(axis)
 
     def update(self, now: float) -> None:
@@ -276,10 +277,13 @@ class DrivenArm:
             return self._zero
         return tuple(torque / excess for torque in torques)
 
+    def _send(self, messages: Iterable[Message]) -> None:
+        self._send_frames([message.frame() for message in messages])
+
     def _send_torques(self, now: float) -> None:
         self._torques_sent = now
         torques = zip(self.nodes, self._torques, strict=True)
-        self._send([make_input_torque(node, torque) for node, torque in torques])
+        self._send([SetTorque(node, torque) for node, torque in torques])
 
     def _repeat(self, now: float) -> None:
         if now - self._torques_sent >= REPEAT_PERIOD:
@@ -289,7 +293,7 @@ class DrivenArm:
         """Request estimates that are not streamed, unless done within a period."""
         if self._p.estimates == REQUESTED and now - self._estimates_requested >= period:
             self._estimates_requested = now
-            self._send([make_estimates_request(node) for node in self.nodes])
+            self._send([EstimatesRequest(node) for node in self.nodes])
 
     def _silent(self, axis: Axis, now: float) -> bool:
         return now - axis.reported > self._p.heartbeat_timeout
@@ -332,14 +336,8 @@ class DrivenArm:
     def _send_arming(self, now: float) -> None:
         self._torques_sent = self._arming_sent = now
         for node in self.nodes:
-            self._send(
-                [
-                    make_torque_mode(node),
-                    make_input_torque(node, 0.0),
-                    make_clear_errors(node),
-                    make_set_state(node, AxisState.CLOSED_LOOP_CONTROL),
-                ]
-            )
+            closed_loop = SetState(node, AxisState.CLOSED_LOOP_CONTROL)
+            self._send([SetMode(node), SetTorque(node, 0.0), ClearErrors(node), closed_loop])
 
     def _continue_arming(self, now: float) -> None:
         missing = self._missing(now)
@@ -357,7 +355,7 @@ class DrivenArm:
     def _missing(self, now: float) -> str:
         """Return what is still missing before torques are allowed; empty for nothing."""
         for axis in self._axes:
-            # Earlier reports do not tell the effect of the commands.
+            # Earlier reports do not show the effect of the commands.
             reported = axis.reported > self._arming_since
             wrong = self._wrong(axis) if reported else f"{axis}: no heartbeat since it was armed"
             if wrong := self._overdue(axis, now) or wrong:
@@ -375,8 +373,9 @@ class DrivenArm:
         )
 
 
-def _idle(nodes: Sequence[int]) -> list[Frame]:
+def _idle(nodes: Sequence[int]) -> list[Message]:
     """Return the commands to release axes: no torque first, for all, then idle."""
-    return [make_input_torque(node, 0.0) for node in nodes] + [
-        make_set_state(node, AxisState.IDLE) for node in nodes
+    return [
+        *(SetTorque(node, 0.0) for node in nodes),
+        *(SetState(node, AxisState.IDLE) for node in nodes),
     ]

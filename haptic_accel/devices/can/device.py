@@ -131,7 +131,7 @@ class CanArm(Device):
     def arm(self) -> bool | None:
         """Begin to arm, which takes a heartbeat or two: None, or False while the bus is gone.
 
-        Torques are zero until the next force; `armed` and `problem` tell the result.
+        Torques are zero until the next force; `armed` and `problem` show the result.
         """
         if not self._link.connected:
             return False

@@ -160,14 +160,14 @@ class SampleClock:
         arrival : float
             Time of arrival by the host's clock, s.
         """
-        told = (arrival - clock * MICROSECOND * self._tick, index, clock, arrival)
-        self._block.append(told)
+        frame = (arrival - clock * MICROSECOND * self._tick, index, clock, arrival)
+        self._block.append(frame)
         if len(self._block) == BLOCK:
             self._take(min(self._block))
             self._block.clear()
             self._quickest = None
-        elif not self._host and (self._quickest is None or told < self._quickest):
-            self._quickest = told
+        elif not self._host and (self._quickest is None or frame < self._quickest):
+            self._quickest = frame
         late = arrival - self.time(index) > self.delay
         self.delay += DELAY_STEP * (IN_TIME if late else IN_TIME - 1)
         self.delay = min(max(self.delay, 0.0), self._longest_delay)

@@ -17,11 +17,11 @@ from haptic_accel.devices.can.protocol import (
     WATCHDOG_TIMER_EXPIRED,
     AxisState,
     Command,
+    Estimates,
     Frame,
+    Heartbeat,
     SetState,
     SetTorque,
-    make_estimates,
-    make_heartbeat,
     parse_order,
 )
 
@@ -59,9 +59,9 @@ class Bench:
             self.now += STEP
             for node in self.arm.nodes:
                 if Command.ENCODER_ESTIMATES not in self.silent:
-                    self.arm.take(make_estimates(node, 0.1 * node, 0.0), self.now)
+                    self.arm.take(Estimates(node, 0.1 * node, 0.0).frame(), self.now)
                 if Command.HEARTBEAT not in self.silent:
-                    beat = make_heartbeat(node, self.errors[node], self.states[node])
+                    beat = Heartbeat(node, self.errors[node], self.states[node]).frame()
                     self.arm.take(beat, self.now)
             self.arm.update(self.now)
 
@@ -151,7 +151,7 @@ def test_which_axes_are_missing_is_said() -> None:
     bench = Bench(joint2__node_id=9)
     bench.silent = {Command.HEARTBEAT}
     bench.go_on(0.01)
-    bench.arm.take(make_heartbeat(0, 0, 1), bench.now)
+    bench.arm.take(Heartbeat(0, 0, 1).frame(), bench.now)
     assert bench.arm.missing(bench.now) == "joint2 (node 9), joint3 (node 2)"
 
 
@@ -203,7 +203,7 @@ def test_gear_direction_and_offset_count() -> None:
         [-torque / 5 for torque in plain.push(0.0, 0.0, 2.0)]
     )
     for bench, turns in ((plain, 1.0), (geared, -5.0)):
-        bench.arm.take(make_estimates(0, turns, turns), bench.now)
+        bench.arm.take(Estimates(0, turns, turns).frame(), bench.now)
         sample = bench.arm.read(bench.now)
         assert sample.position == pytest.approx((0.0, 0.0, 0.04))
         assert sample.velocity == pytest.approx((0.0, 0.0, 0.04))
