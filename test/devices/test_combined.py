@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.parameters import Checked, from_flat, parameter, schema
-from haptic_accel.devices import Device, DeviceError, Sample
+from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter, schema
+from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError, Sample
 from haptic_accel.devices.combined import CombinedDevice
 
 
@@ -170,3 +170,32 @@ def test_what_can_be_changed_is_what_either_can_change() -> None:
     device = built(arm__level=1.0, handle__level=2.0)
     device.change(from_flat(BothParameters, {"arm.level": 1.0, "handle.level": 3.0}))
     assert device.read(0.0).acceleration == 3.0
+
+
+# Arms on CAN with boards on serial lines
+
+
+@pytest.mark.parametrize("devices", [MASTERS, SLAVES])
+def test_parameters_are_those_of_both_parts(devices: dict) -> None:
+    names = set(schema(devices["can_serial"].Parameters))
+    arm = set(schema(devices["can"].Parameters, "arm."))
+    handle = set(schema(devices["serial"].Parameters, "handle."))
+    assert names == arm | handle
+
+
+@pytest.mark.parametrize("devices", [MASTERS, SLAVES])
+def test_a_part_that_is_not_there_is_named_and_both_are_closed(devices: dict) -> None:
+    kind = devices["can_serial"]
+    parameters = from_flat(
+        kind.Parameters,
+        {
+            "arm.interface": "virtual",
+            "arm.channel": "nobody",
+            "arm.start_timeout": 0.1,
+            "handle.port": "/dev/none",
+        },
+    )
+    device = kind(parameters, 1000.0, 0)
+    with pytest.raises((RuntimeError, ParameterError), match="can: virtual nobody: no heartbeat"):
+        device.open()
+    device.close()

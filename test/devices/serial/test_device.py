@@ -257,7 +257,7 @@ def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
 
 def test_a_driver_that_may_arms_again_by_itself(bench: Make, connect: Make) -> None:
     board = bench()
-    device = connect(board, actuator__rearm="auto")
+    device = connect(board, rearm="auto")
     push(device, board, 1.2, 0.5)
     board.inject(UNPLUG, 0.1)
     wait_until(lambda: device.status()["reconnects"] == 1, "being back")
