@@ -14,31 +14,32 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.subscription import Subscription
 
 from haptic_accel.core import topics
-from haptic_accel.core.model import ACTUATOR, Vector
+from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
 from haptic_accel.graph.files import SURFACE
 from haptic_accel.graph.node_parameters import node_parameters, node_schema
+from haptic_accel.nodes.graph_requests import POSTURE
 from haptic_accel.nodes.interface import DEPTH, GraphNode, quality
 from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.scope_commands import POSTURE, Commands, choices
+from haptic_accel.nodes.scope_commands import Commands, choices
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
-from haptic_accel.scope.board import Board, Report
+from haptic_accel.scope.node_reports import NodeReport, NodeReports
 from haptic_accel.scope.server import ScopeServer
-from haptic_accel.scope.windows import Setting, Windows
+from haptic_accel.scope.windows import GraphSettings, Windows
 
 SIGNAL_DEPTH = 1000
-"""Messages of one signal that the middleware keeps while Python is busy."""
+"""Messages of one signal that the middleware queues while Python is busy."""
 
 NICENESS = 10
-"""How much less the scope asks for a core than the nodes that make the force."""
+"""Niceness of the scope's process: lower priority than the nodes that compute the force."""
 
-LOOK_PERIOD = 0.2
-"""How often it is looked whether a page is there, s."""
+CLIENT_PERIOD = 0.2
+"""Interval between checks for connected pages, s."""
 
 ASK_PERIOD = 1.0
-"""How often nodes are looked for whose parameters are not known, s."""
+"""Interval between attempts to get the parameters of nodes that are not known yet, s."""
 
 WANTED = {
     "compensator": tuple(
@@ -52,19 +53,19 @@ WANTED = {
 """Parameters of other nodes that are shown, or needed to show something."""
 
 
-class Remote:
-    """Some parameters of another node, as they are now.
+class RemoteParameters:
+    """Current values of some parameters of another node.
 
     Parameters
     ----------
     node : GraphNode
-        That wants to know.
+        Node that follows the parameters.
     name : str
-        Of the other node, in the same namespace.
+        Name of the other node, in the same namespace.
     wanted : tuple of str
-        Its parameters.
+        Names of its parameters.
     changed : callable
-        Called when any is known anew.
+        Called after any value has changed.
     """
 
     def __init__(
@@ -78,25 +79,25 @@ class Remote:
         """Full name of the other node."""
         self.values: Mapping[str, Any] = {}
 
-    def look(self) -> None:
-        """Ask a node that has come; forget one that has gone."""
+    def refresh(self) -> None:
+        """Ask a node that has appeared; forget one that has disappeared."""
         if not self._client.service_is_ready():
             self._asked = False
             self.values = {}
         elif not self._asked:
             self._asked = True
             asked = self._client.call_async(GetParameters.Request(names=list(self._wanted)))
-            asked.add_done_callback(lambda future: self._take_answer(future.result()))
+            asked.add_done_callback(
+                lambda future: self._take(
+                    dict(zip(self._wanted, future.result().values, strict=False))
+                )
+            )
 
     def take(self, event: ParameterEvent) -> None:
-        """Take what the node says when it comes, and when a parameter changes."""
-        self._know({p.name: p.value for p in (*event.new_parameters, *event.changed_parameters)})
+        """Take the values that the node publishes at its start and after a change."""
+        self._take({p.name: p.value for p in (*event.new_parameters, *event.changed_parameters)})
 
-    def _take_answer(self, answer: GetParameters.Response | None) -> None:
-        if answer is not None:
-            self._know(dict(zip(self._wanted, answer.values, strict=False)))
-
-    def _know(self, found: Mapping[str, Any]) -> None:
+    def _take(self, found: Mapping[str, Any]) -> None:
         known = {
             name: parameter_value_to_python(value)
             for name, value in found.items()
@@ -108,24 +109,25 @@ class Remote:
 
 
 class Scope(GraphNode):
-    """Listens while a page looks, and shows it what it hears.
+    """Node that receives the signals while a page is connected, and serves the page.
 
-    While no page is there, only what comes once a second is listened to: a subscriber more costs
-    the nodes that make the force a little with each message.
+    While no page is connected it receives only what is published once a second: each further
+    subscriber costs the nodes that compute the force a little with every message.
     """
 
     def __init__(self) -> None:
         super().__init__("scope")
         p = self.parameters
         self.windows = Windows()
-        self._board = Board()
+        self._reports = NodeReports()
         self._stop_asked = False
         self._stopped: dict[str, bool | None] = {"master": None, "slave": None}
         self._remotes = {
-            name: Remote(self, name, wanted, self._set) for name, wanted in WANTED.items()
+            name: RemoteParameters(self, name, wanted, self._update_settings)
+            for name, wanted in WANTED.items()
         }
-        self._heard: list[Subscription] = []
-        self._told = (time.monotonic(), 0, 0)
+        self._signals: list[Subscription] = []
+        self._reported = (time.monotonic(), 0, 0)
         self._commands = Commands(self, self._stopped) if p.control else None
         self.create_subscription(
             DiagnosticArray,
@@ -139,20 +141,20 @@ class Scope(GraphNode):
         self.listen_state(topics.EMERGENCY_STOP, self._take_stop)
         self.listen_state(topics.MASTER_STOPPED, lambda stop: self._confirm("master", stop))
         self.listen_state(topics.SLAVE_STOPPED, lambda stop: self._confirm("slave", stop))
-        self.create_timer(LOOK_PERIOD, self._attend)
-        self.create_timer(ASK_PERIOD, self._look)
+        self.create_timer(CLIENT_PERIOD, self._subscribe_for_clients)
+        self.create_timer(ASK_PERIOD, self._refresh_parameters)
         access = Access(p.host, os.environ.get(TOKEN_VARIABLE, ""))
         self._server = ScopeServer(self, access, p.host, p.port, self._commands)
         try:
             address = self._server.start()
         except OSError:
-            # Nobody else knows the node yet, and the middleware does not end while it is there.
+            # Nobody else knows the node yet, and the middleware does not end while it exists.
             self.destroy_node()
             raise
         print(f"{address} ({'control allowed' if p.control else 'read-only'})", flush=True)
 
     def close(self) -> None:
-        """Say goodbye to the pages."""
+        """Disconnect the pages."""
         self._server.stop()
         super().close()
 
@@ -164,35 +166,33 @@ class Scope(GraphNode):
         """Return the graph's state for the page; called on the server's thread."""
         now = time.monotonic()
         values = {name: remote.values for name, remote in self._remotes.items()}
-        setting = self.windows.setting
-        coupler = self._board.values("coupler", now)
+        settings = self.windows.settings
+        coupler, master = (
+            self._reports.values(name, now) for name in ("coupler", "master_device")
+        )
         return {
-            "nodes": self._board.rows(now),
-            "recorder": dict(self._board.values("recorder", now)),
+            "nodes": self._reports.rows(now),
+            "recorder": dict(self._reports.values("recorder", now)),
             "controller": values["compensator"].get("controller"),
             "surface": values["slave_device"].get(f"{SURFACE}name"),
             "grip": values["master_device"].get(POSTURE),
             "engaged": {"true": True, "false": False}.get(coupler.get("engaged", "")),
             "stop": {"asked": self._stop_asked, **self._stopped},
             "age_at_actuator": {
-                label: self._board.values("master_device", now).get(
-                    f"actuator force age {label} (us)"
-                )
-                for label in ("p50", "p99")
+                label: master.get(f"actuator force age {label} (us)") for label in ("p50", "p99")
             },
             "limits": {
-                "force": setting.actuator.peak_force,
-                "travel": setting.actuator.travel,
-                "assumed": setting.assumed,
-                "high_pass": setting.high_pass_frequency,
+                "force": settings.actuator.peak_force,
+                "travel": settings.actuator.travel,
+                "assumed": settings.assumed,
             },
         }
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return how many pages look, and what they are sent."""
-        traffic, (before, frames, sent) = self._server.traffic, self._told
+        """Return the number of connected pages, and what is sent to them."""
+        traffic, (before, frames, sent) = self._server.traffic, self._reported
         now = time.monotonic()
-        self._told = (now, traffic.frames, traffic.bytes)
+        self._reported = (now, traffic.frames, traffic.bytes)
         passed = max(now - before, 1e-3)
         return "", {
             "pages": str(self._server.clients),
@@ -200,27 +200,25 @@ class Scope(GraphNode):
             "sent (kB/s)": f"{(traffic.bytes - sent) / passed / 1e3:.0f}",
         }
 
-    def _attend(self) -> None:
-        """Listen to the signals while a page looks."""
+    def _subscribe_for_clients(self) -> None:
+        """Receive the signals while a page is connected."""
         windows = self.windows
-        if self._server.clients and not self._heard:
-            self._heard = [
+        if self._server.clients and not self._signals:
+            self._signals = [
                 self._follow(topics.DESIRED_ACCELERATION, windows.desired.put),
                 self._follow(topics.HANDLE_ACCELERATION, windows.handle.put),
                 self._follow(topics.ACTUATOR_FORCE, self._take_force),
             ]
-        elif not self._server.clients and self._heard:
-            for subscription in self._heard:
+        elif not self._server.clients and self._signals:
+            for subscription in self._signals:
                 self.destroy_subscription(subscription)
-            self._heard = []
+            self._signals = []
 
     def _follow(self, topic: Topic, take: Callable[[int, float], None]) -> Subscription:
-        """Subscribe to a signal; the callback gets stamps and what acts along the axis."""
-
-        def put(stamp: int, vector: Vector) -> None:
-            take(stamp, vector[ACTUATOR_AXIS])
-
-        return self.listen(topic, put, SIGNAL_DEPTH)
+        """Subscribe to a signal; the callback gets stamps and the component along the axis."""
+        return self.listen(
+            topic, lambda stamp, vector: take(stamp, vector[ACTUATOR_AXIS]), SIGNAL_DEPTH
+        )
 
     def _take_force(self, stamp: int, force: float) -> None:
         self.windows.force.put(stamp, force)
@@ -232,46 +230,46 @@ class Scope(GraphNode):
             # rclpy gives a byte as bytes of length one.
             level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
             values = {pair.key: pair.value for pair in status.values}
-            self._board.take(status.name, Report(level, status.message, values, now))
+            self._reports.take(status.name, NodeReport(level, status.message, values, now))
 
     def _take_parameters(self, event: ParameterEvent) -> None:
         for remote in self._remotes.values():
             if remote.path == event.node:
                 remote.take(event)
 
-    def _look(self) -> None:
+    def _refresh_parameters(self) -> None:
         for remote in self._remotes.values():
-            remote.look()
+            remote.refresh()
 
-    def _set(self) -> None:
-        """Take from the compensator what it knows of the actuator."""
-        self.windows.know(_setting(self._remotes["compensator"].values))
+    def _update_settings(self) -> None:
+        """Take the compensator's description of the actuator."""
+        self.windows.settings = _settings(self._remotes["compensator"].values)
 
     def _take_stop(self, stop: bool) -> None:
         if not stop and self._commands:
-            self._commands.let_go()
+            self._commands.forget_stop()
         self._stop_asked = stop
 
     def _confirm(self, arm: str, stop: bool) -> None:
         self._stopped[arm] = stop
 
 
-def _setting(values: Mapping[str, Any]) -> Setting:
-    """Return what a compensator's parameters say; the defaults while it has said nothing."""
+def _settings(values: Mapping[str, Any]) -> GraphSettings:
+    """Return the settings in a compensator's parameters; the defaults while there are none."""
     known = {name: value for name, value in values.items() if value is not None}
     if not known:
-        return Setting()
+        return GraphSettings()
     try:
         own, options = node_parameters("compensator", known)
-    except ParameterError:  # of another version
-        return Setting()
-    return Setting(own.high_pass_frequency, options[ACTUATOR], assumed=False)
+    except ParameterError:  # a node of another version
+        return GraphSettings()
+    return GraphSettings(own.high_pass_frequency, options[ACTUATOR], assumed=False)
 
 
 def main() -> None:
     """Run the node."""
-    # The force that is felt does not wait for its being shown. Said before the middleware
-    # starts its threads, which inherit it.
+    # Showing the force must not delay it. Set before the middleware starts its threads, which
+    # inherit the niceness.
     os.nice(NICENESS)
     run("scope", Scope, realtime=False)
 

@@ -1,1 +1,1 @@
-"""The live scope: the last seconds of the signals, and the page that shows them (no ROS)."""
+"""The live scope: the latest seconds of the signals and the page that shows them (no ROS)."""

@@ -1,4 +1,4 @@
-"""Who may look, and who may act: host names, origins and the token."""
+"""Access control of the scope's page: host names, origins and the token."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ import socket
 from urllib.parse import urlsplit
 
 TOKEN_BYTES = 18
-"""Of randomness in a token that is made: 24 letters."""
+"""Random bytes of a generated token, which has 24 letters."""
 
 TOKEN_VARIABLE = "HAPTIC_ACCEL_SCOPE_TOKEN"
-"""Environment variable with a token to use. Not an argument, nor a parameter: those are seen by
-every user of the machine and of the graph, and are kept in bags."""
+"""Environment variable with the token to use. Not an argument or parameter: every user of the
+machine and of the graph can see those, and bags store them."""
 
 LOCALHOST = "localhost"
 
 
 class Access:
-    """Decides by what a request says of itself; what it does not decide is refused.
+    """Rules for requests; whatever they do not allow is refused.
 
     Parameters
     ----------
     host : str
         Address that the server listens on.
     token : str
-        To be known by everyone who asks; empty for one that is made where the address can be
-        reached from other machines, and none where it cannot.
+        Token that every request must carry. If empty, one is generated where other machines can
+        reach the address, and none is needed elsewhere.
     """
 
     def __init__(self, host: str, token: str = "") -> None:
@@ -35,11 +35,11 @@ class Access:
         self.token = token or ("" if self.local else secrets.token_urlsafe(TOKEN_BYTES))
 
     def admits_host(self, header: str | None) -> bool:
-        """Whether a Host header names this machine.
+        """Return true if a Host header names this machine.
 
-        A page of elsewhere can have its own name point here (DNS rebinding), and its requests
-        then come from the user's browser; but they still carry its name. Any port is right: the
-        way here may be a tunnel.
+        A foreign page can let its own name point here (DNS rebinding), and its requests then
+        come from the user's browser; but they still carry that name. Any port is allowed, as
+        requests may come through a tunnel.
         """
         name = _name(header)
         if name is None:
@@ -49,21 +49,21 @@ class Access:
         return not self.local and (_is_address(name) or name in _own_names())
 
     def admits_origin(self, origin: str | None, host: str | None) -> bool:
-        """Whether a request comes from our own page: its origin is where it was sent to.
+        """Return true if a request comes from our own page: origin and destination agree.
 
-        Browsers say the origin of every WebSocket and of every POST; who says none is refused.
+        Browsers send the origin of every WebSocket and POST; a request without one is refused.
         """
         return bool(host) and origin in (f"http://{host}", f"https://{host}")
 
     def admits_token(self, token: str | None) -> bool:
-        """Whether a token is ours, taking the same time for any wrong one."""
+        """Return true for the right token, after the same time for any wrong one."""
         if not self.token:
             return True
         return hmac.compare_digest((token or "").encode(), self.token.encode())
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address can be reached from this machine only."""
+    """Return true if an address can be reached from this machine only."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

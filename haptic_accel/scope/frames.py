@@ -1,10 +1,10 @@
-"""What a page is sent: samples and figures as bytes, little-endian.
+"""Binary frames sent to a page: samples and plots, little-endian.
 
-A frame of samples: kind, then the number of samples of each trace (uint32 each), padding to a
-multiple of 8, the origin in s since 1970 (float64), then for each trace the times after the
-origin in s, and its values (float32 each). A frame of figures: kind, points of the spectra,
-points of the cloud (uint32 each), then frequency, desired and actual of the spectra, desired and
-actual of the cloud (float32 each).
+A frame of samples: kind, number of samples of each trace (uint32 each), padding to a multiple of
+8, origin in s since 1970 (float64), then for each trace the times after the origin in s and the
+values (float32 each). A frame of plots: kind, number of points of the spectra, number of points
+of the cloud (uint32 each), then frequency, desired and actual of the spectra, desired and actual
+of the cloud (float32 each).
 """
 
 from __future__ import annotations
@@ -14,26 +14,27 @@ import struct
 import numpy as np
 
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.scope.windows import LONGEST_WINDOW, Figures, Ring, Windows
+from haptic_accel.scope.windows import LONGEST_WINDOW, Metrics, Ring, Windows
 
-SAMPLES, FIGURES = 1, 2
+SAMPLES, PLOTS = 1, 2
 """Kinds of frames."""
 
 TRACES = ("desired", "actual", "force", "travel")
 """Signals of a frame of samples, in this order: m/s^2, m/s^2, N, m."""
 
 _SAMPLES_HEADER = struct.Struct("<5I4xd")
-_FIGURES_HEADER = struct.Struct("<3I")
+_PLOTS_HEADER = struct.Struct("<3I")
 
 _LARGEST = float(np.finfo(np.float32).max)
 
 
 class Cursor:
-    """How far one page has been sent the traces.
+    """Position up to which one page has received the traces.
 
     Parameters
     ----------
     windows : Windows
+        Signals to send.
     """
 
     def __init__(self, windows: Windows) -> None:
@@ -41,10 +42,7 @@ class Cursor:
         self._sent = dict.fromkeys(TRACES, 0)
 
     def frame(self) -> bytes | None:
-        """Return the samples that came since the last frame, None where none did.
-
-        Who has not asked for long gets the newest, no more than the longest window has.
-        """
+        """Return the samples since the last frame, at most the longest window; None if none."""
         self._windows.advance()
         parts = []
         for name in TRACES:
@@ -66,15 +64,15 @@ class Cursor:
         return b"".join([header, *blocks])
 
 
-def figures_frame(figures: Figures) -> bytes:
+def plots_frame(metrics: Metrics) -> bytes:
     """Return spectra and cloud as bytes."""
-    found = figures.spectra
+    found = metrics.spectra
     lines = (found.frequency, found.desired, found.actual) if found else ()
-    cloud = (figures.desired, figures.actual)
-    header = _FIGURES_HEADER.pack(FIGURES, len(lines[0]) if lines else 0, len(figures.desired))
+    cloud = (metrics.desired, metrics.actual)
+    header = _PLOTS_HEADER.pack(PLOTS, len(lines[0]) if lines else 0, len(metrics.desired))
     return b"".join([header, *map(_float32, (*lines, *cloud))])
 
 
 def _float32(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> bytes:
-    """Return values as bytes; what is beyond the range of float32 at its end."""
+    """Return values as bytes, limited to the range of float32."""
     return np.clip(values, -_LARGEST, _LARGEST).astype("<f4").tobytes()

@@ -1,10 +1,10 @@
-"""The last seconds of the graph's signals, what is derived from them, and figures of them."""
+"""The latest seconds of the graph's signals, with derived signals and metrics."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,64 +17,58 @@ from haptic_accel.core.control.filters import (
     high_pass,
     without_hand_motion,
 )
-from haptic_accel.core.evaluation.metrics import (
-    PAPER_DELAY,
-    Evaluation,
-    Spectra,
-    evaluate,
-    spectra,
-)
-from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.evaluation.metrics import PAPER_DELAY, Spectra, evaluate, spectra
+from haptic_accel.core.sampling import NANOSECONDS, half_period, places
 
 FloatArray = npt.NDArray[np.float64]
 StampArray = npt.NDArray[np.int64]
 
 
 LONGEST_WINDOW = 5.0
-"""What a page can show, s."""
+"""Longest time that a page can show, s."""
 
 HIGHEST_RATE = 20e3
-"""What fits, Hz."""
+"""Highest sampling rate at which the longest window fits into a ring, Hz."""
 
 SLACK = 1.25
-"""Room of a ring over its window, so that what is being read is not what is being overwritten."""
+"""Capacity of a ring over what readers get, so that nothing is read while it is overwritten."""
 
 CAPACITY = int(LONGEST_WINDOW * HIGHEST_RATE * SLACK)
-"""Samples of a ring."""
+"""Samples that a ring holds."""
 
-STATISTICS_WINDOW = 2.0
-"""Over which figures are taken, s: two to four strokes of the hand."""
+METRICS_WINDOW = 2.0
+"""Length of signal that metrics are computed from, s: two to four strokes of the hand."""
 
 EDGE = 0.25
-"""At each end of the window where the filter without phase is not used, s: it rings for a
-period of its corner (5 Hz)."""
+"""Time at each end of that window where the zero-phase filter's output is not used, s: it rings
+for a period of its corner frequency (5 Hz)."""
 
 GAP = 0.5
-"""Silence in the stamps, s, after which a signal counts as begun anew: nodes were restarted."""
+"""Gap in the stamps after which derived signals start anew, s: nodes were restarted."""
 
 HELD = 0.1
-"""How long the last force counts, s; then its sender is silent and the device has let go."""
+"""Time for which the last force still counts, s; after that the device has released it."""
 
 RATE_SAMPLES = 500
-"""Samples that tell the rate."""
+"""Samples from which the sampling rate is estimated."""
 
 FEWEST = 50
-"""Samples below which there is no rate, and no figures."""
+"""Fewest samples for a sampling rate and for metrics."""
 
 CLOUD_POINTS = 800
-"""Most points of the regression cloud: more are not told apart."""
+"""Most points of the regression cloud: more cannot be distinguished."""
 
 
 class Ring:
-    """The last samples of one signal.
+    """Latest samples of one signal, written by one thread and read by another.
 
-    One thread puts, another reads. A sample is there before it is counted, and readers keep
-    away from the oldest, which are next to be overwritten.
+    A sample is stored before it is counted, and readers stay away from the oldest samples,
+    which are overwritten next.
 
     Parameters
     ----------
     capacity : int
-        Samples kept; readers get at most `capacity` / `SLACK` of them.
+        Samples stored; readers get at most `capacity` / `SLACK` of them.
     """
 
     def __init__(self, capacity: int = CAPACITY) -> None:
@@ -83,43 +77,40 @@ class Ring:
         self._capacity = capacity
         self._readable = int(capacity / SLACK)
         self.count = 0
-        """How many samples were ever put."""
+        """Number of samples ever stored."""
 
     def put(self, stamp: int, value: float) -> None:
-        """Add a sample, its stamp in ns."""
+        """Add a sample with its stamp in ns."""
         place = self.count % self._capacity
         self._stamps[place] = stamp
         self._values[place] = value
         self.count += 1
 
     def extend(self, stamps: StampArray, values: FloatArray) -> None:
-        """Add samples, the last of them where there are more than fit."""
+        """Add samples; of more than fit, the last."""
         stamps, values = stamps[-self._capacity :], values[-self._capacity :]
-        places = np.arange(self.count, self.count + len(stamps)) % self._capacity
-        self._stamps[places] = stamps
-        self._values[places] = values
+        indices = np.arange(self.count, self.count + len(stamps)) % self._capacity
+        self._stamps[indices] = stamps
+        self._values[indices] = values
         self.count += len(stamps)
 
     def since(self, count: int) -> tuple[int, StampArray, FloatArray]:
-        """Return the samples behind the first `count`, the newest where many are.
+        """Return the samples after the first `count`; of more than readers get, the newest.
 
         Returns
         -------
         tuple
-            What to give as `count` the next time; stamps in ns and values, each of shape (n,).
+            Value to pass as `count` next time; stamps in ns and values, each of shape (n,).
         """
         end = self.count
-        places = np.arange(max(count, end - self._readable, 0), end) % self._capacity
-        return end, self._stamps[places], self._values[places]
+        indices = np.arange(max(count, end - self._readable, 0), end) % self._capacity
+        return end, self._stamps[indices], self._values[indices]
 
     def last(self, seconds: float) -> tuple[StampArray, FloatArray]:
-        """Return the samples of the last seconds before the newest stamp, in their order."""
-        end = self.count
-        if not end:
-            return self._stamps[:0], self._values[:0]
-        oldest = self._stamps[(end - 1) % self._capacity] - int(seconds * NANOSECONDS)
+        """Return the samples of the given time before the newest stamp, in order."""
+        oldest = self.newest - int(seconds * NANOSECONDS)
         _, stamps, values = self.since(0)
-        # From the last that is older on: after a clock was set back, only what came since.
+        # Start behind the last older stamp: if a clock was set back, only what came after counts.
         older = np.flatnonzero(stamps < oldest)
         first = int(older[-1]) + 1 if len(older) else 0
         return stamps[first:], values[first:]
@@ -131,17 +122,17 @@ class Ring:
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What has to be known of a graph to show its signals.
+class GraphSettings:
+    """Settings of a graph that are needed to show its signals.
 
     Attributes
     ----------
     high_pass_frequency : float
-        Corner of the compensator's high-pass, Hz.
+        Corner frequency of the compensator's high-pass, Hz.
     actuator : ActuatorParameters
-        Limits of the actuator, and its suspension for the travel.
+        Limits of the actuator, and the suspension of its moving mass.
     assumed : bool
-        Whether these are the defaults, because no compensator has told its own.
+        True for defaults, used until a compensator has reported its own parameters.
     """
 
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
@@ -150,78 +141,61 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Figures:
-    """What the last `STATISTICS_WINDOW` says; None where there is too little.
+class Metrics:
+    """Metrics of the last `METRICS_WINDOW`, and the points of two plots.
 
     Attributes
     ----------
-    rate : float or None
-        Samples per second of the handle's acceleration, Hz.
-    evaluation : Evaluation or None
-        Error, slopes and R^2, the handle's acceleration shifted back by the paper's delay.
-    rms_desired, rms_actual : float or None
-        m/s^2.
-    age_p50, age_p99 : float or None
-        Of the actuator's force, from the tool's sample to its arrival here, s.
-    peak_force, peak_travel : float or None
-        Largest magnitude, N and m.
+    values : dict
+        Finite numbers by name; one that too few samples support is missing. ``rate``: samples of
+        the handle acceleration per second. ``nrmse_percent``, ``slope`` (desired on actual) and
+        ``r2``: comparison with the handle acceleration shifted back by the paper's delay.
+        ``rms_desired``, ``rms_actual``: m/s^2. ``age_p50``, ``age_p99``: time from the tool's
+        sample to the arrival of the actuator force here, s. ``peak_force``, ``peak_travel``:
+        largest magnitudes, N and m.
     spectra : Spectra or None
-        Of desired and actual acceleration.
+        Spectra of desired and actual acceleration; None if there are too few samples.
     desired, actual : ndarray
-        At most `CLOUD_POINTS` pairs, m/s^2.
+        At most `CLOUD_POINTS` pairs of accelerations, m/s^2.
     """
 
-    rate: float | None = None
-    evaluation: Evaluation | None = None
-    rms_desired: float | None = None
-    rms_actual: float | None = None
-    age_p50: float | None = None
-    age_p99: float | None = None
-    peak_force: float | None = None
-    peak_travel: float | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
     spectra: Spectra | None = None
     desired: FloatArray = field(default_factory=lambda: np.zeros(0))
     actual: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 class Windows:
-    """The signals that a page shows.
+    """Signals that a page shows.
 
     Attributes
     ----------
     desired, handle, force, age : Ring
-        Filled by who listens: desired acceleration, handle acceleration as measured (m/s^2),
-        actuator force (N), and its age on arrival (s).
+        Received signals: desired acceleration, measured handle acceleration (m/s^2), actuator
+        force (N) and its age on arrival (s).
     actual, travel : Ring
-        Derived by `advance`: handle acceleration without gravity and hand motion (m/s^2), and
-        the actuator's place between its stops (m).
+        Signals derived by `advance`: handle acceleration without gravity and hand motion
+        (m/s^2), and position of the actuator's moving mass between its stops (m).
+    settings : GraphSettings
+        Settings of the graph; may be replaced by another thread at any time.
     """
 
-    def __init__(self, setting: Setting | None = None) -> None:
+    def __init__(self) -> None:
         self.desired, self.handle, self.force, self.age = Ring(), Ring(), Ring(), Ring()
         self.actual, self.travel = Ring(), Ring()
-        self._setting = setting or Setting()
+        self.settings = GraphSettings()
         self._derivation: Derivation | None = None
         self._derived = 0
 
-    @property
-    def setting(self) -> Setting:
-        """What is known of the graph."""
-        return self._setting
-
-    def know(self, setting: Setting) -> None:
-        """Take what is known of the graph; another thread may, what is derived follows."""
-        self._setting = setting
-
     def advance(self) -> None:
-        """Derive what the newest samples of the handle allow."""
-        rate, setting = sampling_rate(self.handle), self._setting
+        """Derive signals from the newest handle samples."""
+        rate, settings = live_rate(self.handle), self.settings
         if rate is None:
             return
         derivation = self._derivation
-        if derivation is None or (derivation.rate, derivation.setting) != (rate, setting):
-            derivation = self._derivation = Derivation(setting, rate)
-        # Up to the newest force, which comes a little later than the sample it acts with.
+        if derivation is None or (derivation.rate, derivation.settings) != (rate, settings):
+            derivation = self._derivation = Derivation(settings, rate)
+        # Up to the newest force, which arrives a little later than the sample it acts on.
         limit = self._limit(rate)
         _, stamps, values = self.handle.since(self._derived)
         ready = int(np.searchsorted(stamps, limit, "right")) if limit else len(stamps)
@@ -235,76 +209,76 @@ class Windows:
         self.travel.extend(stamps, travel)
 
     def _limit(self, rate: float) -> int | None:
-        """Stamp up to which every force is there, ns; None where no force comes."""
+        """Return the stamp up to which all forces have arrived, ns; None if no force arrives."""
         newest = self.force.newest
         if self.handle.newest - newest > HELD * NANOSECONDS or newest == 0:
             return None
-        return newest + int(NANOSECONDS / rate / 2)
+        return newest + int(half_period(rate))
 
-    def figures(self) -> Figures:
-        """Return figures of the last seconds."""
-        rate = sampling_rate(self.handle)
-        _, ages = self.age.last(STATISTICS_WINDOW)
-        _, forces = self.force.last(STATISTICS_WINDOW)
-        _, travels = self.travel.last(STATISTICS_WINDOW)
-        found: dict[str, Any] = {
-            "rate": rate,
-            "peak_force": _peak(forces),
-            "peak_travel": _peak(travels),
-        }
+    def metrics(self) -> Metrics:
+        """Return metrics of the last `METRICS_WINDOW`."""
+        values: dict[str, float] = {}
+        for name, ring in (("peak_force", self.force), ("peak_travel", self.travel)):
+            _, signal = ring.last(METRICS_WINDOW)
+            if len(signal):
+                values[name] = np.max(np.abs(signal))
+        _, ages = self.age.last(METRICS_WINDOW)
         if len(ages):
-            found["age_p50"], found["age_p99"] = (float(q) for q in np.quantile(ages, (0.5, 0.99)))
-        if rate is not None:
-            found |= self._compared(rate)
-        return Figures(**found)
+            values["age_p50"], values["age_p99"] = np.quantile(ages, (0.5, 0.99))
+        rate = live_rate(self.handle)
+        if rate is None:
+            return Metrics(_finite(values))
+        values["rate"] = rate
+        desired, actual = self._compared(rate)
+        try:
+            found = spectra(desired, actual, rate) if len(desired) >= FEWEST else None
+        except ValueError:  # a value that is not finite, or too large
+            found = None
+        if found is None:
+            return Metrics(_finite(values))
+        values["rms_desired"], values["rms_actual"] = (
+            np.sqrt(np.mean(signal**2)) for signal in (desired, actual)
+        )
+        if desired.any():
+            evaluation = evaluate(desired, actual, rate, delay=0.0)
+            values["nrmse_percent"] = evaluation.nrmse_percent
+            values["slope"] = evaluation.slope_desired_on_actual
+            values["r2"] = evaluation.r2
+        step = len(desired) // CLOUD_POINTS + 1
+        return Metrics(_finite(values), found, desired[::step], actual[::step])
 
-    def _compared(self, rate: float) -> dict[str, Any]:
-        """Compare desired and actual acceleration as an evaluation of a bag does."""
-        stamps, handle = self.handle.last(STATISTICS_WINDOW + 2 * EDGE)
-        actual = without_hand_motion(handle, self._setting.high_pass_frequency, rate)
+    def _compared(self, rate: float) -> tuple[FloatArray, FloatArray]:
+        """Return desired and actual acceleration, prepared as for the evaluation of a bag."""
+        stamps, handle = self.handle.last(METRICS_WINDOW + 2 * EDGE)
+        actual = without_hand_motion(handle, self.settings.high_pass_frequency, rate)
         edge = int(EDGE * rate)
-        shift = math.floor(PAPER_DELAY * rate + 0.5) / rate
-        desired, actual = paired(
-            *self.desired.last(STATISTICS_WINDOW + 2 * EDGE),
+        return paired(
+            *self.desired.last(METRICS_WINDOW + 2 * EDGE),
             stamps[edge : len(stamps) - edge],
             actual[edge : len(actual) - edge],
-            shift,
+            math.floor(PAPER_DELAY * rate + 0.5),
             rate,
         )
-        if len(desired) < FEWEST:
-            return {}
-        try:
-            found: dict[str, Any] = {"spectra": spectra(desired, actual, rate)}
-        except ValueError:  # not finite, or beyond all measure
-            return {}
-        if desired.any():
-            found["evaluation"] = evaluate(desired, actual, rate, delay=0.0)
-        return {
-            **found,
-            "rms_desired": float(np.sqrt(np.mean(desired**2))),
-            "rms_actual": float(np.sqrt(np.mean(actual**2))),
-            "desired": desired[:: len(desired) // CLOUD_POINTS + 1],
-            "actual": actual[:: len(actual) // CLOUD_POINTS + 1],
-        }
 
 
 class Derivation:
-    """What is derived from the handle's acceleration, sample after sample.
+    """Signals derived from the handle acceleration, sample by sample.
 
-    The high-pass is causal here: at a third of the corner of the compensator's, it shifts what
-    is felt by little, and a page is to show what is now. Figures use the filter without phase.
+    The high-pass is causal here: with a third of the compensator's corner frequency it hardly
+    shifts what is felt, and a page has to show the present. Metrics use the zero-phase filter.
 
     Parameters
     ----------
-    setting : Setting
+    settings : GraphSettings
     rate : float
-        Hz.
+        Sampling rate, Hz.
     """
 
-    def __init__(self, setting: Setting, rate: float) -> None:
-        self.rate, self.setting = rate, setting
-        self._sections = high_pass(min(setting.high_pass_frequency * MOTION_SHARE, rate / 4), rate)
-        self._estimator = TravelEstimator(setting.actuator, rate)
+    def __init__(self, settings: GraphSettings, rate: float) -> None:
+        self.rate, self.settings = rate, settings
+        corner = min(settings.high_pass_frequency * MOTION_SHARE, rate / 4)
+        self._sections = high_pass(corner, rate)
+        self._estimator = TravelEstimator(settings.actuator, rate)
         self._newest: int | None = None
         self._memory = np.zeros((len(self._sections), 2))
 
@@ -316,14 +290,14 @@ class Derivation:
         Parameters
         ----------
         stamps : ndarray, shape (n,)
-            ns; n at least 1.
+            Stamps in ns; n is at least 1.
         handle, forces : ndarray, shape (n,)
-            m/s^2 and N.
+            Handle acceleration, m/s^2, and actuator force, N.
         """
         from scipy import signal
 
         if not (self._follows(int(stamps[0])) and np.isfinite(self._memory).all()):
-            # As if the first sample had been there for ever: gravity makes no step.
+            # Start in the steady state of the first sample, so that gravity causes no step.
             self._memory = signal.sosfilt_zi(self._sections) * handle[0]
             self._estimator.reset()
         self._newest = int(stamps[-1])
@@ -333,12 +307,16 @@ class Derivation:
         return actual, np.array(travel)
 
     def _follows(self, stamp: int) -> bool:
-        """Whether a sample comes soon after the last."""
+        """Return true if a sample comes soon after the last one."""
         return self._newest is not None and 0 < stamp - self._newest < GAP * NANOSECONDS
 
 
-def sampling_rate(ring: Ring) -> float | None:
-    """Return the rate of a signal from its newest stamps, Hz, to four digits; None if unknown."""
+def live_rate(ring: Ring) -> float | None:
+    """Estimate a signal's rate from its newest stamps, Hz; None if there are too few.
+
+    The median step, to four digits, stays the same from one update to the next, as an average
+    does not: a new rate would reset the filters.
+    """
     _, stamps, _ = ring.since(max(ring.count - RATE_SAMPLES, 0))
     if len(stamps) < FEWEST:
         return None
@@ -347,16 +325,16 @@ def sampling_rate(ring: Ring) -> float | None:
 
 
 def held(stamps: StampArray, values: FloatArray, moments: StampArray, rate: float) -> FloatArray:
-    """Return a command's value at moments: that of the newest stamp up to half a period later.
+    """Return the command in force at given moments: the newest stamped up to half a period later.
 
     Parameters
     ----------
     stamps, values : ndarray, shape (m,)
-        Of the command, stamps in ns and in order.
+        Commands and their stamps, ns, in order.
     moments : ndarray, shape (n,)
-        ns.
+        Moments in ns.
     rate : float
-        Hz.
+        Sampling rate, Hz.
 
     Returns
     -------
@@ -365,7 +343,7 @@ def held(stamps: StampArray, values: FloatArray, moments: StampArray, rate: floa
     """
     if not len(stamps):
         return np.zeros(len(moments))
-    newest = np.searchsorted(stamps, moments + int(NANOSECONDS / rate / 2), "right") - 1
+    newest = np.searchsorted(stamps, moments + int(half_period(rate)), "right") - 1
     alive = (newest >= 0) & (moments - stamps[newest] <= HELD * NANOSECONDS)
     return np.where(alive, values[newest], 0.0)
 
@@ -375,36 +353,36 @@ def paired(
     desired: FloatArray,
     actual_stamps: StampArray,
     actual: FloatArray,
-    shift: float,
+    shift: int,
     rate: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the samples of two signals that belong together.
+    """Return the samples of two signals that lie on corresponding points of the sampling grid.
 
     Parameters
     ----------
     desired_stamps, actual_stamps : ndarray, shapes (m,) and (n,)
-        ns, in order.
+        Stamps in ns, in order.
     desired, actual : ndarray, shapes (m,) and (n,)
-    shift : float
-        How much later an actual sample is than the desired one that it answers, s.
+    shift : int
+        Number of samples by which an actual sample follows the desired one that it answers.
     rate : float
-        Hz; what is farther from its place than half a period has no partner.
+        Sampling rate, Hz.
 
     Returns
     -------
     tuple of ndarray, each of shape (k,)
-        k at most the smaller of m and n.
+        Corresponding samples; k is at most the smaller of m and n.
     """
     if not len(desired_stamps) or not len(actual_stamps):
         return np.zeros(0), np.zeros(0)
-    half = int(NANOSECONDS / rate / 2)
-    wanted = desired_stamps + int(shift * NANOSECONDS)
-    # The first that is not more than half a period early is the nearest, if any is near.
-    places = np.searchsorted(actual_stamps, wanted - half)
-    found = places < len(actual_stamps)
-    found[found] = actual_stamps[places[found]] - wanted[found] < half
-    return desired[found], actual[places[found]]
+    start = int(actual_stamps[0])
+    _, first, second = np.intersect1d(
+        places(desired_stamps, start, rate) + shift,
+        places(actual_stamps, start, rate),
+        return_indices=True,
+    )
+    return desired[first], actual[second]
 
 
-def _peak(values: FloatArray) -> float | None:
-    return float(np.max(np.abs(values))) if len(values) else None
+def _finite(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: float(value) for name, value in values.items() if math.isfinite(value)}

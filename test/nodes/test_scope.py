@@ -150,7 +150,7 @@ def test_curves_move(shared: Shared, tmp_path: Path) -> None:
     shared.wait("hapticScope.samples().actual > 2500", "a full window")
     # A bar in nearly every column of pixels.
     assert page.evaluate(COLOURED) > 0.8
-    shared.wait("state.figures.nrmse_percent > 0 && state.figures.rate === 1000", "figures")
+    shared.wait("state.metrics.nrmse_percent > 0 && state.metrics.rate === 1000", "figures")
     assert 0 < float(page.locator("#nrmse").inner_text()) < 1000
     shared.wait("!state.limits.assumed", "the compensator's parameters are known")
     picture = tmp_path / "scope.png"
@@ -188,7 +188,7 @@ def test_what_is_set_elsewhere_is_shown(shared: Shared, watcher: Observer) -> No
 def test_arms_are_let_go_and_taken_again(shared: Shared) -> None:
     shared.press("engage", "false")
     shared.wait("state.engaged === false", "let go")
-    shared.wait("document.querySelector('#arms').textContent === 'arms free'", "said")
+    shared.wait("document.querySelector('#arms').textContent === 'arms disengaged'", "said")
     shared.press("engage", "true")
     shared.wait("state.engaged === true", "engaged")
 

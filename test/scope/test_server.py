@@ -40,10 +40,10 @@ class Source:
 
     def choices(self) -> dict[str, list[str]]:
         return {
-            "controllers": ["none", "dynamic"],
-            "surfaces": ["text"],
-            "grips": ["hook"],
-            "recorder_actions": ["start"],
+            "controller": ["none", "dynamic"],
+            "surface": ["text"],
+            "grip": ["hook"],
+            "record": ["start"],
         }
 
     def state(self) -> dict[str, Any]:
@@ -308,7 +308,7 @@ def test_states_are_json_and_samples_only_what_is_new(started: Started, source: 
             (frame,) = await frames(live, 1)
             assert int.from_bytes(frame[4:8], "little") == 100
             state = json.loads((await live.receive(10)).data)
-            assert state["figures"]["rate"] == 1000.0
+            assert state["metrics"]["rate"] == 1000.0
             source.feed(7)
             (frame,) = await frames(live, 1)
             assert int.from_bytes(frame[4:8], "little") == 7

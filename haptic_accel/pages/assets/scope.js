@@ -1,28 +1,28 @@
-// The live scope's page: takes frames of samples, draws them, and sends commands.
+// The live scope's page: receives frames of samples, draws them, and sends commands.
 // The frames are described in haptic_accel/scope/frames.py. Units are SI until they are shown.
 "use strict";
 
 (() => {
   const SAMPLES = 1;
-  const FIGURES = 2;
+  const PLOTS = 2;
   const TRACES = ["desired", "actual", "force", "travel"];
   const CAPACITY = 1 << 17; // samples of a trace; at 20 kHz more than the longest window
   const LAG = 0.05; // s behind the newest sample, so that the right edge does not flicker
   const GAP = 0.02; // s without a sample across which no line is drawn
-  const JUMP = 0.25; // s by which the clocks may drift apart before they are set anew
-  const SHRINK = 1.5; // s for which less would do before a scale gets finer
-  const BAND = 1.0; // s that the pale part of a gauge covers
-  const QUIET = 1.0; // s without samples after which there are no signals
-  const CALM = 250; // ms between two pictures where motion is to be reduced
+  const JUMP = 0.25; // s by which the clocks may drift apart before they are synchronised again
+  const SHRINK = 1.5; // s for which a smaller range would do before a scale is reduced
+  const BAND = 1.0; // s whose range the pale band of a gauge shows
+  const QUIET = 1.0; // s without samples after which the page reports no signals
+  const CALM = 250; // ms between two frames if the user prefers reduced motion
   const DESCRIBE = 5000; // ms between two descriptions of a plot for screen readers
-  const SAID = 10000; // ms that a message stays
+  const SAID = 10000; // ms for which a message stays visible
   const FIRST_RETRY = 250; // ms
   const LAST_RETRY = 2000; // ms
   const COMMAND_TIME = 4000; // ms after which a command has failed
   const LOWEST = 10; // Hz, where spectra begin
-  const CLOUD_SHARE = 0.97; // of the values that surely fit into the cloud's scale
-  const CLOUD_ROOM = 1.5; // of the scale beyond these
-  const LEAST_TOP = 0.1; // m/s²/√Hz, of that axis; the sensors' noise is at its foot
+  const CLOUD_SHARE = 0.97; // of the values that the cloud's scale is chosen for
+  const CLOUD_ROOM = 1.5; // margin of the scale beyond these values
+  const LEAST_TOP = 0.1; // m/s²/√Hz, lowest upper end of that axis; the sensors' noise is at its lower end
   const DECADES = 3; // of the spectra's vertical axis
 
   const byId = (id) => document.getElementById(id);
@@ -64,7 +64,7 @@
       return this.count ? this.values[(this.count - 1) % CAPACITY] : NaN;
     }
 
-    /** The first sample not before a time, looked for from the newest back. */
+    /** Number of the first sample that is not before a time. */
     since(time) {
       const oldest = Math.max(0, this.count - CAPACITY);
       let low = oldest;
@@ -77,7 +77,7 @@
       return low;
     }
 
-    /** Least and greatest value from a time on. */
+    /** Least and greatest value since a time. */
     extremes(time) {
       let least = Infinity;
       let greatest = -Infinity;
@@ -93,9 +93,9 @@
   const traces = Object.fromEntries(TRACES.map((name) => [name, new Trace()]));
   const counters = { drawn: 0, frames: 0, bytes: 0, states: 0 };
   let state = null;
-  let figures = null;
+  let plots = null;
 
-  // The server's stamps and this page's clock run apart: the newest stamps tell by how much.
+  // The server's clock and this page's differ: the newest stamps show by how much.
   const clock = {
     offset: null,
     meet(newest) {
@@ -110,13 +110,13 @@
 
   // ---- Scales -----------------------------------------------------------------------------
 
-  /** The next round number that is not smaller. */
+  /** Smallest round number that is not below the value. */
   function roundUp(value) {
     const power = 10 ** Math.floor(Math.log10(value));
     return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((step) => step * power).find((step) => step >= value * 0.999);
   }
 
-  /** A limit that grows at once, and gets smaller only after a while. */
+  /** Limit of a scale that grows at once and shrinks only after a while. */
   class Limit {
     constructor(least) {
       this.least = least;
@@ -124,7 +124,7 @@
       this.since = 0;
     }
 
-    /** Take the largest magnitude shown; tell whether the limit changed. */
+    /** Adapt to the largest magnitude shown; return true if the limit changed. */
     meet(magnitude) {
       const wanted = Math.max(this.least, roundUp(1.05 * Math.max(magnitude, 1e-9)));
       const now = performance.now() / 1000;
@@ -189,8 +189,8 @@
 
   /**
    * Draw a trace from one time to another: per column of pixels a bar from the least to the
-   * greatest value that the line has in it. Bars are drawn many times quicker than a line of
-   * thousands of corners, and no peak is lost where samples are more than columns.
+   * greatest value of the line there. Bars are drawn many times faster than a line of
+   * thousands of points, and no peak is lost where there are more samples than columns.
    */
   function drawTrace(ctx, box, trace, from, to, limit, stroke, width) {
     const columns = Math.ceil(box.width);
@@ -230,7 +230,7 @@
 
   const timeLimit = new Limit(1);
   let windowLength = Number(byId("window").value);
-  let held = null; // time at the right edge while the picture is held
+  let held = null; // time at the right edge while the plot is held
 
   const timePlot = plot(
     "time",
@@ -245,7 +245,7 @@
     [[-1, 0], [null, null]],
   );
 
-  // The traces move and have a canvas of their own: the axes behind it are drawn seldom.
+  // The traces have a canvas of their own: the axes behind it are redrawn rarely.
   const sheet = document.createElement("canvas").getContext("2d");
   byId("time").append(sheet.canvas);
 
@@ -262,7 +262,7 @@
     clipped(sheet, box, () => {
       const limit = timeLimit.value;
       drawTrace(sheet, box, traces.desired, from, to, limit, colour.desired, 2);
-      sheet.globalAlpha = 0.85; // what is behind shows through
+      sheet.globalAlpha = 0.85; // the trace behind shows through
       drawTrace(sheet, box, traces.actual, from, to, limit, colour.actual, 1.2);
     });
   }
@@ -307,7 +307,7 @@
   );
 
   function drawCloud(u) {
-    if (!figures) return;
+    if (!plots) return;
     const { ctx, bbox: box } = u;
     clipped(ctx, box, () => {
       const limit = cloudLimit.value;
@@ -325,18 +325,18 @@
       const size = 2 * devicePixelRatio;
       ctx.fillStyle = colour.desired;
       ctx.globalAlpha = 0.55;
-      for (let i = 0; i < figures.actual.length; i++) {
-        ctx.fillRect(x(figures.actual[i]) - size / 2, y(figures.cloud[i]) - size / 2, size, size);
+      for (let i = 0; i < plots.actual.length; i++) {
+        ctx.fillRect(x(plots.actual[i]) - size / 2, y(plots.cloud[i]) - size / 2, size, size);
       }
       ctx.globalAlpha = 1;
       line(1, colour.quiet, 1, [5, 4]);
-      const slope = state?.figures.slope;
+      const slope = state?.metrics.slope;
       if (slope !== null && slope !== undefined) line(slope, colour.actual, 2.2, []);
     });
   }
 
-  function showFigures() {
-    const { frequency, desiredSpectrum, actualSpectrum } = figures;
+  function showPlots() {
+    const { frequency, desiredSpectrum, actualSpectrum } = plots;
     if (frequency.length) {
       const first = frequency.findIndex((f) => f >= LOWEST);
       const positive = (values) => Array.from(values.subarray(first), (v) => (v > 0 ? v : null));
@@ -346,7 +346,7 @@
       if (wanted > spectraTop || wanted < spectraTop / 10) spectraTop = wanted;
       spectraPlot.setData([Array.from(frequency.subarray(first)), ...lines]);
     }
-    const sizes = Float32Array.of(...figures.actual, ...figures.cloud).map(Math.abs).sort();
+    const sizes = Float32Array.of(...plots.actual, ...plots.cloud).map(Math.abs).sort();
     const usual = sizes.length ? sizes[Math.floor(CLOUD_SHARE * sizes.length)] : 0;
     if (cloudLimit.meet(CLOUD_ROOM * usual)) cloudPlot.setData(cloudPlot.data);
     else cloudPlot.redraw(false, false);
@@ -412,7 +412,7 @@
       setText(who, row.name);
       setState(badge, row.state, WORDS[row.state]);
       setText(say, row.message);
-      // The emergency stop has its own place.
+      // The emergency stop has its own display.
       const news = before && before !== row.state && row.state !== "OK";
       if (news && row.message !== "emergency stop") {
         tell(`${row.name}: ${row.message || row.state}`, row.state);
@@ -422,7 +422,7 @@
 
   const HIDDEN_FACTS = new Set(["scheduling", "state"]);
 
-  /** A fact's name and value as a person reads them: bytes as a round size. */
+  /** Name and value of a fact for display: bytes as a rounded size. */
   function readable([name, value]) {
     const [, plain] = name.match(/^(.*) [[(]bytes[\])]$/) ?? [];
     if (!plain) return [name, value];
@@ -455,7 +455,7 @@
 
   function showChoice(action, value) {
     const output = byId(action);
-    if (output) setText(output, value ?? "not known");
+    if (output) setText(output, value ?? "unknown");
     let known = false;
     for (const button of document.querySelectorAll(`[data-action=${action}]`)) {
       const chosen = button.dataset.value === String(value);
@@ -470,14 +470,14 @@
   function showStop(stop, engaged, rows) {
     const stopped = stop.asked || stop.master === true || stop.slave === true;
     const all = stop.master === true && stop.slave === true;
-    // A device says nothing of the stop until the first.
+    // A device reports nothing about the stop before the first one.
     const there = rows.filter(({ name, state }) => name.endsWith("_device") && state === "OK");
-    const free = there.length ? ["OK", "no stop"] : ["absent", "stop: not known"];
+    const free = there.length ? ["OK", "no stop"] : ["absent", "stop: unknown"];
     setState(byId("stop-state"), ...(stopped ? ["error", "emergency stop"] : free));
     setState(
       byId("arms"),
       engaged === null ? "absent" : engaged ? "OK" : "warning",
-      engaged === null ? "arms: not known" : engaged ? "arms engaged" : "arms free",
+      engaged === null ? "arms: unknown" : engaged ? "arms engaged" : "arms disengaged",
     );
     const alarm = byId("alarm");
     const text = all
@@ -490,12 +490,12 @@
 
   function describe() {
     if (!state) return;
-    const n = state.figures;
+    const n = state.metrics;
     const rms = `desired ${digits(n.rms_desired, 1)}, actual ${digits(n.rms_actual, 1)} m/s² RMS`;
     byId("time").setAttribute("aria-label", `Acceleration over the last seconds: ${rms}`);
     byId("cloud").setAttribute(
       "aria-label",
-      `Desired over actual acceleration: slope ${digits(n.slope, 2)}, R² ${digits(n.r2, 2)}`,
+      `Desired against actual acceleration: slope ${digits(n.slope, 2)}, R² ${digits(n.r2, 2)}`,
     );
     for (const [name, factor, unit] of [["force", 1, "N"], ["travel", 1e3, "mm"]]) {
       const track = document.querySelector(`[data-gauge=${name}] .track`);
@@ -503,7 +503,7 @@
       const peak = (n[`peak_${name}`] ?? 0) * factor;
       track.setAttribute("aria-valuemax", limit.toFixed(2));
       track.setAttribute("aria-valuenow", Math.min(peak, limit).toFixed(2));
-      track.setAttribute("aria-valuetext", `at most ${peak.toFixed(2)} of ${limit.toFixed(2)} ${unit}`);
+      track.setAttribute("aria-valuetext", `peak ${peak.toFixed(2)} of ${limit.toFixed(2)} ${unit}`);
     }
   }
 
@@ -517,7 +517,7 @@
     version = received.version;
     state = received;
     counters.states++;
-    if (held === null) showNumbers(state.figures);
+    if (held === null) showNumbers(state.metrics);
     setText(byId("actuator_p50"), digits(state.age_at_actuator.p50, 0));
     setText(byId("actuator_p99"), digits(state.age_at_actuator.p99, 0));
     setText(byId("force-limit"), digits(state.limits.force, 1));
@@ -543,7 +543,7 @@
     counters.frames++;
     counters.bytes += buffer.byteLength;
     if (kind === SAMPLES) takeSamples(buffer);
-    else if (kind === FIGURES) takeFigures(buffer);
+    else if (kind === PLOTS) takePlots(buffer);
   }
 
   function takeSamples(buffer) {
@@ -563,7 +563,7 @@
     clock.meet(Math.max(traces.desired.newest, traces.actual.newest));
   }
 
-  function takeFigures(buffer) {
+  function takePlots(buffer) {
     const view = new DataView(buffer);
     const [lines, points] = [4, 8].map((at) => view.getUint32(at, true));
     let place = 12;
@@ -575,8 +575,8 @@
     const [frequency, desiredSpectrum, actualSpectrum] = [0, 1, 2].map(() => block(lines));
     const [cloud, actual] = [0, 1].map(() => block(points));
     if (held !== null) return;
-    figures = { frequency, desiredSpectrum, actualSpectrum, cloud, actual };
-    showFigures();
+    plots = { frequency, desiredSpectrum, actualSpectrum, cloud, actual };
+    showPlots();
   }
 
   let retry = FIRST_RETRY;
@@ -593,20 +593,20 @@
       else take(data);
     });
     socket.addEventListener("close", () => {
-      setState(byId("link"), "error", "scope not reached, trying again");
+      setState(byId("link"), "error", "scope not reached, retrying");
       setTimeout(connect, retry);
-      if (retry === LAST_RETRY) lookWhy();
+      if (retry === LAST_RETRY) checkToken();
       retry = Math.min(2 * retry, LAST_RETRY);
     });
   }
 
-  /** A scope that was started anew may have another token, which a socket does not say. */
-  async function lookWhy() {
+  /** A restarted scope may have another token; a socket does not report that. */
+  async function checkToken() {
     try {
       const answer = await fetch("/", { method: "HEAD" });
       if (answer.status === 403) tell("open the address that the scope printed last", "error");
     } catch {
-      // not there: said already
+      // not reachable, which is shown already
     }
   }
 
@@ -668,7 +668,7 @@
       command("estop", false);
     });
     document.addEventListener("keydown", (event) => {
-      // In the dialog Escape closes it, which leaves everything stopped.
+      // In the dialog, Escape closes the dialog and everything stays stopped.
       if (event.key === "Escape" && !event.repeat && !confirm.open) stop();
     });
   }
@@ -706,7 +706,7 @@
   connect();
   requestAnimationFrame(draw);
 
-  /** For tests and the curious: what was received and drawn so far. */
+  /** Counts of what was received and drawn so far, for tests and debugging. */
   window.hapticScope = {
     counters,
     get state() {
