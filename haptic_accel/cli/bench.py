@@ -1,4 +1,4 @@
-"""``haptic-accel bench``: how fast the graph is and what it costs, beside two yardsticks."""
+"""``haptic-accel bench latency``: latency and cost of the graph, beside two references."""
 
 from __future__ import annotations
 
@@ -18,16 +18,15 @@ from typing import Any
 
 import click
 import psutil
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.bags.delivery import AGE_OF, LABELS, Delivery, durations, read_delivery
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import FILE, Verb, json_option, listed, listed_numbers, words
+from haptic_accel.cli.options import FILE, Verb, json_option, listed_numbers, words
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import StopOnSignal, conclude
+from haptic_accel.cli.running import StopOnSignal, run_to_end
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, EXECUTOR, FAILED, INTERRUPTED
 from haptic_accel.core.topics import SIGNALS
@@ -36,46 +35,36 @@ from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
 
 ROUNDS = 2
-"""How often graph and yardsticks take turns, so that all meet the same machine."""
-
-SWEEP_RATES = (500.0, 1000.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0, 8000.0)
-"""Hz."""
-
-SWEEP_PAIRS = (1, 2, 4, 8)
-KILOHERTZ = 1000.0
-"""The paper's rate, Hz."""
+"""Number of rounds in which graph and references alternate, so that all meet the same machine."""
 
 MOST_PAIRS = 16
-"""More would ask the machine for hundreds of processes."""
+"""Most graphs at a time; more would start hundreds of processes."""
 
 LATE_SHARE = 0.001
 """Share of late or missed ticks up to which a rate counts as held."""
 
-MESSAGE = bytes(84)
-"""As long as an AccelStamped of the graph."""
-
 DOMAIN = "ROS_DOMAIN_ID"
 DOMAINS = 102
-"""Domains whose ports stay below those that Linux hands out."""
+"""Number of ROS domains whose ports Linux does not assign to other programs."""
 
 MEBI = 2**20
 
-Figures = dict[str, Any]
+Metrics = dict[str, Any]
 
 
 class Usage:
-    """What the processes of graphs use while all of them are engaged.
+    """CPU and memory that the processes of graphs use while all graphs are engaged.
 
     Parameters
     ----------
     graphs : int
-        How many run at the same time.
+        Number of graphs that run at the same time.
 
     Attributes
     ----------
     cpu_cores, peak_mb : dict
-        By executable, over all graphs: cores used; resident memory of the largest, MiB. Empty
-        while the graphs have not all been engaged at the same time and one of them ended.
+        By executable, over all graphs: cores used; resident memory of the largest process, MiB.
+        Empty until all graphs were engaged at the same time and one of them has ended.
     """
 
     def __init__(self, graphs: int) -> None:
@@ -87,8 +76,8 @@ class Usage:
         self.peak_mb: dict[str, float] = {}
 
     def watch(self, supervisor: Supervisor, line: str) -> None:
-        """Take a line of output: a coupler says when its arms engage and when it is over."""
-        # A process that is gone is a pair that failed, which says so itself.
+        """Take a line of output: couplers print when their arms engage and when a run is over."""
+        # A missing process means that its graph failed, which is reported elsewhere.
         with self._lock, suppress(psutil.NoSuchProcess):
             if line.endswith("engaged"):
                 self._engaged.append(supervisor)
@@ -111,53 +100,109 @@ class Usage:
 
 
 def _spent(pid: int) -> tuple[float, float]:
-    """Return CPU time used by a process, and when, s."""
+    """Return the CPU time of a process and the moment of reading it, s."""
     used = psutil.Process(pid).cpu_times()
     return used.user + used.system, time.monotonic()
 
 
-@click.command(cls=Verb)
+@click.command(
+    cls=Verb,
+    examples=[
+        "haptic-accel bench latency rig:=ideal --rate 2000",
+        "haptic-accel bench latency composed:=true --rates 500,1000,2000,4000 --seconds 5",
+    ],
+)
 @words(GraphArguments)
 @click.option("--rate", type=float, default=1000.0, help="Sampling rate, Hz.")
+@click.option(
+    "--rates",
+    type=listed_numbers(float),
+    metavar="HZ,HZ,...",
+    help="Sampling rates to compare, Hz: finds the highest that is held, without references.",
+)
 @click.option("--pairs", type=int, default=1, help="Number of graphs that run at a time.")
 @click.option("--seconds", type=float, default=20.0, help="Length of each measurement, s.")
+@click.option("--plot", type=FILE, metavar="FILE", help="Image of age and CPU against --rates.")
 @json_option
 def latency(
-    words: Sequence[str], *, rate: float, seconds: float, pairs: int, json_file: Path | None
+    words: Sequence[str],
+    *,
+    rate: float,
+    rates: Sequence[float] | None,
+    pairs: int,
+    seconds: float,
+    plot: Path | None,
+    json_file: Path | None,
 ) -> int:
     """Measure the latency of the whole graph, beside two references.
 
     Runs the graph as users do, the same on rclpy's default executor, and the same two hops as
     bare UDP, in turns. Prints ages, losses, CPU and memory.
     """
-    # Needs rclpy, which other verbs do without.
+    if not 1 <= pairs <= MOST_PAIRS:
+        raise ParameterError(f"pairs = {pairs}: must be from 1 to {MOST_PAIRS}")
+    if rates:
+        return _compare_rates(words, rates, pairs, seconds, plot, json_file)
+    # Imports ROS, which the measuring of rates alone does without.
     from haptic_accel.cli.udp_floor import udp_floor
 
     arguments = _arguments(words, rate, seconds / ROUNDS)
-    _check_pairs(pairs)
-    runs: dict[str, list[Figures]] = {"graph": [], "default": [], "floor": []}
-    try:
-        with StopOnSignal() as stop:
-            for index in range(ROUNDS):
-                turn = f"round {index + 1} of {ROUNDS}"
-                _say(f"{turn}: the graph, {pairs} x {rate:g} Hz, {seconds / ROUNDS:g} s")
-                runs["graph"].append(measure(arguments, pairs, "events", stop))
-                _say(f"{turn}: the same on rclpy's default executor")
-                runs["default"].append(measure(arguments, pairs, "default", stop))
-                _say(f"{turn}: the same two hops as bare UDP")
-                runs["floor"].append(udp_floor(rate, seconds / ROUNDS, MESSAGE))
-    except StoppedError as reason:
-        return reason.status
-    figures = _latency_figures(rate, seconds, pairs, runs)
-    Console().print(_latency_table(figures))
-    save(figures, json_file)
+    runs: dict[str, list[Metrics]] = {"graph": [], "default": [], "floor": []}
+    with StopOnSignal() as stop:
+        for index in range(ROUNDS):
+            turn = f"round {index + 1} of {ROUNDS}"
+            _say(f"{turn}: the graph, {pairs} x {rate:g} Hz, {seconds / ROUNDS:g} s")
+            runs["graph"].append(measure(arguments, pairs, "events", stop))
+            _say(f"{turn}: the same on rclpy's default executor")
+            runs["default"].append(measure(arguments, pairs, "default", stop))
+            _say(f"{turn}: the same two hops as bare UDP")
+            runs["floor"].append(udp_floor(rate, seconds / ROUNDS))
+    metrics = _latency_metrics(rate, seconds, pairs, runs)
+    Console().print(_latency_table(metrics))
+    save(metrics, json_file)
     return DONE
+
+
+def _compare_rates(
+    words: Sequence[str],
+    rates: Sequence[float],
+    pairs: int,
+    seconds: float,
+    plot: Path | None,
+    json_file: Path | None,
+) -> int:
+    """Measure the graph at several rates; return the exit status."""
+    rows: list[Metrics] = []
+    not_run: list[float] = []
+    status = FAILED
+    with StopOnSignal() as stop:
+        for rate in rates:
+            _say(f"{pairs} x {rate:g} Hz, {seconds:g} s")
+            try:
+                metrics = measure(_arguments(words, rate, seconds), pairs, "events", stop)
+            except StoppedError as end:
+                if end.status == INTERRUPTED:
+                    raise
+                # A rate beyond the machine's limits is a result too; the next may be lower.
+                not_run.append(rate)
+                continue
+            status = DONE
+            late_share = _late_share(metrics)
+            rows.append({"rate_hz": rate, "pairs": pairs, **metrics, "late_share": late_share})
+    held = max((r["rate_hz"] for r in rows if r["late_share"] < LATE_SHARE), default=None)
+    Console().print(_rates_table(rows, held))
+    for rate in not_run:
+        print(f"could not be run: {pairs} x {rate:g} Hz")
+    if plot:
+        _draw(rows).savefig(plot, dpi=120)
+    save({"seconds": seconds, "rate_held_hz": held, "rows": rows, "not_run": not_run}, json_file)
+    return status
 
 
 def measure(
     arguments: GraphArguments, pairs: int, executor: str, stop: Callable[[], bool]
-) -> Figures:
-    """Run graphs as users run them and return what they report, over all pairs.
+) -> Metrics:
+    """Run graphs as users run them and return their metrics over all pairs.
 
     Returns
     -------
@@ -182,11 +227,10 @@ def measure(
             )
             for pair in range(pairs)
         ]
-        figures = _joined([_pair_figures(run.result()) for run in runs])
+        metrics = _joined([_pair_metrics(run.result()) for run in runs])
     if not usage.cpu_cores:
-        _say("the pairs never ran at the same time: take more seconds")
-        raise StoppedError(FAILED)
-    return {**figures, "cpu_cores": usage.cpu_cores, "peak_mb": usage.peak_mb}
+        raise StoppedError(FAILED, "the graphs never ran at the same time: use more --seconds")
+    return {**metrics, "cpu_cores": usage.cpu_cores, "peak_mb": usage.peak_mb}
 
 
 def _run_pair(
@@ -197,16 +241,12 @@ def _run_pair(
 ) -> Delivery:
     supervisor = Supervisor(graph(arguments), environment=environment)
     supervisor.on_line = lambda _, line: usage.watch(supervisor, line)
-    outcome = supervisor.run(stop)
-    if not outcome.first:
-        raise StoppedError(INTERRUPTED)
-    if conclude(outcome) != DONE:
-        raise StoppedError(FAILED)
+    run_to_end(supervisor, stop)
     return read_delivery(Path(arguments.bag), arguments.rate)
 
 
-def _pair_figures(delivery: Delivery) -> Figures:
-    """Return one graph's figures; late means more than half a period where it is used."""
+def _pair_metrics(delivery: Delivery) -> Metrics:
+    """Return one graph's metrics; a message is late if used more than half a period late."""
     nodes = delivery.nodes
     late = {}
     for topic in SIGNALS:
@@ -230,27 +270,27 @@ def _pair_figures(delivery: Delivery) -> Figures:
 
 
 COUNTS = {"late", "lost", "missed", "ticks", "dropped_by_recorder"}
-"""Figures that add up."""
+"""Metrics that are added, not averaged."""
 
 
-def _joined(pairs: Sequence[Figures]) -> Figures:
-    """Join the figures of pairs that ran at the same time: the worst, or the sum of counts."""
+def _joined(pairs: Sequence[Metrics]) -> Metrics:
+    """Join metrics of graphs that ran at the same time: the worst, or the sum of counts."""
     return _by_key(pairs, max)
 
 
-def _mean(rounds: Sequence[Figures]) -> Figures:
-    """Join the figures of rounds: the mean, the worst of maxima, or the sum of counts."""
+def _mean(rounds: Sequence[Metrics]) -> Metrics:
+    """Join metrics of rounds: the mean, the largest maximum, or the sum of counts."""
     return _by_key(rounds, fmean)
 
 
-def _by_key(runs: Sequence[Figures], join: Callable[[Iterable[Any]], Any]) -> Figures:
+def _by_key(runs: Sequence[Metrics], join: Callable[[Iterable[Any]], Any]) -> Metrics:
     return {
         key: _merge([run[key] for run in runs], sum if key in COUNTS else join) for key in runs[0]
     }
 
 
 def _merge(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], label: str = "") -> Any:
-    """Join numbers, or dictionaries of numbers key by key; what is called max stays the worst."""
+    """Join numbers, or dictionaries of numbers key by key; a value named max stays the largest."""
     if not isinstance(values[0], Mapping):
         return max(values) if label == "max" else join(values)
     keys = {key: None for value in values for key in value}
@@ -259,9 +299,9 @@ def _merge(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], label: s
     }
 
 
-def _latency_figures(
-    rate: float, seconds: float, pairs: int, runs: Mapping[str, Sequence[Figures]]
-) -> Figures:
+def _latency_metrics(
+    rate: float, seconds: float, pairs: int, runs: Mapping[str, Sequence[Metrics]]
+) -> Metrics:
     ours, default = _mean(runs["graph"]), _mean(runs["default"])
     floor = _merge([run["age_us"] for run in runs["floor"]], fmean)
     return {
@@ -276,127 +316,53 @@ def _latency_figures(
     }
 
 
-def _latency_table(figures: Figures) -> Table:
+def _latency_table(metrics: Metrics) -> Table:
     table = Table(
-        title=f"{figures['pairs']} x {figures['rate_hz']:g} Hz, {figures['seconds']:g} s each"
+        title=f"{metrics['pairs']} x {metrics['rate_hz']:g} Hz, {metrics['seconds']:g} s each"
     )
     for heading in ("", *LABELS):
         table.add_column(heading, justify="right" if heading else "left")
     rows = {
-        "age of the force where it is applied, us": figures["age_us"],
-        "  on rclpy's default executor": figures["default_executor"]["age_us"],
-        "  as bare UDP, same two hops": figures["udp_floor"]["age_us"],
-        "master_device: lateness of its ticks, us": figures["period_error_us"]["master_device"],
-        "slave_device: lateness of its ticks, us": figures["period_error_us"]["slave_device"],
+        "age of the force where it is applied, us": metrics["age_us"],
+        "  on rclpy's default executor": metrics["default_executor"]["age_us"],
+        "  as bare UDP, same two hops": metrics["udp_floor"]["age_us"],
+        "master_device: lateness of its ticks, us": metrics["period_error_us"]["master_device"],
+        "slave_device: lateness of its ticks, us": metrics["period_error_us"]["slave_device"],
     }
     for name, ages in rows.items():
         table.add_row(name, *(f"{ages[label]:.0f}" if label in ages else "-" for label in LABELS))
-    cores = figures["cpu_cores"]
+    cores = metrics["cpu_cores"]
     shares = ", ".join(f"{name} {share:.2f}" for name, share in cores.items())
-    default = figures["default_executor"]["cpu_cores"]["total"]
-    memory = ", ".join(f"{name} {size:.0f}" for name, size in figures["peak_mb"].items())
-    taken, missed = sum(figures["ticks"].values()), sum(figures["missed"].values())
+    default = metrics["default_executor"]["cpu_cores"]["total"]
+    memory = ", ".join(f"{name} {size:.0f}" for name, size in metrics["peak_mb"].items())
+    taken, missed = sum(metrics["ticks"].values()), sum(metrics["missed"].values())
     table.caption = (
-        f"ratio of p50 to the default executor's {figures['ratio_to_default_p50']:.2f}, "
-        f"to bare UDP's {figures['ratio_to_floor_p50']:.1f}\n"
+        f"ratio of p50 to the default executor's {metrics['ratio_to_default_p50']:.2f}, "
+        f"to bare UDP's {metrics['ratio_to_floor_p50']:.1f}\n"
         f"cores: {shares} (default executor: total {default:.2f})\n"
         f"memory, MiB: {memory}\n"
-        f"of {taken} ticks missed {missed}; late, worst topic: {max(figures['late'].values())}; "
-        f"messages lost: {sum(figures['lost'].values())}, "
-        f"dropped by the recorder: {figures['dropped_by_recorder']}"
+        f"of {taken} ticks missed {missed}; late, worst topic: {max(metrics['late'].values())}; "
+        f"messages lost: {sum(metrics['lost'].values())}, "
+        f"dropped by the recorder: {metrics['dropped_by_recorder']}"
     )
     table.caption_justify = "left"
     return table
 
 
-@click.command(cls=Verb)
-@words(GraphArguments)
-@click.option(
-    "--rates",
-    type=listed_numbers(float),
-    default=listed(SWEEP_RATES),
-    metavar="HZ,HZ,...",
-    help="Sampling rates of one graph, Hz.",
-)
-@click.option(
-    "--pairs",
-    type=listed_numbers(int),
-    default=listed(SWEEP_PAIRS),
-    metavar="N,N,...",
-    help="Numbers of graphs at 1 kHz.",
-)
-@click.option("--out", type=FILE, default="results", metavar="FOLDER", help="Folder for the plot.")
-@click.option("--seconds", type=float, default=5.0, help="Length of each measurement, s.")
-@json_option
-def sweep(
-    words: Sequence[str],
-    *,
-    rates: Sequence[float],
-    pairs: Sequence[int],
-    seconds: float,
-    out: Path,
-    json_file: Path | None,
-) -> int:
-    """Find the highest rate that is held with less than 0.1 % late.
-
-    Draws ages and CPU against rate (500 Hz to 8 kHz) and against the number of pairs (1 to 8).
-    """
-    plan = list(dict.fromkeys([(rate, 1) for rate in rates] + [(KILOHERTZ, n) for n in pairs]))
-    _check_pairs(max(pairs))
-    rows: list[Figures] = []
-    not_run: list[Figures] = []
-    status = DONE
-    with StopOnSignal() as stop:
-        for index, (rate, count) in enumerate(plan):
-            _say(f"{index + 1} of {len(plan)}: {count} x {rate:g} Hz, {seconds:g} s")
-            try:
-                figures = measure(_arguments(words, rate, seconds), count, "events", stop)
-            except StoppedError as reason:
-                status = reason.status
-                if status == INTERRUPTED:
-                    break
-                # More than the machine can do is an outcome; what comes after may be less.
-                not_run.append({"rate_hz": rate, "pairs": count})
-                continue
-            rows.append({"rate_hz": rate, "pairs": count, **figures})
-            rows[-1]["late_share"] = _late_share(rows[-1])
-    if rows:
-        out.mkdir(parents=True, exist_ok=True)
-        _draw(rows).savefig(out / "sweep.png", dpi=120)
-        Console().print(_sweep_table(rows))
-        print(f"figure: {out / 'sweep.png'}")
-        for row in not_run:
-            print(f"could not be run: {row['pairs']} x {row['rate_hz']:g} Hz")
-        held = _rate_held(rows)
-        save(
-            {"seconds": seconds, "rate_held_hz": held, "rows": rows, "not_run": not_run},
-            json_file,
-        )
-        status = INTERRUPTED if status == INTERRUPTED else DONE
-    return status
-
-
-def _late_share(figures: Figures) -> float:
+def _late_share(metrics: Metrics) -> float:
     """Share of the devices' ticks that were missed or later than half a period."""
-    late = figures["late"]
+    late = metrics["late"]
     bad = late["slave/tool/acceleration"] + late["master/handle/acceleration"]
-    missed = sum(figures["missed"].values())
-    return float((bad + missed) / (sum(figures["ticks"].values()) + missed))
+    missed = sum(metrics["missed"].values())
+    return float((bad + missed) / (sum(metrics["ticks"].values()) + missed))
 
 
-def _rate_held(rows: Sequence[Figures]) -> float | None:
-    held = [r["rate_hz"] for r in rows if r["pairs"] == 1 and r["late_share"] < LATE_SHARE]
-    return max(held, default=None)
-
-
-def _sweep_table(rows: Sequence[Figures]) -> Table:
-    held = _rate_held(rows)
+def _rates_table(rows: Sequence[Metrics], held: float | None) -> Table:
     table = Table(title=f"highest rate held: {f'{held:g} Hz' if held else 'none'}")
-    for heading in ("pairs", "rate, Hz", "age p50, us", "p99, us", "cores", "late, %", "lost"):
+    for heading in ("rate, Hz", "age p50, us", "p99, us", "cores", "late, %", "lost"):
         table.add_column(heading, justify="right")
     for row in rows:
         table.add_row(
-            str(row["pairs"]),
             f"{row['rate_hz']:g}",
             *(f"{row['age_us'][q]:.0f}" if row["age_us"] else "-" for q in ("p50", "p99")),
             f"{row['cpu_cores']['total']:.2f}",
@@ -406,32 +372,21 @@ def _sweep_table(rows: Sequence[Figures]) -> Table:
     return table
 
 
-def _draw(rows: Sequence[Figures]) -> Figure:
-    """Draw age and CPU against rate and against pairs."""
-    figure = Figure(figsize=(10, 7), layout="constrained")
-    panels = figure.subplots(2, 2, sharex="col")
-    by_rate = [row for row in rows if row["pairs"] == 1]
-    by_pairs = [row for row in rows if row["rate_hz"] == KILOHERTZ]
-    for column, found, key, label in (
-        (0, by_rate, "rate_hz", "rate (Hz)"),
-        (1, by_pairs, "pairs", "pairs of arms at 1 kHz"),
-    ):
-        x = [row[key] for row in found]
-        for quantile in ("p50", "p99"):
-            ages = [row["age_us"].get(quantile, math.nan) for row in found]
-            panels[0, column].plot(x, ages, "o-", label=quantile)
-        panels[1, column].plot(x, [row["cpu_cores"]["total"] for row in found], "o-")
-        panels[1, column].set_xlabel(label)
-        _dress(panels[0, column], "age of the force (us)")
-        _dress(panels[1, column], "CPU of all nodes (cores)")
-        panels[0, column].set_yscale("log")
-        panels[0, column].legend()
+def _draw(rows: Sequence[Metrics]) -> Figure:
+    """Draw age and CPU against rate."""
+    figure = Figure(figsize=(6, 7), layout="constrained")
+    ages, cores = figure.subplots(2, sharex=True)
+    rates = [row["rate_hz"] for row in rows]
+    for quantile in ("p50", "p99"):
+        found = [row["age_us"].get(quantile, math.nan) for row in rows]
+        ages.plot(rates, found, "o-", label=quantile)
+    ages.set(ylabel="age of the force (us)", yscale="log")
+    ages.legend()
+    cores.plot(rates, [row["cpu_cores"]["total"] for row in rows], "o-")
+    cores.set(xlabel="rate (Hz)", ylabel="CPU of all nodes (cores)")
+    for panel in (ages, cores):
+        panel.grid(alpha=0.3)
     return figure
-
-
-def _dress(panel: Axes, label: str) -> None:
-    panel.set_ylabel(label)
-    panel.grid(alpha=0.3)
 
 
 def _arguments(words: Sequence[str], rate: float, seconds: float) -> GraphArguments:
@@ -441,11 +396,6 @@ def _arguments(words: Sequence[str], rate: float, seconds: float) -> GraphArgume
     if not seconds >= 1:
         raise ParameterError(f"seconds = {seconds:g}: must leave at least 1 s for each run")
     return replace(parse_arguments(words), rate=rate, duration=seconds)
-
-
-def _check_pairs(pairs: int) -> None:
-    if not 1 <= pairs <= MOST_PAIRS:
-        raise ParameterError(f"pairs = {pairs}: must be from 1 to {MOST_PAIRS}")
 
 
 def _say(line: str) -> None:

@@ -1,4 +1,4 @@
-"""Client of the services and parameters of a running graph.
+"""Requests to the nodes of a running graph, from a process of its own.
 
 Imports ROS, which takes a while: load it where it is used.
 """
@@ -6,20 +6,18 @@ Imports ROS, which takes a while: load it where it is used.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import rclpy
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.validate_namespace import validate_namespace
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import FAILED
+from haptic_accel.nodes.graph_requests import SERVICES, GraphRequest, RequestError
 from haptic_accel.nodes.middleware import middleware_defaults
 
 PATIENCE = 5.0
@@ -45,51 +43,33 @@ class Caller:
     def __init__(self, node: Node) -> None:
         self.node = node
 
-    def call(self, kind: Any, service: str, request: Any, patience: float = PATIENCE) -> Any:
-        """Return a service's response.
+    def send(self, request: GraphRequest, patience: float = PATIENCE) -> str:
+        """Send a request and return the node's message.
 
         Parameters
         ----------
-        kind : type
-            Service type.
-        service : str
-            Name relative to the graph's namespace.
-        request
-            Request of that type.
+        request : GraphRequest
         patience : float
             Time-out for the answer, s.
 
         Raises
         ------
         CallError
-            The service does not exist, or does not answer.
+            The node does not answer, or refuses.
         """
-        client = self.node.create_client(kind, service)
+        client = self.node.create_client(SERVICES[request.service], request.service)
         try:
             if client.wait_for_service(PATIENCE):
-                future = client.call_async(request)
+                future = client.call_async(request.content)
                 rclpy.spin_until_future_complete(self.node, future, timeout_sec=patience)
                 if future.done():
-                    return future.result()
+                    return request.confirm(future.result())
+        except RequestError as error:
+            raise CallError(str(error)) from None
         finally:
             self.node.destroy_client(client)
-        name = self.node.resolve_service_name(service).rpartition("/")[0] or f"/{service}"
+        name = self.node.resolve_service_name(request.node)
         raise CallError(f"{name}: does not answer; is the graph running?")
-
-    def set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
-        """Set parameters of a node by dotted name, all of them or none.
-
-        Raises
-        ------
-        CallError
-            The node does not answer, or refuses a value.
-        """
-        parameters = [Parameter(key, value=values[key]).to_parameter_msg() for key in values]
-        request = SetParametersAtomically.Request(parameters=parameters)
-        response = self.call(SetParametersAtomically, f"{node}/set_parameters_atomically", request)
-        if not response.result.successful:
-            name = self.node.resolve_service_name(node)
-            raise CallError(f"{name}: {response.result.reason}")
 
 
 @contextmanager

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,15 +13,10 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.process import DONE
-from haptic_accel.graph.files import surface_parameters
-from haptic_accel.graph.processes import RECORDING
 from haptic_accel.graph.words import parse_words
 
 if TYPE_CHECKING:
-    from haptic_accel.cli.calling import Caller
-
-DEVICES = ("slave_device", "master_device")
-"""Nodes that can be armed; the one that the user holds last."""
+    from haptic_accel.nodes.graph_requests import GraphRequest
 
 KEEP = "keep"
 """Value that leaves a setting as it is."""
@@ -64,60 +59,46 @@ def control(words: Sequence[str]) -> int:
     surface or grip, disengages or engages the arms.
     """
     arguments = parse_words(words, ControlArguments)
-    values = _values(arguments)
-    asked = arguments.reset or arguments.arm or arguments.engage != KEEP
-    if not (any(values.values()) or asked):
+    if replace(arguments, namespace="") == ControlArguments():
         settings = [name for name in schema(ControlArguments) if name != "namespace"]
         raise ParameterError(f"control: must be given one of {', '.join(settings)}")
     # ROS takes a while to import: wrong words are refused without it.
-    from std_srvs.srv import SetBool, Trigger
-
     from haptic_accel.cli.calling import CallError, connected
 
+    requests = list(_requests(arguments))
+    refused: list[str] = []
     with connected(arguments.namespace) as graph:
-        for node, given in values.items():
-            if given:
-                graph.set_parameters(node, given)
-        if arguments.reset:
-            graph.call(Trigger, "compensator/reset", Trigger.Request())
-        if arguments.arm:
-            _arm(graph)
-        if arguments.engage != KEEP:
-            engage = SetBool.Request(data=arguments.engage == "true")
-            response = graph.call(SetBool, "coupler/engage", engage)
-            if not response.success:
-                raise CallError(f"coupler: {response.message}")
+        for request in requests:
+            # A device is armed even if the other one refuses.
+            if refused and not request.service.endswith("/arm"):
+                break
+            try:
+                graph.send(request)
+            except CallError as error:
+                refused.append(str(error))
+    if refused:
+        raise CallError("; ".join(refused))
     return DONE
 
 
-def _arm(graph: Caller) -> None:
-    """Let both devices accept forces again, or name those that refuse."""
-    from std_srvs.srv import Trigger
+def _requests(arguments: ControlArguments) -> Iterator[GraphRequest]:
+    """Yield the requests that carry out the arguments, in their order."""
+    from haptic_accel.nodes import graph_requests as make
 
-    from haptic_accel.cli.calling import CallError
-
-    refused = []
-    for device in DEVICES:
-        try:
-            response = graph.call(Trigger, f"{device}/arm", Trigger.Request())
-        except CallError as error:  # the other is armed all the same
-            refused.append(str(error))
-            continue
-        if not response.success:
-            refused.append(f"{device}: {response.message}")
-    if refused:
-        raise CallError("; ".join(refused))
-
-
-def _values(arguments: ControlArguments) -> dict[str, dict[str, Any]]:
-    """Return the parameters to set, by node and dotted name."""
     compensator: dict[str, Any] = {}
     if arguments.controller != KEEP:
         compensator["controller"] = arguments.controller
     if arguments.frozen != KEEP:
         compensator["adaptive.frozen"] = arguments.frozen == "true"
-    if arguments.surface == RECORDING:
-        raise ParameterError(f"surface = '{RECORDING}': must be chosen when the graph starts")
-    slave = {} if arguments.surface == KEEP else surface_parameters(arguments.surface)
-    master = {} if arguments.grip == KEEP else {"simulated.grip.posture": arguments.grip}
-    return {"compensator": compensator, "slave_device": slave, "master_device": master}
+    if compensator:
+        yield make.set_parameters("compensator", compensator)
+    if arguments.surface != KEEP:
+        yield make.set_surface(arguments.surface)
+    if arguments.grip != KEEP:
+        yield make.set_grip(arguments.grip)
+    if arguments.reset:
+        yield make.trigger("compensator/reset")
+    if arguments.arm:
+        yield from (make.trigger(f"{device}/arm") for device in make.DEVICES)
+    if arguments.engage != KEEP:
+        yield make.engage(arguments.engage == "true")

@@ -1,4 +1,4 @@
-"""``haptic-accel bench fidelity``: how well each controller does, beside what can be done."""
+"""``haptic-accel bench fidelity``: tracking error of each controller, beside its lower bound."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -35,24 +36,24 @@ DURATION = 8.0
 """Length of a trial with one grip, s."""
 
 CHANGED_AT = 1.0
-"""When a hand takes the handle, s: before, Table I's holds it."""
+"""Time at which another hand takes the handle, s; until then it is held with Table I's grip."""
 
 SETTLING = 2.0
-"""Time after a change of grip that is not evaluated, s."""
+"""Time that is not evaluated after a change of grip, s."""
 
 USERS = 3
-"""Users of the paper's rig."""
+"""Number of users of the paper's rig."""
 
 CHANGES = 10
-"""Trials in which the grip changes once a second."""
+"""Number of trials in which the grip changes once a second."""
 
 SPREAD = {"m_h": (0.7, 1.3), "k_u": (0.5, 2.0), "b_u": (0.5, 2.0)}
-"""Factors of Table I between which hands are drawn: mass evenly, the others by their logarithm."""
+"""Ranges of random hands relative to Table I: mass uniform, the others logarithmically uniform."""
 
 
 @dataclass(frozen=True)
 class Input:
-    """What the tool feels.
+    """Acceleration that the tool measures.
 
     Attributes
     ----------
@@ -60,8 +61,9 @@ class Input:
     surface : str
         Simulated surface, or `RECORDING`.
     file : str
+        Recording, if it is one.
     rate : float
-        Of the file, Hz.
+        Sampling rate of the file, Hz.
     """
 
     name: str
@@ -78,15 +80,15 @@ class Case:
     ----------
     condition, rig : str
     rate : float
-        Hz.
+        Sampling rate, Hz.
     input : Input
     grip : str
-        What to call how the handle is held.
+        Name of the grip.
     controller : str
     seed : int
     grips : tuple of GripChange
     start : float
-        From where on the trial is evaluated, s.
+        Beginning of the evaluated part, s.
     """
 
     condition: str
@@ -101,7 +103,7 @@ class Case:
 
     @property
     def arguments(self) -> GraphArguments:
-        """What the rig is made from."""
+        """Arguments of the graph that describe the rig."""
         recorded = {}
         if self.input.file:
             recorded = {"recording": self.input.file, "recording_rate": self.input.rate}
@@ -117,7 +119,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Row:
-    """What came of a trial; the figures of a row in the JSON file."""
+    """Metrics of a trial: a row of the JSON file."""
 
     condition: str
     rig: str
@@ -182,7 +184,7 @@ def fidelity(
         raise ParameterError(f"hands = {hands}: must be from 0 to 1000")
     inputs = _inputs(recordings, recording_rates)
     cases = list(_cases(controllers, inputs, hands, seed))
-    for case in cases[:: len(controllers)]:
+    for case in cases[:: len(controllers)]:  # so that a wrong file is named before all trials
         values = graph_parameters(case.arguments)
         played(rig_parameters(values).slave.recording, case.rate)  # type: ignore[attr-defined]
     rows = _run_all(cases)
@@ -211,7 +213,7 @@ def _inputs(recordings: Sequence[str], rates: Sequence[float]) -> list[Input]:
 
 
 def hand(seed: int, number: int, average: HandleParameters) -> HandleParameters:
-    """Return a hand drawn at random between the bounds of `SPREAD`."""
+    """Return a random hand within the ranges of `SPREAD`."""
     draw = np.random.default_rng((seed, number)).uniform
     m_h = draw(*SPREAD["m_h"])
     k_u, b_u = (math.exp(draw(*np.log(SPREAD[name]))) for name in ("k_u", "b_u"))
@@ -221,50 +223,31 @@ def hand(seed: int, number: int, average: HandleParameters) -> HandleParameters:
 def _cases(
     controllers: Sequence[str], inputs: Sequence[Input], hands: int, seed: int
 ) -> Iterator[Case]:
-    table_i = HandleParameters()
-    for each in inputs:
-        for name in controllers:
-            yield Case("ideal, 1 kHz", "ideal", 1000.0, each, "Table I", name)
-    for each in inputs:
-        for name in controllers:
-            yield Case("ideal, 4 kHz", "ideal", 4000.0, each, "Table I", name)
-    for each in inputs:
-        for user in range(USERS):
-            for name in controllers:
-                yield Case("paper, 1 kHz", "paper", 1000.0, each, f"user {user}", name, user)
-    for number in range(hands):
-        each = inputs[number % len(inputs)]
-        grips = ((CHANGED_AT, hand(seed, number, table_i)),)
-        for name in controllers:
-            yield Case(
-                "hands",
-                "ideal",
-                1000.0,
-                each,
-                f"hand {number}",
-                name,
-                number,
-                grips,
-                CHANGED_AT + SETTLING,
-            )
-    for number in range(CHANGES if hands else 0):
-        each = inputs[number % len(inputs)]
-        changing = tuple(
-            (float(second), hand(seed + 1, 100 * number + second, table_i))
-            for second in range(1, round(DURATION))
-        )
-        for name in controllers:
-            yield Case(
-                "grip changes every second",
-                "ideal",
-                1000.0,
-                each,
-                f"changing {number}",
-                name,
-                number,
-                changing,
-                CHANGED_AT,
-            )
+    for condition, rig, rate, grips in (
+        ("ideal, 1 kHz", "ideal", 1000.0, ["Table I"]),
+        ("ideal, 4 kHz", "ideal", 4000.0, ["Table I"]),
+        ("paper, 1 kHz", "paper", 1000.0, [f"user {user}" for user in range(USERS)]),
+    ):
+        for each, (user, grip), name in product(inputs, enumerate(grips), controllers):
+            yield Case(condition, rig, rate, each, grip, name, user)
+
+    def other(draw: int, number: int) -> HandleParameters:
+        return hand(draw, number, HandleParameters())
+
+    seconds = range(round(CHANGED_AT), round(DURATION))
+    changed = [((CHANGED_AT, other(seed, number)),) for number in range(hands)]
+    changing = [
+        tuple((float(second), other(seed + 1, 100 * number + second)) for second in seconds)
+        for number in range(CHANGES if hands else 0)
+    ]
+    for condition, grip, changes, start in (
+        ("hands", "hand", changed, CHANGED_AT + SETTLING),
+        ("grip changes every second", "changing", changing, CHANGED_AT),
+    ):
+        for (number, given), name in product(enumerate(changes), controllers):
+            each = inputs[number % len(inputs)]
+            label = f"{grip} {number}"
+            yield Case(condition, "ideal", 1000.0, each, label, name, number, given, start)
 
 
 def _run_all(cases: Sequence[Case]) -> list[Row]:
@@ -283,7 +266,7 @@ def _run_all(cases: Sequence[Case]) -> list[Row]:
 
 
 def run_case(case: Case) -> Row:
-    """Run one trial and evaluate it from where it is to be."""
+    """Run one trial and evaluate its part from `start` on."""
     arguments = replace(case.arguments, duration=DURATION)
     rig = rig_parameters(graph_parameters(arguments))
     trial = lockstep_trial(arguments, grips=case.grips)
@@ -307,7 +290,7 @@ def run_case(case: Case) -> Row:
 
 
 def _bound(case: Case, rig: RigParameters, trial: Trial, first: int) -> float:
-    """Return the best that a causal linear filter could do on the grip as it is, percent."""
+    """Return the lowest error that a causal linear filter could reach with this grip, percent."""
     master = rig.master
     handle = case.grips[-1][1] if case.grips else held(master.handle, master.grip, case.seed)
     plant = Plant(handle, master.mount, master.drive.delay, master.accelerometer.bandwidth)
@@ -326,12 +309,11 @@ def _largest_travel(rig: RigParameters, trial: Trial, first: int) -> float:
     handle = rig.master.handle
     estimator = TravelEstimator(handle, trial.rate)
     pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
-    travel = [abs(estimator.sample(force, acceleration)) for force, acceleration in pairs]
-    return 1e3 * max(travel[first:])
+    return 1e3 * max([abs(estimator.sample(*pair)) for pair in pairs][first:])
 
 
 def _summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return mean and worst error by condition and controller, and what the bounds are."""
+    """Return mean and worst error, and mean bound, by condition and controller."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row.condition, row.controller), []).append(row)

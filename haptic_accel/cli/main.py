@@ -40,19 +40,12 @@ BENCH = LazyGroup(
     {
         "Kinds": {
             "latency": Lazy(
-                "latency at one rate, beside rclpy's default executor and bare UDP",
+                "latency, losses and CPU of the graph, beside two references",
                 "bench:latency",
             ),
-            "sweep": Lazy("latency and CPU against rate and number of pairs", "bench:sweep"),
-            "soak": Lazy("memory growth over a long run", "soak:soak"),
-            "scope": Lazy("cost of the live scope for the graph", "watched:watched"),
-            "lockstep": Lazy("speed of a trial without ROS", "lockstep:lockstep"),
             "fidelity": Lazy(
                 "tracking error of each controller on every rig, grip and input",
                 "fidelity:fidelity",
-            ),
-            "protocol": Lazy(
-                "generated frames through the serial protocol", "protocol_bench:protocol"
             ),
         }
     },
@@ -119,16 +112,31 @@ click.version_option(__version__, message="%(prog)s %(version)s")(command_line)
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Run the command line and exit; wrong arguments are answered in one line."""
+    """Run the command line and exit."""
+    run(command_line, "haptic-accel", words)
+
+
+def run(command: click.Command, name: str, words: Sequence[str] | None = None) -> None:
+    """Run a command and exit; wrong arguments are answered in one line.
+
+    Parameters
+    ----------
+    command : Command
+        Returns the exit status.
+    name : str
+        Name of the program.
+    words : sequence of str, optional
+        Command line; that of this process if not given.
+    """
     try:
-        sys.exit(command_line.main(words, "haptic-accel", standalone_mode=False))
+        sys.exit(command.main(words, name, standalone_mode=False))
     except (click.ClickException, ParameterError) as error:
         message = error.format_message() if isinstance(error, click.ClickException) else str(error)
-        print(f"haptic-accel: {' '.join(message.split())}", file=sys.stderr)
+        print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(WRONG_ARGUMENTS)
     except StoppedError as end:
         if str(end):
-            print(f"haptic-accel: {end}", file=sys.stderr)
+            print(f"{name}: {end}", file=sys.stderr)
         sys.exit(end.status)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED)

@@ -38,14 +38,10 @@ class RecordArguments(Checked):
 def record(action: str, words: Sequence[str]) -> int:
     """Control the recording of a running graph."""
     arguments = parse_words(words, RecordArguments)
-    # ROS takes a while to import: only who talks to it waits for that.
-    from std_srvs.srv import Trigger
-
-    from haptic_accel.cli.calling import CallError, connected
+    # ROS takes a while to import: wrong words are refused without it.
+    from haptic_accel.cli.calling import connected
+    from haptic_accel.nodes.graph_requests import trigger
 
     with connected(arguments.namespace) as graph:
-        response = graph.call(Trigger, f"recorder/{action}", Trigger.Request(), PATIENCE)
-    if not response.success:
-        raise CallError(f"recorder: {response.message}")
-    print(response.message)
+        print(graph.send(trigger(f"recorder/{action}"), PATIENCE))
     return DONE

@@ -1,4 +1,4 @@
-"""Service requests that change a running graph: for the command line and for the scope."""
+"""Service requests to a running graph: for the command line and for the scope."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ SERVICES: Mapping[str, Any] = {
     "compensator/reset": Trigger,
     **{f"{device}/arm": Trigger for device in DEVICES},
     "coupler/engage": SetBool,
-    **{f"recorder/{action}": Trigger for action in RECORDER_ACTIONS},
+    **{f"recorder/{action}": Trigger for action in (*RECORDER_ACTIONS, "status")},
 }
 """Types of the services by name, relative to the graph's namespace."""
 
 
 class RequestError(RuntimeError):
-    """A node does not answer, or refuses; the message is one line for the user."""
+    """A node refuses; the message is one line for the user."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from haptic_accel.nodes.middleware import middleware_defaults
 from haptic_accel.nodes.scheduling import EXECUTORS, sharpen_timers
 
 ANNOUNCEMENT = 3.5
-"""Time to look for other nodes, s; Fast DDS announces a node every 3 s unless a profile differs."""
+"""Time to look for other nodes, s: without a profile, Fast DDS announces nodes every 3 s."""
 
 TIMER_SLACK = Path("/proc/self/timerslack_ns")
 

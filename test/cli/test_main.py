@@ -42,7 +42,7 @@ def test_help_lists_every_argument_with_default_and_unit(
         (["experiment", "--lokstep"], "No such option '--lokstep'. Did you mean '--lockstep'?"),
         (["experiment", "--seeds"], "Option '--seeds' requires an argument."),
         (["experiment", "--seeds", "two"], "Invalid value for '--seeds': 'two' is not a valid"),
-        (["bench", "sweep", "--rates", "1,b"], "Invalid value for '--rates': '1,b': must be"),
+        (["bench", "latency", "--rates", "1,b"], "Invalid value for '--rates': '1,b': must be"),
         (["teleop", "fast"], "'fast': must have the form key:=value"),
         (["teleop", "surfce:=text"], "surfce: no such argument (did you mean surface?); there"),
         (["teleop", "controller:=dynamc"], "controller = 'dynamc': must be one of none, "),

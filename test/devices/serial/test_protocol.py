@@ -41,7 +41,7 @@ from haptic_accel.devices.serial.protocol import (
     read_message,
 )
 
-few = settings(max_examples=40)  # `haptic-accel bench protocol` takes a million
+few = settings(max_examples=40)  # `benchmarks/serial_protocol.py` takes a million
 
 byte = st.integers(0, 255)
 word = st.integers(0, SEQUENCES - 1)

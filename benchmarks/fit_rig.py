@@ -1,7 +1,7 @@
-"""Fit what is not known of the paper's rig to its Table II and regressions.
+"""Fit unknown parameters of the paper's rig to its Table II and regressions.
 
-Run it as ``python -m haptic_accel.cli.fit_rig``; its outcome stands in config/rigs/paper.yaml
-and, of the contacts, in config/surfaces.
+Run as ``python benchmarks/fit_rig.py``. The result is in config/rigs/paper.yaml and, for the
+contacts, in config/surfaces.
 """
 
 from __future__ import annotations
@@ -24,37 +24,37 @@ from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 CONTROLLERS = ("constant", "dynamic")
-"""None says nothing of the rig."""
+"""Controllers whose results depend on the rig: without one the error is 100 % on any rig."""
 
 CELL, SLOPE = 8.0, 0.08
-"""Deviations that weigh alike: percentage points of a cell, of slope or R^2."""
+"""Deviations of equal weight: percentage points of a cell; units of slope or R^2."""
 
 FIRST_SEED = 100
-"""Of the users fitted to: none of those that an experiment reports."""
+"""First seed of the users: none of those that an experiment reports."""
 
 ITERATIONS = 8
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """What is fitted, with the range that its physical cause allows."""
+    """Fitted parameters, with the range that their physical cause allows."""
 
     mount_frequency: float
-    """Hz; in Fig. 11 of the paper handle and tool are alike up to about 300 Hz, so no lower."""
+    """Hz; at least about 300: up to there handle and tool agree in Fig. 11 of the paper."""
     mount_damping: float
-    """Of parts screwed and glued together and held in a hand, 0.1 to 0.3."""
+    """Damping ratio of parts screwed and glued together and held in a hand: 0.1 to 0.3."""
     delay: float
-    """s, beside the hold; up to half a sample of computation, and the amplifier."""
+    """Delay beside the hold, s: up to half a sample of computation, and the amplifier."""
     coulomb_friction: float
-    """N, of a plain plastic bearing: up to a friction coefficient of 0.23 on 18 g."""
+    """Friction of a plain plastic bearing, N: up to a friction coefficient of 0.23 on 18 g."""
 
     plywood_damping: float
-    """s/m, of the contact; 0.04 to 0.4 of loss factor at its resonance, 145 Hz at 1 N: crushed
-    fibres of wood, and the tool in its grip."""
+    """Contact damping, s/m: a loss factor of 0.04 to 0.4 at the resonance, 145 Hz at 1 N, by
+    crushed fibres of wood and the grip on the tool."""
     text_damping: float
-    """s/m; 0.04 to 0.4 at 125 Hz: hard plastic, and the tool in its grip."""
+    """Contact damping, s/m: a loss factor of 0.04 to 0.4 at 125 Hz, by hard plastic and grip."""
     vinyl_damping: float
-    """s/m; 0.15 to 0.9 at 90 Hz: soft vinyl has more."""
+    """Contact damping, s/m: a loss factor of 0.15 to 0.9 at 90 Hz, as soft vinyl has more."""
 
     def rig(self, rig: RigParameters) -> RigParameters:
         """Return a rig with these values."""
@@ -69,7 +69,7 @@ class Unknowns:
         )
 
     def contact_damping(self, surface: str) -> float:
-        """Return that of one of the paper's surfaces, s/m."""
+        """Return the contact damping of one of the paper's surfaces, s/m."""
         found = {
             "plywood": self.plywood_damping,
             "text": self.text_damping,
@@ -81,7 +81,7 @@ class Unknowns:
 LOWEST = Unknowns(280.0, 0.1, 0.0, 0.0, 2.0, 2.0, 5.0)
 HIGHEST = Unknowns(350.0, 0.3, 0.6e-3, 0.04, 20.0, 20.0, 30.0)
 START = Unknowns(290.0, 0.11, 0.113e-3, 0.036, 10.2, 17.8, 23.5)
-"""The outcome, from 300, 0.12, 0.25e-3, 0.03, 8, 13 and 18."""
+"""Result of a fit that started at 300, 0.12, 0.25e-3, 0.03, 8, 13 and 18."""
 
 Evaluations = Mapping[tuple[str, str], Sequence[Evaluation]]
 
@@ -89,8 +89,10 @@ Evaluations = Mapping[tuple[str, str], Sequence[Evaluation]]
 def main() -> None:
     """Fit and print; each line is an improvement."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=8, help="users (default: 8)")
-    parser.add_argument("--duration", type=float, default=4.0, help="of a trial, s (default: 4)")
+    parser.add_argument("--seeds", type=int, default=8, help="number of users (default: 8)")
+    parser.add_argument(
+        "--duration", type=float, default=4.0, help="length of a trial, s (default: 4)"
+    )
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:
         fit(given.seeds, given.duration, pool)
@@ -102,9 +104,9 @@ def fit(seeds: int, duration: float, pool: Executor) -> Unknowns:
     Parameters
     ----------
     seeds : int
-        Users and pieces of material.
+        Number of users, each with pieces of material of their own.
     duration : float
-        Of one trial, s.
+        Length of one trial, s.
     pool : Executor
         Runs the trials.
     """
@@ -125,7 +127,7 @@ def fit(seeds: int, duration: float, pool: Executor) -> Unknowns:
         return found
 
     start = (np.array(astuple(START)) - low) / (high - low)
-    # Steps of a differential coarse enough that single roundings of the encoders do not matter.
+    # Steps large enough that the resolution of the encoders does not matter.
     least_squares(
         residuals,
         start,
@@ -149,7 +151,7 @@ def run(unknowns: Unknowns, seeds: int, duration: float, pool: Executor) -> Eval
 
 
 def deviations(evaluations: Evaluations) -> FloatArray:
-    """Return what differs from the paper, each in its own measure: cells, then regressions."""
+    """Return the weighted deviations from the paper: cells, then slopes and R^2."""
     found = [
         (fmean(e.nrmse_percent for e in every) - TABLE_II[condition]) / CELL
         for condition, every in evaluations.items()

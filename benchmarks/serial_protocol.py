@@ -1,37 +1,46 @@
-"""``haptic-accel bench protocol``: many generated frames through the serial protocol."""
+"""Generated frames through the serial protocol: ``python benchmarks/serial_protocol.py``."""
 
 from __future__ import annotations
 
 import random
-import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option
 from haptic_accel.cli.output import save
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
-from haptic_accel.devices.serial.device import MISSING_LIBRARY
-
-if TYPE_CHECKING:
-    from haptic_accel.devices.serial.protocol import Frame
+from haptic_accel.devices.serial.protocol import (
+    DELIMITER,
+    FULL_SCALE,
+    VERSION,
+    Decoder,
+    Frame,
+    FrameType,
+    Identity,
+    PayloadError,
+    State,
+    encode,
+    read_message,
+)
+from haptic_accel.emulators.serial_board import Board
 
 SPOILED = 0.1
-"""Share of the frames that something happens to on the way."""
+"""Fraction of the frames that are damaged on the way."""
 
 MOST_GARBAGE = 300
-"""Bytes at a time: more than a frame is long."""
+"""Most random bytes inserted at a time: more than the length of a frame."""
 
 
 @click.command(cls=Verb)
 @click.option("--frames", type=int, default=100_000, help="Number of frames.")
 @click.option("--seed", type=int, default=1, help="Seed of the frames and of their damage.")
 @json_option
-def protocol(*, frames: int, seed: int, json_file: Path | None) -> int:
+def serial_protocol(*, frames: int, seed: int, json_file: Path | None) -> int:
     """Send generated frames through decoder and board of the serial protocol.
 
     A tenth of them is damaged. The exit status is 1 if one is missed, or a current flows that
@@ -39,29 +48,23 @@ def protocol(*, frames: int, seed: int, json_file: Path | None) -> int:
     """
     if frames < 1:
         raise ParameterError(f"frames = {frames}: must be at least 1")
-    try:
-        run = _Run(seed)
-    except ImportError:
-        print(f"haptic-accel: serial: {MISSING_LIBRARY}", file=sys.stderr)
-        return FAILED
+    line = _Line(seed)
     start = time.perf_counter()
     for _ in range(frames):
-        run.step()
-    run.finish()
+        line.step()
+    line.finish()
     seconds = round(time.perf_counter() - start, 1)
-    figures = {"frames": frames, "seed": seed, **run.counts, "seconds": seconds}
-    for name, value in figures.items():
+    results = {"frames": frames, "seed": seed, **line.counts, "seconds": seconds}
+    for name, value in results.items():
         print(f"{name.replace('_', ' ')}: {value}")
-    save(figures, json_file)
-    return DONE if not (run.counts["missed"] or run.counts["unlawful"]) else FAILED
+    save(results, json_file)
+    return DONE if not (line.counts["missed"] or line.counts["unlawful"]) else FAILED
 
 
-class _Run:
-    """A sender, a bad wire, a decoder and a board."""
+class _Line:
+    """A sender, a disturbed line, a decoder and a board."""
 
     def __init__(self, seed: int) -> None:
-        from haptic_accel.devices.serial.protocol import Decoder, Identity
-        from haptic_accel.emulators.serial_board import Board
 
         self._random = random.Random(seed)
         self._decoder = Decoder()
@@ -76,14 +79,12 @@ class _Run:
         )
 
     def step(self) -> None:
-        """Send one frame; now and then, let what is on the wire arrive."""
-        from haptic_accel.devices.serial.protocol import DELIMITER, encode
-
+        """Send one frame; now and then deliver what was sent."""
         frame = self._frame()
         wire = encode(frame)
         if self._random.random() < SPOILED:
             self.counts["spoiled"] += 1
-            # A delimiter, so that what happens to a frame happens to it alone.
+            # A delimiter, so that the damage is limited to this frame.
             self._wire += self._spoiled(wire) + DELIMITER
         else:
             self._wire += wire
@@ -92,14 +93,12 @@ class _Run:
             self._arrive()
 
     def finish(self) -> None:
-        """Let the rest arrive."""
+        """Deliver the rest."""
         self._arrive()
         self.counts["damaged"] = self._decoder.damaged
 
     def _frame(self) -> Frame:
-        """Return a frame of any kind: half of them as a host sends them, half nonsense."""
-        from haptic_accel.devices.serial.protocol import VERSION, Frame, FrameType
-
+        """Return a random frame: half are valid commands of a host, half are arbitrary."""
         rng = self._random
         kind: int
         if rng.random() < 0.5:
@@ -121,19 +120,19 @@ class _Run:
         return Frame(version, kind, rng.randrange(1 << 16), rng.randrange(1 << 32), payload)
 
     def _spoiled(self, wire: bytes) -> bytes:
-        """Return bytes with some changed, lost, or put before."""
+        """Return bytes with some of them changed, lost, or inserted."""
         rng = self._random
         at = rng.randrange(len(wire) - 1)
         kind = rng.randrange(3)
         if kind == 0:
-            # Another byte, so that the frame is not by chance the one sent.
+            # A different byte, so that the frame cannot be the one sent.
             return wire[:at] + bytes([wire[at] ^ rng.randrange(1, 256)]) + wire[at + 1 :]
         if kind == 1:
             return wire[:at] + wire[at + rng.randint(1, 8) :]
         return rng.randbytes(rng.randint(1, MOST_GARBAGE)) + wire[at + 1 :]
 
     def _arrive(self) -> None:
-        """Let the wire's bytes arrive in pieces, and look at the board after each."""
+        """Deliver the bytes in pieces, and check the board after each."""
         rng = self._random
         found = []
         wire, self._wire = self._wire, b""
@@ -152,7 +151,6 @@ class _Run:
         self._compare(found)
 
     def _understand(self, frame: Frame) -> None:
-        from haptic_accel.devices.serial.protocol import PayloadError, read_message
 
         try:
             read_message(frame)
@@ -160,7 +158,7 @@ class _Run:
             self.counts["nonsense"] += 1
 
     def _compare(self, found: list[Frame]) -> None:
-        """See that whole frames were found, in their order, and count others as by chance."""
+        """Check that undamaged frames were found in order; count others as found by chance."""
         rest = iter(found)
         for frame in self._whole:
             for candidate in rest:
@@ -174,7 +172,6 @@ class _Run:
         self._whole.clear()
 
     def _look(self) -> None:
-        from haptic_accel.devices.serial.protocol import FULL_SCALE, State
 
         board = self._board
         armed = board.state is State.ARMED
@@ -184,3 +181,7 @@ class _Run:
     def _count_answer(self, data: bytes) -> bool:
         self.counts["answers"] += 1
         return True
+
+
+if __name__ == "__main__":
+    run(serial_protocol, "serial_protocol.py")

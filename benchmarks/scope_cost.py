@@ -1,4 +1,4 @@
-"""``haptic-accel bench scope``: what the live scope costs the graph that it shows."""
+"""Cost of the live scope for the graph that it shows: ``python benchmarks/scope_cost.py``."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.bags.delivery import AGE_OF, LABELS, durations, read_delivery
-from haptic_accel.cli.bench import Figures, Usage
-from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.bench import Metrics, Usage
+from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import StopOnSignal, conclude
+from haptic_accel.cli.running import StopOnSignal, run_to_end
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
+from haptic_accel.core.process import DONE
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.processes import SCOPE, graph
 from haptic_accel.graph.supervisor import Supervisor
 
 SHORTEST = 3.0
-"""Length of a run, s: the scope needs some until it is looked at."""
+"""Shortest length of a run, s: the page needs some time to connect."""
 
-FORGETTING = 5.0
-"""How long a page may take to end, s."""
+CLOSING_TIME = 5.0
+"""Time that a page may take to close, s."""
 
 BROWSER_FLAGS = (
     "--headless=new",
@@ -49,20 +49,20 @@ BROWSER_FLAGS = (
 Stop = Callable[[], bool]
 
 
-class Spectator:
-    """Takes what the scope sends, as a page does, but draws nothing.
+class Client:
+    """Client that receives what a page receives, but draws nothing.
 
     Parameters
     ----------
     address : str
-        Of the page.
+        Address of the page.
 
     Attributes
     ----------
     frames, bytes : int
-        What came.
+        Received so far.
     seconds : float
-        In which it came.
+        Duration of receiving, s.
     """
 
     def __init__(self, address: str) -> None:
@@ -73,8 +73,8 @@ class Spectator:
         self._thread.start()
 
     def close(self) -> None:
-        """Wait until the scope has said goodbye."""
-        self._thread.join(FORGETTING)
+        """Wait until the scope has closed the connection."""
+        self._thread.join(CLOSING_TIME)
 
     async def _look(self) -> None:
         headers = {"Origin": self._address.rstrip("/")}
@@ -90,15 +90,15 @@ class Spectator:
                     self.seconds = time.monotonic() - begun
 
 
-class BrowserSpectator:
-    """A headless browser with the page, which draws it without a graphics card.
+class Browser:
+    """Headless browser that draws the page without a graphics card.
 
     Parameters
     ----------
     program : str
-        A Chromium.
+        Path of a Chromium.
     address : str
-        Of the page.
+        Address of the page.
     """
 
     def __init__(self, program: str, address: str) -> None:
@@ -113,11 +113,11 @@ class BrowserSpectator:
     def close(self) -> None:
         """End the browser."""
         self._process.terminate()
-        self._process.wait(FORGETTING)
+        self._process.wait(CLOSING_TIME)
         self._folder.cleanup()
 
 
-@click.command(cls=Verb, name="scope")
+@click.command(cls=Verb)
 @words(GraphArguments)
 @click.option("--seconds", type=float, default=20.0, help="Length of each run, s.")
 @click.option("--rounds", type=int, default=2, help="Number of runs without and with a scope.")
@@ -128,7 +128,7 @@ class BrowserSpectator:
     help="Chromium that shows the page; without one the frames are received and not drawn.",
 )
 @json_option
-def watched(
+def scope_cost(
     words: Sequence[str], *, seconds: float, rounds: int, browser: str, json_file: Path | None
 ) -> int:
     """Measure the cost of the live scope for the graph.
@@ -137,16 +137,13 @@ def watched(
     forces and the CPU of both, and the data rate of the scope.
     """
     arguments = _arguments(words, seconds, rounds)
-    looked = replace(arguments, scope=True, scope_port=0)
-    runs: dict[str, list[Figures]] = {"without": [], "with": []}
-    try:
-        with StopOnSignal() as stop:
-            for index in range(rounds):
-                for name, given in (("without", arguments), ("with", looked)):
-                    print(f"round {index + 1} of {rounds}: {name} the scope", file=sys.stderr)
-                    runs[name].append(_measured(given, browser, stop))
-    except StoppedError as reason:
-        return reason.status
+    shown = replace(arguments, scope=True, scope_port=0)
+    runs: dict[str, list[Metrics]] = {"without": [], "with": []}
+    with StopOnSignal() as stop:
+        for index in range(rounds):
+            for name, given in (("without", arguments), ("with", shown)):
+                print(f"round {index + 1} of {rounds}: {name} the scope", file=sys.stderr)
+                runs[name].append(_measured(given, browser, stop))
     Console().print(_table(runs, seconds))
     save({"seconds": seconds, "browser": browser, **runs}, json_file)
     return DONE
@@ -163,56 +160,52 @@ def _arguments(words: Sequence[str], seconds: float, rounds: int) -> GraphArgume
     return replace(parse_arguments(words), duration=seconds)
 
 
-def _measured(arguments: GraphArguments, browser: str, stop: Stop) -> Figures:
-    """Run one graph, with somebody who looks if it has a scope; return its figures."""
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as leaving:
+def _measured(arguments: GraphArguments, browser: str, stop: Stop) -> Metrics:
+    """Run one graph, with a client if it has a scope; return its metrics."""
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as closing:
         given = replace(arguments, bag=str(Path(folder) / "bag"))
         usage, supervisor = Usage(1), Supervisor(graph(given))
-        lookers: list[Spectator | BrowserSpectator] = []
+        clients: list[Client | Browser] = []
 
-        def hear(name: str, line: str) -> None:
+        def take_line(name: str, line: str) -> None:
             usage.watch(supervisor, line)
             if name == SCOPE and line.startswith("http"):
                 address = line.split()[0]
-                looker = BrowserSpectator(browser, address) if browser else Spectator(address)
-                lookers.append(looker)
-                leaving.callback(looker.close)
+                client = Browser(browser, address) if browser else Client(address)
+                clients.append(client)
+                closing.callback(client.close)
 
-        supervisor.on_line = hear
-        outcome = supervisor.run(stop)
-        if not outcome.first:
-            raise StoppedError(INTERRUPTED)
-        if conclude(outcome) != DONE:
-            raise StoppedError(FAILED)
+        supervisor.on_line = take_line
+        run_to_end(supervisor, stop)
         master = read_delivery(Path(given.bag), given.rate).nodes["master_device"]
-    figures: Figures = {
+    metrics: Metrics = {
         "age_us": durations(master, f"{AGE_OF} age"),
         "late": int(master[f"{AGE_OF} late"]),
         "cpu_cores": usage.cpu_cores,
     }
-    return {**figures, "sent": _sent(lookers[0])} if lookers else figures
+    return {**metrics, "sent": _sent(clients[0])} if clients else metrics
 
 
-def _sent(looker: Spectator | BrowserSpectator) -> dict[str, float]:
-    """Return what was sent a second, where it was counted."""
-    if isinstance(looker, BrowserSpectator) or not looker.seconds:
+def _sent(client: Client | Browser) -> dict[str, float]:
+    """Return the data rate, if it was counted."""
+    if isinstance(client, Browser) or not client.seconds:
         return {}
     return {
-        "frames_per_s": looker.frames / looker.seconds,
-        "bytes_per_s": looker.bytes / looker.seconds,
+        "frames_per_s": client.frames / client.seconds,
+        "bytes_per_s": client.bytes / client.seconds,
     }
 
 
-def _table(runs: dict[str, list[Figures]], seconds: float) -> Table:
+def _table(runs: dict[str, list[Metrics]], seconds: float) -> Table:
     rounds = len(runs["with"])
     table = Table(title=f"age of the force where it is applied, us; {rounds} x {seconds:g} s each")
-    for heading in ("scope", *LABELS, "cores, all", "of the scope"):
+    for heading in ("scope", *LABELS, "cores, all", "scope alone"):
         table.add_column(heading, justify="left" if heading == "scope" else "right")
     for name, found in runs.items():
-        for index, figures in enumerate(found):
-            table.add_row(f"{name}, round {index + 1}", *_cells([figures]))
+        for index, metrics in enumerate(found):
+            table.add_row(f"{name}, round {index + 1}", *_cells([metrics]))
         table.add_row(f"{name}, mean", *_cells(found), end_section=True)
-    sent = [figures["sent"] for figures in runs["with"] if figures.get("sent")]
+    sent = [metrics["sent"] for metrics in runs["with"] if metrics.get("sent")]
     if sent:
         frames, size = (fmean(one[key] for one in sent) for key in ("frames_per_s", "bytes_per_s"))
         table.caption = f"sent: {frames:.0f} frames, {size / 1e3:.0f} kB a second"
@@ -220,12 +213,16 @@ def _table(runs: dict[str, list[Figures]], seconds: float) -> Table:
     return table
 
 
-def _cells(runs: Sequence[Figures]) -> list[str]:
+def _cells(runs: Sequence[Metrics]) -> list[str]:
     ages = [f"{fmean(run['age_us'][label] for run in runs):.0f}" for label in LABELS]
     cores = [_cores(runs, name) for name in ("total", SCOPE)]
     return [*ages, *cores]
 
 
-def _cores(runs: Sequence[Figures], name: str) -> str:
+def _cores(runs: Sequence[Metrics], name: str) -> str:
     known: list[Any] = [run["cpu_cores"][name] for run in runs if name in run["cpu_cores"]]
     return f"{fmean(known):.3f}" if known else "-"
+
+
+if __name__ == "__main__":
+    run(scope_cost, "scope_cost.py")

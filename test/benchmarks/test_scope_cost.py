@@ -1,4 +1,4 @@
-"""What the scope costs, measured as a user measures it."""
+"""Cost of the scope, as the documentation quotes it."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ from pathlib import Path
 
 import pytest
 
+from haptic_accel.core.parameters import ParameterError
 from running import Command
-from verbs import refusal
+from scope_cost import scope_cost
+
+BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "scope_cost.py"
 
 
+@pytest.mark.slow
 def test_the_graph_is_measured_without_and_with_a_scope_that_is_looked_at(
-    haptic_accel: Callable[..., Command], tmp_path: Path
+    start: Callable[..., Command], tmp_path: Path
 ) -> None:
-    words = ("bench", "scope", "rate:=200", "--seconds", "3", "--rounds", "1", "--json", "f.json")
-    command = haptic_accel(*words)
+    words = (BENCHMARK, "rate:=200", "--seconds", "3", "--rounds", "1", "--json", "f.json")
+    command = start(*words)
     assert command.end() == 0, command.text
     figures = json.loads((tmp_path / "f.json").read_text())
     (without,), (looked,) = figures["without"], figures["with"]
@@ -42,5 +46,6 @@ def test_the_graph_is_measured_without_and_with_a_scope_that_is_looked_at(
 def test_what_the_benchmark_sets_itself_is_refused(
     words: list[str], seconds: float, rounds: int, named: str
 ) -> None:
-    options = ["--seconds", seconds, "--rounds", rounds]
-    assert refusal("bench", "scope", *options, *words).startswith(named)
+    options = ["--seconds", str(seconds), "--rounds", str(rounds)]
+    with pytest.raises(ParameterError, match=f"^{named}"):
+        scope_cost.main([*options, *words], standalone_mode=False)

@@ -6,8 +6,8 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
+from fit_rig import CONTROLLERS, HIGHEST, LOWEST, Unknowns, deviations, run
 from haptic_accel.cli.experiment import SURFACES
-from haptic_accel.cli.fit_rig import CONTROLLERS, HIGHEST, LOWEST, Unknowns, deviations, run
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.graph.arguments import GraphArguments

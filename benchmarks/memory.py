@@ -1,4 +1,4 @@
-"""``haptic-accel bench soak``: whether the memory of the graph's processes stays flat."""
+"""Memory growth of the graph's processes: ``python benchmarks/memory.py``."""
 
 from __future__ import annotations
 
@@ -11,39 +11,39 @@ from pathlib import Path
 import click
 import psutil
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from haptic_accel.cli.bench import MEBI
+from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import StopOnSignal, conclude
+from haptic_accel.cli.running import StopOnSignal, progress_bar, run_to_end
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
+from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
 
 SAMPLE_PERIOD = 1.0
-"""Between two looks at the processes, s."""
+"""Interval between readings of the memory, s."""
 
 SETTLED = 0.1
-"""Share of the time after which the memory in use counts as the start."""
+"""Fraction of the time after which the start-up is over and growth is counted."""
 
 MOST_GROWTH = 5.0
-"""What a process may grow by, MiB."""
+"""Largest growth of a process that is accepted, MiB."""
 
 
 @dataclass
 class Memory:
-    """Resident memory of processes over time, looked at when asked to.
+    """Resident memory of processes over time.
 
     Attributes
     ----------
     moments : list of float
-        s since the first look.
+        Times of the readings, s since the first.
     resident : dict
-        By executable: MiB at these moments.
+        Memory at these times by executable, MiB.
     """
 
     supervisor: Supervisor
@@ -51,8 +51,8 @@ class Memory:
     resident: dict[str, list[float]] = field(default_factory=dict)
     _origin: float | None = None
 
-    def look(self) -> None:
-        """Note what every process uses now, at most once in `SAMPLE_PERIOD`."""
+    def read(self) -> None:
+        """Read the memory of every process, at most once in `SAMPLE_PERIOD`."""
         now = time.monotonic()
         self._origin = now if self._origin is None else self._origin
         if self.moments and now - self._origin < self.moments[-1] + SAMPLE_PERIOD:
@@ -71,12 +71,12 @@ class Memory:
             self.resident.setdefault(name, []).append(size)
 
     def growth(self) -> dict[str, float]:
-        """Return by how much each process grew after it had settled, MiB.
+        """Return the growth of each process after its start-up, MiB.
 
         Raises
         ------
         ParameterError
-            The run was too short for two looks after that.
+            The run was too short for two readings after that.
         """
         settled = [t for t in self.moments if t >= SETTLED * self.moments[-1]]
         if len(settled) < 2:
@@ -91,57 +91,56 @@ class Memory:
     f" one grows by more than {MOST_GROWTH:g} MiB.",
 )
 @words(GraphArguments)
-@click.option("--seconds", type=float, default=600.0, help="Length of each measurement, s.")
+@click.option("--seconds", type=float, default=600.0, help="Length of the run, s.")
 @json_option
-def soak(words: Sequence[str], *, seconds: float, json_file: Path | None) -> int:
+def memory(words: Sequence[str], *, seconds: float, json_file: Path | None) -> int:
     """Run the graph and watch the memory of its processes."""
     if not seconds >= 3 * SAMPLE_PERIOD:
         raise ParameterError(f"seconds = {seconds:g}: must be at least {3 * SAMPLE_PERIOD:g}")
     arguments = parse_arguments(words)
-    with tempfile.TemporaryDirectory() as folder, StopOnSignal() as stop, _progress() as progress:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        StopOnSignal() as stop,
+        progress_bar() as bar,
+    ):
         bag = arguments.bag or str(Path(folder) / "bag")
         arguments = replace(arguments, duration=seconds, bag=bag, record=True)
         supervisor = Supervisor(graph(arguments))
-        memory = Memory(supervisor)
+        memory_use = Memory(supervisor)
         engaged: list[str] = []
         supervisor.on_line = lambda _, line: engaged.append(line) if "engaged" in line else None
-        task = progress.add_task("soak", total=seconds)
+        task = bar.add_task("memory", total=seconds)
 
         def watch() -> bool:
             if engaged:
-                memory.look()
-                progress.update(task, completed=memory.moments[-1] if memory.moments else 0)
+                memory_use.read()
+                bar.update(task, completed=memory_use.moments[-1] if memory_use.moments else 0)
             return stop()
 
-        outcome = supervisor.run(watch)
-    if not outcome.first:
-        return INTERRUPTED
-    if conclude(outcome) != DONE:
-        return FAILED
-    growth = memory.growth()
-    Console().print(_table(memory, growth))
+        run_to_end(supervisor, watch)
+    growth = memory_use.growth()
+    Console().print(_table(memory_use, growth))
     save(
         {
             "seconds": seconds,
             "rate_hz": arguments.rate,
             "growth_mb": growth,
-            "moments_s": memory.moments,
-            "resident_mb": memory.resident,
+            "moments_s": memory_use.moments,
+            "resident_mb": memory_use.resident,
         },
         json_file,
     )
     return DONE if max(growth.values()) <= MOST_GROWTH else FAILED
 
 
-def _progress() -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=Console(stderr=True))
-
-
-def _table(memory: Memory, growth: dict[str, float]) -> Table:
-    table = Table(title=f"resident memory over {memory.moments[-1]:.0f} s, MiB")
+def _table(used: Memory, growth: dict[str, float]) -> Table:
+    table = Table(title=f"resident memory over {used.moments[-1]:.0f} s, MiB")
     for heading in ("", "at the end", "growth since a tenth of the time"):
         table.add_column(heading, justify="right" if heading else "left")
-    for name, sizes in memory.resident.items():
+    for name, sizes in used.resident.items():
         table.add_row(name, f"{sizes[-1]:.1f}", f"{growth[name]:+.2f}")
     return table
+
+
+if __name__ == "__main__":
+    run(memory, "memory.py")

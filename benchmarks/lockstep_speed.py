@@ -1,4 +1,4 @@
-"""``haptic-accel bench lockstep``: how much faster than real time a trial without ROS is."""
+"""Speed of a trial in lockstep, relative to real time: ``python benchmarks/lockstep_speed.py``."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
 from haptic_accel.core.process import DONE
@@ -21,14 +22,16 @@ from haptic_accel.graph.lockstep import lockstep_trial
 @click.option("--rate", type=float, default=1000.0, help="Sampling rate, Hz.")
 @click.option("--seconds", type=float, default=10.0, help="Length of the trial, s.")
 @json_option
-def lockstep(words: Sequence[str], *, rate: float, seconds: float, json_file: Path | None) -> int:
+def lockstep_speed(
+    words: Sequence[str], *, rate: float, seconds: float, json_file: Path | None
+) -> int:
     """Run one trial in lockstep on one core, and print its duration."""
     arguments = replace(parse_arguments(words), rate=rate, duration=seconds)
-    lockstep_trial(replace(arguments, duration=10 / rate))  # what is loaded once does not count
+    lockstep_trial(replace(arguments, duration=10 / rate))  # imports and tables are loaded once
     start = time.perf_counter()
     trial = lockstep_trial(arguments)
     wall = time.perf_counter() - start
-    figures = {
+    results = {
         "rate_hz": rate,
         "simulated_seconds": trial.seconds,
         "wall_seconds": wall,
@@ -36,7 +39,11 @@ def lockstep(words: Sequence[str], *, rate: float, seconds: float, json_file: Pa
     }
     print(
         f"{arguments.rig} rig, {trial.surface}, {trial.controller}: {trial.seconds:g} s at"
-        f" {rate:g} Hz in {wall:.2f} s, {figures['times_real_time']:.1f} times real time"
+        f" {rate:g} Hz in {wall:.2f} s, {results['times_real_time']:.1f} times real time"
     )
-    save(figures, json_file)
+    save(results, json_file)
     return DONE
+
+
+if __name__ == "__main__":
+    run(lockstep_speed, "lockstep_speed.py")
