@@ -57,7 +57,6 @@ ROS_USERS: dict[str, set[str]] = {
 """Modules outside ``nodes`` that import something of ROS 2, and what."""
 
 KNOWN: set[tuple[str, str]] = {
-    ("haptic_accel.cli.identify", "haptic_accel.core.rig.master_rig"),
     ("haptic_accel.core.identification.sweep", "haptic_accel.core.rig.master_rig"),
 }
 """Imports (importer, imported) that break a rule for now; one that no longer does must go."""

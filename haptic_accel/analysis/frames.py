@@ -170,7 +170,7 @@ class TableTwo:
     columns : list of str
         Surfaces, and the average over them if there are several.
     rows : dict
-        By controller, a cell for each column.
+        A cell for each column, by controller.
     counts : dict
         Number of trials by controller.
     methods : str

@@ -26,7 +26,7 @@ class Analysis:
     ----------
     trials : list of AnalysedTrial
     problems : dict
-        What could not be determined, lines by bag.
+        Lines that name what could not be determined, by bag.
     shift : Shift
     bags : int
         Number of bags.

@@ -170,7 +170,7 @@ class AnalysedTrial:
     traces : Traces
         Signals over time.
     notes : tuple of str
-        What is missing or assumed.
+        Assumptions, and what is missing.
     """
 
     name: str

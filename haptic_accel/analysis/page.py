@@ -119,12 +119,14 @@ def write_page(
     files : sequence of str
         Names of files beside it, to be linked to.
     """
+    setting = setting or Setting()
     found = sorted(analysis.trials, key=lambda t: (rank(t.controller), rank(t.surface)))
     ordered = Analysis(found, analysis.problems, analysis.shift, analysis.bags)
     frame, grouped = trials(ordered), groups(ordered)
     free = MILLI * min((t.segment.actuator.travel for t in found), default=math.nan)
     page = template("analysis.html.j2").render(
-        setting=setting or Setting(),
+        setting=setting,
+        settings=setting.settings,
         when=datetime.now().astimezone(),
         summary=summary(analysis, comparison),
         shift=analysis.shift.words,

@@ -1,4 +1,4 @@
-"""How alike two accelerations feel, by metrics of the library `vibromaf`.
+"""Perceptual similarity of two accelerations, by metrics of the library `vibromaf`.
 
 ST-SIM (Hassen and Steinbach, IEEE Trans. Haptics 2020, ieeexplore.ieee.org/document/8943164) and
 SPQI, both as `vibromaf` 0.0.8 has them (Noll et al., IEEE Haptics Symposium 2022): scores of 0 to
@@ -47,7 +47,7 @@ class Perception:
     st_sim, spqi : float
         0 to 1, no unit; NaN where undefined.
     note : str
-        Why there is none; empty otherwise.
+        Reason for a missing score; empty otherwise.
     """
 
     st_sim: float
@@ -56,7 +56,7 @@ class Perception:
 
 
 def perceive(desired: FloatArray, actual: FloatArray, rate: float) -> Perception:
-    """Score how alike two accelerations feel.
+    """Score the perceptual similarity of two accelerations.
 
     Parameters
     ----------

@@ -70,7 +70,18 @@ BARS = (
 )
 """Colours of bars, each with a hatch that tells it apart without colour."""
 
-DASHES = ("-", "--", "-.", ":")
+GRIPS = (
+    ("#c3c8cd", "#4d545b"),
+    ("#f3cf85", "#a87400"),
+    ("#a6d9f7", "#1f7fb4"),
+    ("#e9c3d8", "#99447a"),
+)
+"""Pale and dark colour of the measurements of each grip."""
+
+SHADE, LINE, BLACK = "#e4e7ea", "#999999", "#000000"
+"""Colours of an area that is left out, of its bounds, and of models that hide no data."""
+
+DASHES: tuple[Dashes, ...] = ("-", "--", "-.", ":")
 """Dashes of lines that are told apart without colour."""
 
 Dashes = Literal["-", "--", "-.", ":", ""] | tuple[float, tuple[float, ...]]
@@ -524,7 +535,7 @@ def _panels(
 def _label(axes: Sequence[Sequence[Axes]], x: str, y: str, one_x: bool = True) -> None:
     """Rule all axes; name and number those at the left and at the bottom.
 
-    Where the rows do not have `one_x` scale for all, x is numbered in each.
+    Unless the rows have `one_x` scale in common, x is numbered in each.
     """
     for i, row in enumerate(axes):
         for j, panel in enumerate(row):

@@ -32,10 +32,10 @@ from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import RECORDING
 
 RINGING = 0.2
-"""How long handle and tool ring after a change, s: eight times Table I's 2 m_h / b_u."""
+"""Time that handle and tool ring after a change, s: eight times Table I's 2 m_h / b_u."""
 
 SETTLING = LISTENING + FADING + RINGING
-"""Dropped after a change of controller, surface or grip, s."""
+"""Time left out after a change of controller, surface or grip, s."""
 
 SHORTEST = 0.9
 """Shortest segment that is analysed, s: a trial of 1 s less what a live start takes."""
@@ -44,7 +44,7 @@ _WHOLE = 1e-3
 """Part of a sample by which the last one may lie behind a segment's end: stamps are whole ns."""
 
 UNKNOWN = "unknown"
-"""Condition of a bag that does not say."""
+"""Name of a controller, surface or grip that a bag does not state."""
 
 CORE = (
     topics.TOOL_ACCELERATION,
@@ -52,7 +52,7 @@ CORE = (
     topics.HANDLE_ACCELERATION,
     topics.ACTUATOR_FORCE,
 )
-"""What is analysed along the actuator's axis."""
+"""Signals that are analysed, along the actuator's axis."""
 
 _SURFACE = "simulated.surface."
 _POSTURE = "simulated.grip.posture"
@@ -60,7 +60,7 @@ _POSTURE = "simulated.grip.posture"
 
 @dataclass(frozen=True)
 class Condition:
-    """What does not change within a segment."""
+    """Controller, surface and grip: constant within a segment."""
 
     controller: str = UNKNOWN
     surface: str = UNKNOWN
@@ -75,7 +75,7 @@ class Segment:
     ----------
     bag : Path
     number : int
-        Of the segments of its bag, from 1.
+        Number among the segments of its bag, from 1.
     condition : Condition
     rate : float
         Samples per second.
@@ -84,16 +84,17 @@ class Segment:
     seconds : float
         Length.
     begin : float
-        Since the bag's first message, s.
+        Start since the bag's first message, s.
     signals : dict of ndarray, shape (n,)
-        Along the actuator's axis, by topic; those of `CORE` that the bag has.
+        Samples along the actuator's axis, by topic; those of `CORE` that the bag has.
     delivery : Delivery
     actuator : ActuatorParameters
+        Actuator of the handle, for its travel.
     pair : tuple of str
-        What two trials that belong together have in common: grip, seed and recording; the bag's
-        name where it does not say.
+        Properties that two trials of a pair share: seed and recording; the bag's name if it does
+        not state them.
     notes : list of str
-        What had to be assumed or is missing.
+        Assumptions, and what is missing.
     """
 
     bag: Path
@@ -110,20 +111,20 @@ class Segment:
     notes: tuple[str, ...] = ()
 
     def without_signals(self) -> Segment:
-        """Return what is known of it besides the samples, which take the memory."""
+        """Return the segment without its samples, which take the memory."""
         nothing = replace(self.delivery, transit=np.empty(0))
         return replace(self, signals={}, delivery=nothing)
 
 
 @dataclass(frozen=True)
 class Cut:
-    """What came of a bag.
+    """Result of cutting a bag.
 
     Attributes
     ----------
     segments : list of Segment
     problems : list of str
-        What cannot be said of it, a line each.
+        What could not be determined, a line each.
     """
 
     segments: list[Segment]
@@ -174,7 +175,7 @@ def cut(recorded: Bag) -> Cut:
 
 
 def _consequence(name: str, missing: Sequence[str]) -> str:
-    """Say what cannot be said without a signal."""
+    """Name the metrics that need a signal."""
     tool, desired, handle, force = (topic.name for topic in CORE)
     if name == desired and tool not in missing:
         return ": it is made from the tool's acceleration with the high-pass"
@@ -210,7 +211,7 @@ def _rate(recorded: Bag, problems: list[str]) -> float | None:
 
 
 def _number(values: Any, name: str) -> float | None:
-    """Return a number of a mapping, None where it is not there or none."""
+    """Return a number of a mapping, None if it is missing or no number."""
     value = values.get(name) if isinstance(values, dict) else None
     try:
         return float(value) if value is not None and math.isfinite(float(value)) else None
@@ -219,12 +220,12 @@ def _number(values: Any, name: str) -> float | None:
 
 
 class _Known:
-    """What a bag says of the graph that made it, with defaults said so.
+    """Description of the graph that made a bag, with defaults for what it does not state.
 
     Attributes
     ----------
     condition : Condition
-        At the beginning.
+        Condition at the beginning.
     """
 
     def __init__(self, recorded: Bag, rate: float, problems: list[str]) -> None:
@@ -264,7 +265,7 @@ class _Known:
         )
 
     def _surface(self, arguments: Mapping[str, Any]) -> str:
-        """Return what the slave touched, or what was played in its place."""
+        """Return the name of the surface, or of what was played in its place."""
         asked = str(arguments.get("surface", ""))
         slave = arguments.get("slave")
         if slave == REPLAY:
@@ -285,7 +286,7 @@ class _Known:
 
 
 _SOURCES = ("replay", "recording")
-"""Arguments that name what a slave played, if it did."""
+"""Arguments that name the recording that a slave played."""
 
 
 def _mapping(value: Any) -> dict[str, Any]:
@@ -295,7 +296,7 @@ def _mapping(value: Any) -> dict[str, Any]:
 def _parts(
     recorded: Bag, known: _Known, span: tuple[int, int], problems: list[str]
 ) -> list[tuple[Condition, int, int]]:
-    """Return condition, first and last moment of what can be analysed, ns."""
+    """Return condition, start and end of each part that can be analysed, ns."""
     coupled = _coupled(recorded, span, problems)
     conditions = _conditions(recorded, known)
     parts = []
@@ -311,7 +312,7 @@ def _parts(
 
 
 def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[tuple[int, int]]:
-    """Return when the arms were coupled, ns."""
+    """Return start and end of each time in which the arms were coupled, ns."""
     forces = recorded.signals.get(topics.MASTER_ARM_FORCE.name)
     if forces is None:
         problems.append(
@@ -327,7 +328,7 @@ def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[
 
 
 def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, Condition]]:
-    """Return the conditions of a bag and when each began, ns; the first has always been."""
+    """Return the conditions of a bag and the start of each, ns; the first starts at 0."""
     conditions = [(0, known.condition)]
     for change in sorted(recorded.changes, key=lambda change: change.received):
         before = conditions[-1][1]
@@ -355,7 +356,7 @@ def _changed(before: Condition, node: str, parameter: str, value: Any, known: _K
 
 
 ALTERED = " (altered)"
-"""Put after the name of a surface some of whose parameters were changed while it was touched."""
+"""Suffix of a surface whose parameters were changed in part while it was touched."""
 
 
 def _segment(

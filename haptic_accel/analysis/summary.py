@@ -16,7 +16,7 @@ from haptic_accel.analysis.plots import number, percent
 def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[str]:
     """Return what is worth knowing first, a sentence or two each."""
     if not analysis.trials:
-        return [f"Nothing can be said of {_many(analysis.bags, 'bag')}."]
+        return [f"Nothing could be determined from {_many(analysis.bags, 'bag')}."]
     frame = trials(analysis)
     sentences = [
         _extent(frame, analysis.bags),
@@ -30,7 +30,7 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
         sentences.append(difference(comparison))
     if analysis.problems:
         sentences.append(
-            f"Of {_many(len(analysis.problems), 'bag')} something cannot be said: see below."
+            f"{_many(len(analysis.problems), 'bag')} could not be analysed in full: see below."
         )
     return sentences
 
@@ -48,7 +48,7 @@ def _extent(frame: pd.DataFrame, bags: int) -> str:
 
 
 def _errors(analysis: Analysis) -> str:
-    """Say how far the handle was from what was desired, by controller."""
+    """Return a sentence on the error of each controller."""
     table = table_two(groups(analysis))
     words = []
     for controller, cells in table.rows.items():
@@ -57,7 +57,7 @@ def _errors(analysis: Analysis) -> str:
             beside = f" (the paper's: {percent(error.paper)})" if error.paper is not None else ""
             words.append((error.value, f"{controller} {percent(error.value)}{beside}"))
     if not words:
-        return "No error can be told: desired or handle acceleration is missing."
+        return "The error is unknown: desired or handle acceleration is missing."
     over = "" if len(table.columns) == 1 else ", averaged over surfaces"
     return f"Error (NRMSE{over}): {', '.join(text for _, text in sorted(words))}."
 

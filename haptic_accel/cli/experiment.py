@@ -52,14 +52,17 @@ AGES = ("p50", "p99", "max")
 
 MOST_SEEDS = 1000
 
+RECORDED = "surface:=recording"
+"""Word that a recording implies."""
+
 DURATION = 10.0
 """Default length of a condition, s."""
 
 AROUND = 4.0
-"""What starting and stopping the graph takes, s: an estimate, for the time left."""
+"""Estimated time for starting and stopping the graph, s, for the time left."""
 
 REFRESH = 2.0
-"""How often the progress bar is drawn, Hz: drawing takes a core from the graph it waits for."""
+"""Refresh rate of the progress bar, Hz: drawing takes a core from the graph."""
 
 LOST_SHARE = 0.01
 """Share of a signal's samples that may be missing before the reader is warned."""
@@ -138,8 +141,10 @@ def experiment(
 
     Prints Table II beside the paper's, and writes a report with its figures 9, 10 and 11.
     surface and controller restrict the conditions; duration is that of one condition, 10 s by
-    default. --recording selects surface:=recording.
+    default. A recording takes the place of the surfaces.
     """
+    if any(word.startswith("recording:=") for word in words):
+        words = [*(word for word in words if word != RECORDED), RECORDED]
     arguments = _with_duration(words)
     _check_seeds(seeds, lockstep)
     _check_devices(arguments, lockstep)
@@ -341,7 +346,7 @@ def _settings(arguments: GraphArguments, lockstep: bool) -> dict[str, str]:
 
 
 def _warnings(analysis: Analysis) -> list[str]:
-    """Return what speaks against the metrics: samples lost, warnings of nodes."""
+    """Return reasons to doubt the metrics: missing samples, warnings of nodes."""
     warnings = []
     for trial in analysis.trials:
         delivery = trial.segment.delivery

@@ -60,7 +60,7 @@ from haptic_accel.core.model import (
 )
 from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
-from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.trial import RigParameters
 from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
 from haptic_accel.graph.node_parameters import node_parameters
@@ -78,7 +78,7 @@ MOST_MISSING = 0.01
 """Share of its samples that a trial can do without (assumed)."""
 
 COLUMNS = ("actuator_force", "handle_acceleration")
-"""Of a CSV file, N and m/s^2."""
+"""Columns of a CSV file, N and m/s^2."""
 
 DEGREES = 180 / math.pi
 
@@ -216,7 +216,7 @@ def _bench(
 def _run_lockstep(arguments: IdentifyArguments, grips: Sequence[str]) -> Recorded:
     return {
         grip: run_identification(
-            _rig(replace(arguments, grip=grip)),
+            _rig(replace(arguments, grip=grip)).master,
             arguments.sweep,
             arguments.rate,
             arguments.seed,
@@ -326,12 +326,13 @@ def _read(sources: Sequence[str], arguments: IdentifyArguments, recording_rate: 
     return recorded
 
 
-def _rig(arguments: IdentifyArguments) -> MasterRigParameters:
+def _rig(arguments: IdentifyArguments) -> RigParameters:
     """Return the simulated master as one user holds it, whatever the seeds of the noise."""
     _, devices = node_parameters("master_device", graph_parameters(arguments)["master_device"])
-    rig: MasterRigParameters = devices[SIMULATED]
-    handle = held(rig.handle, rig.grip, arguments.seed)
-    return replace(rig, handle=handle, grip=replace(rig.grip, variation=0.0, posture=AVERAGE_GRIP))
+    master = RigParameters(devices[SIMULATED]).master
+    handle = held(master.handle, master.grip, arguments.seed)
+    grip = replace(master.grip, variation=0.0, posture=AVERAGE_GRIP)
+    return RigParameters(replace(master, handle=handle, grip=grip))
 
 
 # Results
@@ -356,7 +357,7 @@ def _conclude(
     grips = list(found.grips)
     if arguments.master == SIMULATED and not sources and len(grips) == 1:
         rig = _rig(replace(arguments, grip=grips[0]))
-        truth, errors = rig.handle, _errors(found, rig, sweep, rate, band, lockstep)
+        truth, errors = rig.master.handle, _errors(found, rig, sweep, rate, band, lockstep)
     notes = _notes(found)
     (folder / "handle.yaml").write_text(parameter_file(found, actuator, age), encoding="utf-8")
     index = write_identification_report(
@@ -428,8 +429,8 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
     actuator : ActuatorParameters
         As far as it is known without the identification.
     age : float
-        Of the forces that came through the live graph, s. It is a part of the delay that a
-        controller has to do with, and none of the simulated handle's, which has it anyway.
+        Age of the forces that came through the live graph, s. It is part of the delay that a
+        controller compensates, but not of the simulated handle's own delay.
     """
     fit = found.fit
     handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
@@ -473,7 +474,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, float]:
 
 def _errors(
     found: Identification,
-    rig: MasterRigParameters,
+    rig: RigParameters,
     sweep: SweepParameters,
     rate: float,
     band: tuple[float, float],
@@ -484,11 +485,12 @@ def _errors(
     In the live graph the age of the forces adds to the rig's own delay, and the models have it
     rightly: there the delay that was found is taken for the true one.
     """
-    delay = rig.drive.delay if lockstep else max(0.0, found.fit.delay)
+    master = rig.master
+    delay = master.drive.delay if lockstep else max(0.0, found.fit.delay)
     clean = replace(
-        rig,
-        drive=replace(rig.drive, coulomb_friction=0.0, bits=32, delay=delay),
-        accelerometer=replace(rig.accelerometer, noise_density=0.0, bits=32),
+        master,
+        drive=replace(master.drive, coulomb_friction=0.0, bits=32, delay=delay),
+        accelerometer=replace(master.accelerometer, noise_density=0.0, bits=32),
     )
     (trial,) = run_identification(clean, sweep, rate)
     truth = _ratio(trial, sweep, band)

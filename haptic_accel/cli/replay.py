@@ -125,7 +125,7 @@ def replay_lockstep(
     controllers : sequence of str
         Each plays every bag; the one of the arguments, or of the bag, where there are none.
     json_file : Path, optional
-        Where to write the figures.
+        File for the metrics as JSON.
     out : Path, optional
         Folder to make, for a bag of each condition.
 

@@ -1,4 +1,4 @@
-"""What the pages that are written or served are made of: templates, and what draws in them.
+"""Templates, style sheets and scripts of the pages that are written or served.
 
 The plots are drawn by uPlot (MIT), which is here whole because a page must not need the network.
 """
@@ -23,7 +23,7 @@ def template(name: str) -> jinja2.Template:
     Parameters
     ----------
     name : str
-        Of a file in ``templates``, which may include others from there.
+        Name of a file in ``templates``, which may include others from there.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_FOLDER / "templates"),

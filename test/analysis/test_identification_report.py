@@ -26,7 +26,7 @@ from haptic_accel.core.identification import (
     run_identification,
 )
 from haptic_accel.core.model import HandleParameters, MountParameters
-from haptic_accel.core.parameters import schema
+from haptic_accel.core.parameters import own_schema
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 
 FIGURES = ("fig4_sweep.png", "fig5_models.png", "coherence.png")
@@ -153,7 +153,7 @@ def test_every_parameter_has_unit_truth_and_a_pair_of_cells_for_each_grip(
     heading = page.tables[0][0]
     assert heading == ["parameter", "unit", "true", "pinch", "hook", POOLED]
     fits = [*(grip.fit for grip in two.grips.values()), two.fit]
-    for name, (_, given) in schema(HandleParameters).items():
+    for name, (_, given) in own_schema(HandleParameters).items():
         unit, true, *cells = page.row(0, name)
         assert unit == given.unit
         assert float(true) == getattr(TRUTH, name)

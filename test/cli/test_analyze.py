@@ -110,7 +110,7 @@ def test_the_page_needs_nothing_but_itself(report: Path) -> None:
     assert len(page) < 3e6
     for heading in (
         "Table II",
-        "What cannot be said",
+        "What could not be determined",
         "Lost and late",
         "inverse against constant",
     ):
@@ -178,7 +178,7 @@ def test_of_bags_of_which_nothing_can_be_said_the_status_is_one(
     words = ("--out", tmp_path / "out", "--json", json_file)
     assert status_of("analyze", tmp_path / "bags", *words) == 1
     printed = capsys.readouterr().out
-    assert "Nothing can be said of 2 bags." in printed
+    assert "Nothing could be determined from 2 bags." in printed
     assert "foreign: none of the signals of this graph" in printed
     page = (tmp_path / "out" / "index.html").read_text()
     assert "it is of another rig" in page

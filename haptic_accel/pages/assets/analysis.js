@@ -154,7 +154,7 @@
   // Time
 
   const VIEWS = [
-    ["excerpt", `liveliest ${data.excerpt} s`],
+    ["excerpt", `most active ${data.excerpt} s`],
     ["detail", "around it"],
     ["whole", "whole trial"],
   ];
