@@ -56,9 +56,7 @@ ROS_USERS: dict[str, set[str]] = {
 }
 """Modules outside ``nodes`` that import something of ROS 2, and what."""
 
-KNOWN: set[tuple[str, str]] = {
-    ("haptic_accel.core.identification.sweep", "haptic_accel.core.rig.master_rig"),
-}
+KNOWN: set[tuple[str, str]] = set()
 """Imports (importer, imported) that break a rule for now; one that no longer does must go."""
 
 Import = tuple[str, str]

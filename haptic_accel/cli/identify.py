@@ -47,7 +47,6 @@ from haptic_accel.core.identification import (
     find_trials,
     identify_handle,
     kept_repeats,
-    run_identification,
 )
 from haptic_accel.core.model import (
     ACTUATOR,
@@ -60,7 +59,7 @@ from haptic_accel.core.model import (
 )
 from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
-from haptic_accel.core.trial import RigParameters
+from haptic_accel.core.trial import RigParameters, run_identification
 from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
 from haptic_accel.graph.node_parameters import node_parameters

@@ -1,4 +1,4 @@
-"""One condition of the experiment: its signals, and the lockstep trial that makes them."""
+"""Lockstep runs of the virtual rig: a condition of the experiment, and an identification."""
 
 from __future__ import annotations
 
@@ -16,6 +16,11 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
+from haptic_accel.core.identification.sweep import (
+    IdentificationTrial,
+    SweepParameters,
+    excitation,
+)
 from haptic_accel.core.model import ZERO, FloatArray, HandleParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.rig.interface import Rig
@@ -264,3 +269,61 @@ def _run(
     vectors = np.array(arms, dtype=float).swapaxes(0, 1)
     trial.arms.update(zip(_ARMS, vectors, strict=True))
     return trial
+
+
+def run_identification(
+    rig: MasterRigParameters | None = None,
+    parameters: SweepParameters | None = None,
+    rate: float = DEFAULT_RATE,
+    seed: int = 0,
+    trials: int = 1,
+) -> list[IdentificationTrial]:
+    """Excite the simulated handle in lockstep: no clock, the same result every time.
+
+    Each sample the rig is read, then the force applied, which acts until the next; so the
+    acceleration shows it one sample later at the earliest. The arm is silent and the hand rests.
+
+    Parameters
+    ----------
+    rig : MasterRigParameters, optional
+        Table I otherwise.
+    parameters : SweepParameters, optional
+        The paper's otherwise.
+    rate : float
+        Samples per second.
+    seed : int
+        Seed of the noise; each trial has its own.
+    trials : int
+        Number of trials, each from rest.
+
+    Returns
+    -------
+    list of IdentificationTrial
+
+    Raises
+    ------
+    ParameterError
+        The number of trials is below 1, or the end frequency is not below half the rate.
+    """
+    if trials < 1:
+        raise ParameterError(f"trials = {trials}: must be at least 1")
+    force = excitation(parameters or SweepParameters(), rate)
+    rig = rig or MasterRigParameters()
+    return [
+        _excite(MasterRig(rig, rate, _trial_seed(seed, index)), force, rate)
+        for index in range(trials)
+    ]
+
+
+def _trial_seed(seed: int, trial: int) -> int:
+    """Return a seed such that trials of neighbouring seeds do not share their noise."""
+    return int(np.random.SeedSequence((seed, trial)).generate_state(1)[0])
+
+
+def _excite(master: MasterRig, force: FloatArray, rate: float) -> IdentificationTrial:
+    acceleration = np.zeros(len(force))
+    for index, value in enumerate(force.tolist()):
+        master.advance(index / rate)
+        acceleration[index] = master.measure().acceleration
+        master.apply_actuator_force(value)
+    return IdentificationTrial(rate, force, acceleration, master.status())

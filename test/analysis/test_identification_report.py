@@ -23,11 +23,11 @@ from haptic_accel.core.identification import (
     Identification,
     SweepParameters,
     identify_handle,
-    run_identification,
 )
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import own_schema
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.trial import run_identification
 
 FIGURES = ("fig4_sweep.png", "fig5_models.png", "coherence.png")
 SWEEP = SweepParameters(duration=1.0)

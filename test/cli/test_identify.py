@@ -11,8 +11,9 @@ import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_accel.core.identification import SweepParameters, run_identification
+from haptic_accel.core.identification import SweepParameters
 from haptic_accel.core.model import POSTURES
+from haptic_accel.core.trial import run_identification
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
 from running import Command, nodes_of, wait_until

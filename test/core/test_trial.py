@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers.constant import ConstantParameters
 from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.identification import SweepParameters
+from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.instruments import ArmParameters
-from haptic_accel.core.rig.master_rig import MasterRig
+from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig
-from haptic_accel.core.trial import RigParameters, Trial, run_trial
+from haptic_accel.core.trial import RigParameters, Trial, run_identification, run_trial
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
@@ -227,8 +229,14 @@ def test_controllers_take_their_parameters() -> None:
 
 
 def test_high_pass_and_limit_can_be_chosen() -> None:
-    around = CompensationParameters("none", high_pass_frequency=30.0, peak_force=0.05)
-    result = run_trial("constant", rig_with("plywood"), duration=1.5, compensation=around)
+    around = CompensationParameters("none", high_pass_frequency=30.0)
+    result = run_trial(
+        "constant",
+        rig_with("plywood"),
+        duration=1.5,
+        compensation=around,
+        controllers={ACTUATOR: ActuatorParameters(peak_force=0.05)},
+    )
     assert np.abs(result.actuator_force).max() == 0.05
     sections = signal.butter(4, 30.0, "highpass", fs=1000.0, output="sos")
     desired = signal.sosfilt(sections, result.tool_acceleration)
@@ -280,3 +288,35 @@ def test_nor_does_it_change_the_results_with_encoders(surface: str, controller: 
     assert nrmse(usual) == pytest.approx(nrmse(fine), rel=0.01)
     for name in ("tool_acceleration", "handle_acceleration", "actuator_force"):
         assert rms(getattr(usual, name)) == pytest.approx(rms(getattr(fine, name)), rel=0.01)
+
+
+# Identification
+
+SHORT_SWEEP = SweepParameters(duration=0.2)
+
+
+def test_a_force_is_seen_one_sample_later(ideal_master: MasterRigParameters) -> None:
+    (trial,) = run_identification(ideal_master, SHORT_SWEEP)
+    first = int(np.flatnonzero(trial.actuator_force)[0])
+    assert np.abs(trial.handle_acceleration[: first + 1]).max() < 1e-7
+    assert abs(trial.handle_acceleration[first + 1]) > 0.01
+
+
+def test_the_papers_sweep_keeps_clear_of_the_stops() -> None:
+    (trial,) = run_identification()
+    assert not any(trial.status.values())
+    assert np.abs(trial.handle_acceleration).max() < 20.0
+
+
+def test_trials_differ_in_noise_alone_and_repeat_with_their_seed() -> None:
+    first, second = run_identification(parameters=SHORT_SWEEP, seed=3, trials=2)
+    again, _ = run_identification(parameters=SHORT_SWEEP, seed=3, trials=2)
+    assert (first.handle_acceleration == again.handle_acceleration).all()
+    difference = first.handle_acceleration - second.handle_acceleration
+    noise = MasterRigParameters().accelerometer.noise
+    assert difference.std() == pytest.approx(math.sqrt(2) * noise, rel=0.15)
+
+
+def test_no_trial_is_refused() -> None:
+    with pytest.raises(ParameterError, match="^trials = 0: must be at least 1$"):
+        run_identification(trials=0)

@@ -31,7 +31,6 @@ from haptic_accel.core.identification.sweep import (
     excitation,
     find_trials,
     kept_repeats,
-    run_identification,
     sweep,
 )
 
@@ -61,7 +60,6 @@ __all__ = [
     "identify_handle",
     "kept_repeats",
     "magnitude_error",
-    "run_identification",
     "sampled_response",
     "sweep",
 ]

@@ -1,4 +1,4 @@
-"""The force that excites the handle, a logarithmic sine sweep, and the trial that applies it."""
+"""Logarithmic sine sweep that excites the handle, and its trials in a recording."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy.typing as npt
 from haptic_accel.core.identification.estimate import RecordingError, check_pair
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
-from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 
 ALIKE = 0.95
 """Correlation with the excitation from which on a recorded force is taken for it (assumed)."""
@@ -274,61 +273,3 @@ def find_trials(
 
 
 _LEAST_FORCE = 1e-3  # of the excitation's
-
-
-def run_identification(
-    rig: MasterRigParameters | None = None,
-    parameters: SweepParameters | None = None,
-    rate: float = 1000.0,
-    seed: int = 0,
-    trials: int = 1,
-) -> list[IdentificationTrial]:
-    """Excite the simulated handle in lockstep: no clock, the same result every time.
-
-    Each sample the rig is read, then the force applied, which acts until the next; so the
-    acceleration shows it one sample later at the earliest. The arm is silent and the hand rests.
-
-    Parameters
-    ----------
-    rig : MasterRigParameters, optional
-        Table I otherwise.
-    parameters : SweepParameters, optional
-        The paper's otherwise.
-    rate : float
-        Samples per second.
-    seed : int
-        Of the noise; each trial has its own.
-    trials : int
-        How many, each from rest.
-
-    Returns
-    -------
-    list of IdentificationTrial
-
-    Raises
-    ------
-    ParameterError
-        No trial is asked for, or the end frequency is not below half the rate.
-    """
-    if trials < 1:
-        raise ParameterError(f"trials = {trials}: must be at least 1")
-    force = excitation(parameters or SweepParameters(), rate)
-    rig = rig or MasterRigParameters()
-    return [
-        _run(MasterRig(rig, rate, _trial_seed(seed, index)), force, rate)
-        for index in range(trials)
-    ]
-
-
-def _trial_seed(seed: int, trial: int) -> int:
-    """Return a seed such that trials of neighbouring seeds do not share their noise."""
-    return int(np.random.SeedSequence((seed, trial)).generate_state(1)[0])
-
-
-def _run(master: MasterRig, force: FloatArray, rate: float) -> IdentificationTrial:
-    acceleration = np.zeros(len(force))
-    for index, value in enumerate(force.tolist()):
-        master.advance(index / rate)
-        acceleration[index] = master.measure().acceleration
-        master.apply_actuator_force(value)
-    return IdentificationTrial(rate, force, acceleration, master.status())

@@ -17,13 +17,13 @@ from haptic_accel.core.identification import (
     RecordingError,
     SweepParameters,
     identify_discrete,
-    run_identification,
     sampled_response,
 )
 from haptic_accel.core.identification.discrete import read_discrete_model
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.trial import run_identification
 
 RATE = 1000.0
 FREQUENCY = np.linspace(15.0, 400.0, 300)

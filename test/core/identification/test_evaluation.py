@@ -12,11 +12,11 @@ from haptic_accel.core.identification import (
     excitation,
     find_trials,
     identify_handle,
-    run_identification,
 )
 from haptic_accel.core.model import POSTURES, GripParameters, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.trial import run_identification
 
 RATE = 1000.0
 SWEEP = SweepParameters(duration=1.0)

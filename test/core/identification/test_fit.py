@@ -21,7 +21,6 @@ from haptic_accel.core.identification import (
     fit_handle,
     kept_repeats,
     magnitude_error,
-    run_identification,
     sampled_response,
     sweep,
 )
@@ -34,6 +33,7 @@ from haptic_accel.core.model import (
 )
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.trial import run_identification
 
 RATE = 1000.0
 SWEEP = SweepParameters()

@@ -1,4 +1,4 @@
-"""The sweep's amplitude, ends and band; the trial that applies it."""
+"""Amplitude, ends and band of the sweep."""
 
 from __future__ import annotations
 
@@ -13,11 +13,9 @@ from haptic_accel.core.identification import (
     SweepParameters,
     excitation,
     kept_repeats,
-    run_identification,
     sweep,
 )
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.master_rig import MasterRigParameters
 
 RATE = 1000.0
 SHORT = SweepParameters(duration=0.2)
@@ -136,33 +134,3 @@ def test_a_rate_that_cannot_carry_the_sweep_is_refused() -> None:
 def test_a_signal_shorter_than_the_excitation_is_refused() -> None:
     with pytest.raises(ParameterError, match="^signal: 599 samples, must be at least 600$"):
         kept_repeats(np.zeros(599), SHORT, RATE)
-
-
-# The trial
-
-
-def test_a_force_is_seen_one_sample_later(ideal_master: MasterRigParameters) -> None:
-    (trial,) = run_identification(ideal_master, SHORT)
-    first = int(np.flatnonzero(trial.actuator_force)[0])
-    assert np.abs(trial.handle_acceleration[: first + 1]).max() < 1e-7
-    assert abs(trial.handle_acceleration[first + 1]) > 0.01
-
-
-def test_the_papers_sweep_keeps_clear_of_the_stops() -> None:
-    (trial,) = run_identification()
-    assert not any(trial.status.values())
-    assert np.abs(trial.handle_acceleration).max() < 20.0
-
-
-def test_trials_differ_in_noise_alone_and_repeat_with_their_seed() -> None:
-    first, second = run_identification(parameters=SHORT, seed=3, trials=2)
-    again, _ = run_identification(parameters=SHORT, seed=3, trials=2)
-    assert (first.handle_acceleration == again.handle_acceleration).all()
-    difference = first.handle_acceleration - second.handle_acceleration
-    noise = MasterRigParameters().accelerometer.noise
-    assert difference.std() == pytest.approx(math.sqrt(2) * noise, rel=0.15)
-
-
-def test_no_trial_is_refused() -> None:
-    with pytest.raises(ParameterError, match="^trials = 0: must be at least 1$"):
-        run_identification(trials=0)
