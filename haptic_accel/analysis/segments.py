@@ -27,9 +27,8 @@ from haptic_accel.core.sampling import (
     sampling_rate,
 )
 from haptic_accel.core.topics import ACTUATOR_AXIS
-from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY
+from haptic_accel.graph.arguments import PLAYED_TOPICS, RECORDING, REPLAY
 from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import RECORDING
 
 RINGING = 0.2
 """Time that handle and tool ring after a change, s: eight times Table I's 2 m_h / b_u."""

@@ -17,7 +17,7 @@ import yaml
 from haptic_accel.cli.options import Verb, words
 from haptic_accel.cli.running import StopOnSignal
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
-from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, from_flat, like, parameter
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.trial import DEFAULT_RATE, RigParameters
 from haptic_accel.devices import MASTERS, SLAVES, Device
@@ -29,12 +29,7 @@ from haptic_accel.emulators.can_arm import EmulatedArm
 from haptic_accel.emulators.can_line import BusPort, CanLine, SlcanPort
 from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, FaultKind, Faults
 from haptic_accel.emulators.loop import Part, run
-from haptic_accel.graph.arguments import (
-    GraphArguments,
-    grip_argument,
-    rig_argument,
-    seed_argument,
-)
+from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.graph.words import parse_words
 
@@ -71,12 +66,12 @@ def faults_argument(kinds: Mapping[str, FaultKind], beginning: str) -> str:
 class EmulationArguments(Checked):
     """Arguments of all emulators."""
 
-    rig: str = rig_argument()
-    grip: str = grip_argument()
+    rig: str = like(GraphArguments, "rig")
+    grip: str = like(GraphArguments, "grip")
     surface: str = parameter(
         "plywood", "surface under the tool: plywood, text, vinyl, or a .yaml file"
     )
-    seed: int = seed_argument()
+    seed: int = like(GraphArguments, "seed")
     folder: str = parameter(
         "", "folder of the ports and the parameter file; empty for a new temporary one"
     )

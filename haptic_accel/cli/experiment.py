@@ -33,9 +33,9 @@ from haptic_accel.cli.tables import print_analysis
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments
+from haptic_accel.graph.arguments import SIMULATED, GraphArguments, parse_arguments
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
-from haptic_accel.graph.processes import SIMULATED, graph
+from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
 
 SURFACES = ("plywood", "text", "vinyl")

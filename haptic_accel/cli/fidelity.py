@@ -28,9 +28,9 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE
 from haptic_accel.core.trial import GripChange, RigParameters, Trial
 from haptic_accel.devices.simulated import played
-from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.arguments import RECORDING, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
-from haptic_accel.graph.processes import RECORDING, graph_parameters, rig_parameters
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 DURATION = 8.0
 """Length of a trial with one grip, s."""

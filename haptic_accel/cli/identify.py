@@ -61,9 +61,9 @@ from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.trial import RigParameters, run_identification
 from haptic_accel.devices.recordings import read_recording
-from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
+from haptic_accel.graph.arguments import AVERAGE_GRIP, SIMULATED, IdentifyArguments
 from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import SIMULATED, graph_parameters, identification_graph
+from haptic_accel.graph.processes import graph_parameters, identification_graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.graph.words import parse_words
 

@@ -24,9 +24,9 @@ from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS
 from haptic_accel.core.track import Track, played_at
 from haptic_accel.core.trial import Trial
 from haptic_accel.devices.playback import SLAVE, ReplayParameters, read_track, start_offset
-from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, GraphArguments
+from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, SIMULATED, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
-from haptic_accel.graph.processes import SIMULATED, Process, graph
+from haptic_accel.graph.processes import Process, graph
 from haptic_accel.graph.replay import Replay, ReplayArguments, described_replay, replay_arguments
 from haptic_accel.graph.supervisor import Supervisor
 

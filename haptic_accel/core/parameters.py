@@ -95,6 +95,12 @@ def parameter(
     return dataclasses.field(default=default, metadata={_SPECIFICATION: specification})
 
 
+def like(owner: type, name: str) -> Any:
+    """Declare a dataclass field as the same parameter as a field of another dataclass."""
+    default, specification = schema(owner)[name]
+    return dataclasses.field(default=default, metadata={_SPECIFICATION: specification})
+
+
 def checked(name: str, value: Any, default: Any, specification: Specification) -> Any:
     """Return a value in the type of its default, or say what is wrong with it.
 

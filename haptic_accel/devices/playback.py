@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from haptic_accel.bags.folder import is_storage
 from haptic_accel.core import topics
@@ -37,33 +37,6 @@ LONGEST_START = 1e6
 """Maximum time to skip, s."""
 
 
-def speed_parameter() -> Any:
-    """Declare the playback speed, for arguments and devices."""
-    return parameter(
-        1.0,
-        "seconds of the recording per second, as `ros2 bag play --rate`: signals are stretched in"
-        " time, their values stay",
-        low=SLOWEST,
-        high=FASTEST,
-    )
-
-
-def loop_parameter() -> Any:
-    """Declare repetition, for arguments and devices."""
-    return parameter(False, "repeat the recording, its end fading into its beginning")
-
-
-def start_parameter() -> Any:
-    """Declare the start of the playback, for arguments and devices."""
-    return parameter(
-        0.0,
-        "time to skip after the bag's arms were coupled or the file begins",
-        unit="s",
-        low=0.0,
-        high=LONGEST_START,
-    )
-
-
 @dataclass(frozen=True)
 class ReplayParameters(Checked):
     """Recording to play, and way to play it."""
@@ -73,9 +46,21 @@ class ReplayParameters(Checked):
         0.0, "rate of a CSV file's samples; others have their own", unit="Hz", low=0.0, high=1e6
     )
     column: str = parameter("", "column of a CSV or channel of a WAV file; empty for the default")
-    speed: float = speed_parameter()
-    loop: bool = loop_parameter()
-    start: float = start_parameter()
+    speed: float = parameter(
+        1.0,
+        "seconds of the recording per second, as `ros2 bag play --rate`: signals are stretched in"
+        " time, their values stay",
+        low=SLOWEST,
+        high=FASTEST,
+    )
+    loop: bool = parameter(False, "play over and over, with the end fading into the beginning")
+    start: float = parameter(
+        0.0,
+        "time to leave out, from where the bag's arms were coupled or the file begins",
+        unit="s",
+        low=0.0,
+        high=LONGEST_START,
+    )
 
 
 @dataclass(frozen=True)

@@ -4,80 +4,53 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
-from haptic_accel.core.parameters import parameter, schema
+from haptic_accel.core.parameters import like, parameter, schema
 from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.devices.playback import loop_parameter, speed_parameter, start_parameter
+from haptic_accel.devices.playback import ReplayParameters
 from haptic_accel.graph.node_parameters import (
-    rate_parameter,
-    scope_control_parameter,
-    scope_host_parameter,
-    scope_port_parameter,
-    trials_parameter,
+    DeviceNodeParameters,
+    IdentifierNodeParameters,
+    SampledParameters,
+    ScopeNodeParameters,
 )
 from haptic_accel.graph.words import parse_words
 
 AVERAGE_GRIP = "average"
-"""That of Table I."""
-
+"""Grip of Table I."""
 
 REPLAY = "replay"
 """Name of the devices that play a recording."""
 
+SIMULATED = "simulated"
+"""Name of the devices of the virtual rig."""
+
+RECORDING = "recording"
+"""Name of the surface that plays a recorded acceleration."""
+
 PLAYED_TOPICS = "topics"
-"""In place of a slave device: what `ros2 bag play` publishes."""
-
-
-def rig_argument() -> Any:
-    """Declare the virtual rig."""
-    return parameter("paper", "the virtual rig: ideal, paper, or a .yaml file")
-
-
-def grip_argument() -> Any:
-    """Declare how the simulated hand holds the handle."""
-    return parameter(
-        AVERAGE_GRIP, "how the simulated hand holds the handle", choices=tuple(POSTURES)
-    )
-
-
-def master_argument() -> Any:
-    """Declare the master device."""
-    return parameter("simulated", "master device", choices=tuple(MASTERS))
-
-
-def bag_argument() -> Any:
-    """Declare the bag."""
-    return parameter("", "folder of the bag; empty for bags/<date and time>")
-
-
-def config_argument() -> Any:
-    """Declare the user's parameter file."""
-    return parameter("", "ROS parameter file over config/teleop.yaml")
-
-
-def seed_argument() -> Any:
-    """Declare the seed."""
-    return parameter(0, "of texture and noise of simulated devices", low=0, high=2**31 - 1)
+"""Name for the topics that `ros2 bag play` publishes in place of a slave device."""
 
 
 @dataclass(frozen=True)
 class GraphArguments(RecordingOptions):
-    """What a user may say when starting the graph."""
+    """Arguments of the graph."""
 
     controller: str = parameter("dynamic", "acceleration controller", choices=tuple(CONTROLLERS))
-    rig: str = rig_argument()
-    grip: str = grip_argument()
+    rig: str = parameter("paper", "virtual rig: ideal, paper, or a .yaml file")
+    grip: str = parameter(
+        AVERAGE_GRIP, "grip of the simulated hand on the handle", choices=tuple(POSTURES)
+    )
     surface: str = parameter(
         "plywood",
-        "what the simulated slave touches: plywood, text, vinyl, recording, or a .yaml file",
+        "surface under the simulated slave: plywood, text, vinyl, recording, or a .yaml file",
     )
     recording: str = parameter(
-        "", "with surface:=recording, the CSV or WAV file of a tool acceleration in m/s^2"
+        "", "CSV or WAV file of a tool acceleration in m/s^2, with surface:=recording"
     )
     recording_rate: float = parameter(
         0.0, "rate of a CSV recording; a WAV file has its own", unit="Hz", low=0.0, high=1e6
@@ -85,47 +58,47 @@ class GraphArguments(RecordingOptions):
     recording_column: str = parameter(
         "", "column of a CSV recording; empty for acceleration, accel, acc or a"
     )
-    master: str = master_argument()
+    master: str = parameter(SIMULATED, "master device", choices=tuple(MASTERS))
     slave: str = parameter(
-        "simulated",
+        SIMULATED,
         "slave device, or the topics that `ros2 bag play` publishes",
         choices=(*SLAVES, PLAYED_TOPICS),
     )
     replay: str = parameter(
-        "", "with slave:=replay or master:=replay, the bag, or CSV or WAV file, that is played"
+        "", "bag, or CSV or WAV file, to play with slave:=replay or master:=replay"
     )
-    replay_speed: float = speed_parameter()
-    replay_loop: bool = loop_parameter()
-    replay_start: float = start_parameter()
-    rate: float = rate_parameter()
+    replay_speed: float = like(ReplayParameters, "speed")
+    replay_loop: bool = like(ReplayParameters, "loop")
+    replay_start: float = like(ReplayParameters, "start")
+    rate: float = like(SampledParameters, "rate")
     duration: float = parameter(
         0.0, "time from engaging to the end; 0 = until stopped", unit="s", low=0.0, high=1e6
     )
-    record: bool = parameter(True, "whether to record every topic")
-    bag: str = bag_argument()
+    record: bool = parameter(True, "record every topic")
+    bag: str = parameter("", "folder of the bag; empty for bags/<date and time>")
     composed: bool = parameter(
-        False, "whether all nodes but the recorder share one process: quicker, less robust"
+        False, "run all nodes but the recorder in one process: quicker, less robust"
     )
-    scope: bool = parameter(False, "whether to serve a page that shows the graph while it runs")
-    scope_host: str = scope_host_parameter()
-    scope_port: int = scope_port_parameter()
-    scope_control: bool = scope_control_parameter()
-    config: str = config_argument()
-    seed: int = seed_argument()
+    scope: bool = parameter(False, "serve a page that shows the graph while it runs")
+    scope_host: str = like(ScopeNodeParameters, "host")
+    scope_port: int = like(ScopeNodeParameters, "port")
+    scope_control: bool = like(ScopeNodeParameters, "control")
+    config: str = parameter("", "ROS parameter file, applied over config/teleop.yaml")
+    seed: int = like(DeviceNodeParameters, "seed")
 
 
 @dataclass(frozen=True)
 class IdentifyArguments(SweepParameters, RecordingOptions):
-    """What a user may say when identifying a handle: the excitation, and the graph that runs."""
+    """Arguments of an identification: the excitation, and the graph that runs."""
 
-    trials: int = trials_parameter()
-    rig: str = rig_argument()
-    grip: str = grip_argument()
-    master: str = master_argument()
-    rate: float = rate_parameter()
-    bag: str = bag_argument()
-    config: str = config_argument()
-    seed: int = seed_argument()
+    trials: int = like(IdentifierNodeParameters, "trials")
+    rig: str = like(GraphArguments, "rig")
+    grip: str = like(GraphArguments, "grip")
+    master: str = like(GraphArguments, "master")
+    rate: float = like(GraphArguments, "rate")
+    bag: str = like(GraphArguments, "bag")
+    config: str = like(GraphArguments, "config")
+    seed: int = like(GraphArguments, "seed")
 
     @property
     def sweep(self) -> SweepParameters:

@@ -16,30 +16,32 @@ from haptic_accel.core.control.compensation import (
 )
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.inversion.plant import Plant
-from haptic_accel.core.coupling.engagement import EngagementParameters, timeout_parameter
+from haptic_accel.core.coupling.engagement import EngagementParameters
 from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, AccelerometerParameters
-from haptic_accel.core.parameters import Checked, Schema, from_flat, parameter, schema
+from haptic_accel.core.parameters import Checked, Schema, from_flat, like, parameter, schema
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES
 
 SAFETY = "safety"
-"""Name of the limits of a device node, among its devices' parameters."""
+"""Name of a device node's safety limits among its devices' parameters."""
 
 HIGHEST_RATE = 20e3
-"""Above what any of these nodes can hold, Hz."""
+"""Rate above what any of these nodes can hold, Hz."""
 
 SCOPE_HOST = "127.0.0.1"
-"""Where only this machine reaches it."""
+"""Address that only this machine reaches."""
 
 SCOPE_PORT = 8642
-"""Registered for nothing (IANA), and below those that Linux hands out."""
+"""Default port: registered for nothing (IANA), and below those that Linux hands out."""
 
 
-def rate_parameter() -> Any:
-    """Declare the sampling rate, which several nodes share."""
-    return parameter(
+@dataclass(frozen=True)
+class SampledParameters(Checked):
+    """Sampling rate, which several nodes share."""
+
+    rate: float = parameter(
         DEFAULT_RATE,
         "samples per second of devices and compensator (paper: 1 kHz)",
         unit="Hz",
@@ -48,69 +50,46 @@ def rate_parameter() -> Any:
     )
 
 
-def scope_host_parameter() -> Any:
-    """Declare where the live scope listens."""
-    return parameter(
-        SCOPE_HOST,
-        "address the scope's page is served on; others than this machine's own need its token",
-    )
-
-
-def scope_port_parameter() -> Any:
-    """Declare the port of the live scope."""
-    return parameter(SCOPE_PORT, "of the scope's page; 0 for any that is free", low=0, high=65535)
-
-
-def scope_control_parameter() -> Any:
-    """Declare whether the live scope may act."""
-    return parameter(False, "whether the scope's page may control the graph, not only show it")
-
-
-def trials_parameter() -> Any:
-    """Declare how often a handle is excited."""
-    return parameter(4, "trials, each of all repeats (paper: four a user)", low=1, high=1000)
-
-
 @dataclass(frozen=True)
-class DeviceNodeParameters(Checked):
-    """What both device nodes have."""
+class DeviceNodeParameters(SampledParameters):
+    """Parameters of both device nodes."""
 
-    rate: float = rate_parameter()
-    seed: int = parameter(0, "of texture and noise of simulated devices", low=0, high=2**31 - 1)
+    seed: int = parameter(
+        0, "seed of the simulated devices' texture and sensor noise", low=0, high=2**31 - 1
+    )
     autostart: bool = parameter(
-        True, "whether to configure and activate by itself, or wait for `ros2 lifecycle`"
+        True, "configure and activate at the start; otherwise wait for `ros2 lifecycle`"
     )
 
 
 @dataclass(frozen=True)
 class MasterNodeParameters(DeviceNodeParameters):
-    """Of `master_device`."""
+    """Parameters of the node `master_device`."""
 
-    device: str = parameter("simulated", "which device", choices=tuple(MASTERS))
+    device: str = parameter("simulated", "name of the device", choices=tuple(MASTERS))
 
 
 @dataclass(frozen=True)
 class SlaveNodeParameters(DeviceNodeParameters):
-    """Of `slave_device`."""
+    """Parameters of the node `slave_device`."""
 
-    device: str = parameter("simulated", "which device", choices=tuple(SLAVES))
+    device: str = parameter("simulated", "name of the device", choices=tuple(SLAVES))
 
 
 @dataclass(frozen=True)
-class RestamperNodeParameters(Checked):
-    """Of `restamper`."""
+class RestamperNodeParameters(SampledParameters):
+    """Parameters of the node `restamper`."""
 
-    rate: float = rate_parameter()
     drift: float = parameter(
         0.1,
-        "of a stamp behind its arrival, from which on stamps are moved anew",
+        "delay of an arrival behind its moved stamp above which stamps are moved anew",
         unit="s",
         low=0.005,
         high=10.0,
     )
     listeners: int = parameter(
         1,
-        "subscribers of acceleration and position to wait for before saying that all is ready",
+        "subscribers of acceleration and position to wait for before reporting that all is ready",
         low=0,
         high=100,
     )
@@ -123,9 +102,9 @@ class CouplerNodeParameters(CouplingParameters, EngagementParameters):
 
 @dataclass(frozen=True)
 class CompensatorNodeParameters(CompensationParameters):
-    """Of `compensator`."""
+    """Parameters of the node `compensator`."""
 
-    rate: float = rate_parameter()
+    rate: float = like(SampledParameters, "rate")
 
     def __post_init__(self) -> None:
         """Check all fields, and the rate against the high-pass."""
@@ -135,13 +114,19 @@ class CompensatorNodeParameters(CompensationParameters):
 
 @dataclass(frozen=True)
 class IdentifierNodeParameters(SweepParameters):
-    """Of `identifier`."""
+    """Parameters of the node `identifier`."""
 
-    rate: float = rate_parameter()
-    timeout: float = timeout_parameter()
-    trials: int = trials_parameter()
+    rate: float = like(SampledParameters, "rate")
+    timeout: float = like(EngagementParameters, "timeout")
+    trials: int = parameter(
+        4, "trials, each of all repeats (paper: four a user)", low=1, high=1000
+    )
     rest: float = parameter(
-        1.0, "without force before each trial: the handle settles", unit="s", low=0.1, high=600.0
+        1.0,
+        "time without force before each trial, for the handle to settle",
+        unit="s",
+        low=0.1,
+        high=600.0,
     )
     listeners: int = parameter(
         1,
@@ -150,13 +135,13 @@ class IdentifierNodeParameters(SweepParameters):
         high=100,
     )
     travel_share: float = parameter(
-        0.95, "of the free travel, at which a trial is ended", low=0, high=1.0, above=True
+        0.95, "fraction of the free travel at which a trial is ended", low=0, high=1.0, above=True
     )
 
 
 @dataclass(frozen=True)
 class RecorderNodeParameters(RecordingOptions):
-    """Of `recorder`."""
+    """Parameters of the node `recorder`."""
 
     bag: str = parameter("", "folder to write; empty for bags/<date and time>")
     queue: int = parameter(
@@ -169,11 +154,16 @@ class RecorderNodeParameters(RecordingOptions):
 
 @dataclass(frozen=True)
 class ScopeNodeParameters(Checked):
-    """Of `scope`."""
+    """Parameters of the node `scope`."""
 
-    host: str = scope_host_parameter()
-    port: int = scope_port_parameter()
-    control: bool = scope_control_parameter()
+    host: str = parameter(
+        SCOPE_HOST,
+        "address the scope's page is served on; others than this machine's own need its token",
+    )
+    port: int = parameter(
+        SCOPE_PORT, "port of the scope's page; 0 for any free one", low=0, high=65535
+    )
+    control: bool = parameter(False, "let the scope's page control the graph, not only show it")
 
 
 NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {

@@ -1,4 +1,4 @@
-"""The graph: which executables, with which parameters, for which arguments."""
+"""The processes of the graph and their parameters, for given arguments."""
 
 from __future__ import annotations
 
@@ -19,19 +19,17 @@ from haptic_accel.devices.simulated import played
 from haptic_accel.graph.arguments import (
     AVERAGE_GRIP,
     PLAYED_TOPICS,
+    RECORDING,
     REPLAY,
+    SIMULATED,
     GraphArguments,
     IdentifyArguments,
 )
 from haptic_accel.graph.files import config_folder, read_parameter_file, rig_file, surface_file
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 
-RECORDING = "recording"
-"""Name of the surface that plays a recorded acceleration."""
-
-
-SIMULATED = "simulated"
-"""Name of the device that is always there."""
+RECORDER = "recorder"
+"""Executable that writes the bag."""
 
 SCOPE = "scope"
 """Executable that shows the graph."""
@@ -53,11 +51,11 @@ class Process:
     parameters : dict
         ROS parameters over those of the files: by node, then by dotted name.
     last : bool
-        Whether it is to be stopped after the others, whose last words it takes.
+        Stop it after the others, whose last messages it records.
     optional : bool
-        Whether the graph goes on when it ends.
+        The graph goes on when it ends.
     namespace : str
-        In which its only node and the topics are, with a slash before; empty for the root.
+        Namespace of its only node and of the topics, with a slash before; empty for the root.
     """
 
     executable: str
@@ -69,7 +67,7 @@ class Process:
 
     @property
     def ros_arguments(self) -> list[str]:
-        """What its command line needs for ROS."""
+        """Words of its command line that are for ROS."""
         words = ["--ros-args"]
         for path in self.parameter_files:
             words += ["--params-file", str(path)]
@@ -99,22 +97,11 @@ def graph(arguments: GraphArguments) -> list[Process]:
         A surface, file or parameter is not usable.
     """
     values = graph_parameters(arguments)
-    for executable in NODES:
-        node_parameters(executable, values[executable])
-    _check_recording(arguments, values["slave_device"])
-    _check_replay(arguments, values)
-    files = tuple(_files(arguments))
+    options = _checked_options(values)
+    _check_recording(arguments, options["slave_device"])
+    _check_replay(arguments, options)
     own = _own_parameters(arguments)
-    recorder = own.pop("recorder")
-    scope = own.pop(SCOPE)
-    recorder["facts"] = _facts(arguments, values, own)
-    processes = [_recorder(files, recorder)] if arguments.record else []
-    # Last, as what makes the forces need not wait for it.
-    looking = [scope_process(scope, files)] if arguments.scope else []
-    if arguments.composed:
-        return [*processes, Process(COMPOSED, files, own), *looking]
-    nodes = [Process(name, files, {name: values}) for name, values in own.items()]
-    return [*processes, *nodes, *looking]
+    return _processes(arguments, values, own, composed=arguments.composed)
 
 
 def identification_graph(arguments: IdentifyArguments) -> list[Process]:
@@ -126,22 +113,39 @@ def identification_graph(arguments: IdentifyArguments) -> list[Process]:
         A file or parameter is not usable.
     """
     values = graph_parameters(arguments)
-    for executable in NODES:
-        node_parameters(executable, values[executable])
+    _checked_options(values)
     repeat_samples(arguments.sweep, arguments.rate)  # the rate must do for the sweep
-    files = tuple(_files(arguments))
-    own = _own_parameters(arguments)
     # What the identifier takes from the simulated handle, no file gives it by its name.
-    own["identifier"] = values["identifier"]
-    recorder = own.pop("recorder")
-    recorder["facts"] = _facts(arguments, values, own)
-    nodes = [Process(name, files, {name: given}) for name, given in own.items()]
-    return [_recorder(files, recorder), *nodes]
+    own = _own_parameters(arguments) | {"identifier": values["identifier"]}
+    return _processes(arguments, values, own)
 
 
-def _recorder(files: tuple[Path, ...], parameters: dict[str, Any]) -> Process:
-    """Return the process to start first, so that it misses as little as can be of the others."""
-    return Process("recorder", files, {"recorder": parameters}, last=True)
+def _processes(
+    arguments: GraphArguments | IdentifyArguments,
+    values: Mapping[str, Mapping[str, Any]],
+    own: dict[str, dict[str, Any]],
+    *,
+    composed: bool = False,
+) -> list[Process]:
+    """Return the processes for the parameters of their own, by executable."""
+    files = tuple(_files(arguments))
+    recorder, scope = own.pop(RECORDER, None), own.pop(SCOPE, None)
+    processes = [Process(name, files, {name: given}) for name, given in own.items()]
+    if composed:
+        processes = [Process(COMPOSED, files, own)]
+    if recorder is not None:
+        recorder["facts"] = _facts(arguments, values, own)
+        # First, so that it misses as little as can be of the others.
+        processes.insert(0, Process(RECORDER, files, {RECORDER: recorder}, last=True))
+    if scope is not None:
+        # Last, as what makes the forces need not wait for it.
+        processes.append(scope_process(scope, files))
+    return processes
+
+
+def _checked_options(values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Check every parameter of every node; return their options by executable and name."""
+    return {executable: node_parameters(executable, values[executable])[1] for executable in NODES}
 
 
 def _facts(
@@ -149,7 +153,7 @@ def _facts(
     values: Mapping[str, Mapping[str, Any]],
     nodes: Iterable[str],
 ) -> str:
-    """Return what a bag is to say of the graph: its arguments, and every value of its nodes."""
+    """Return the facts for the bag: the graph's arguments, and every value of its nodes."""
     effective = {
         node: {
             name: values[node].get(name, default)
@@ -185,7 +189,7 @@ def graph_parameters(
 
 
 def _bench_values(master: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what an identifier must know of the simulated handle, by dotted name."""
+    """Return the simulated handle's values that an identifier needs, by dotted name."""
     _, devices = node_parameters("master_device", master)
     sensor = asdict(devices[SIMULATED].accelerometer)
     return {f"accelerometer.{name}": value for name, value in sensor.items()}
@@ -233,7 +237,7 @@ def _own_parameters(
         return {
             "master_device": master,
             "identifier": {**sampled, **procedure},
-            "recorder": recorder,
+            RECORDER: recorder,
         }
     recording = {}
     if arguments.surface == RECORDING:
@@ -247,6 +251,11 @@ def _own_parameters(
     listeners = 2 if arguments.record else 1
     restamper = {**sampled, "listeners": listeners}
     from_topics = arguments.slave == PLAYED_TOPICS
+    page = {
+        "host": arguments.scope_host,
+        "port": arguments.scope_port,
+        "control": arguments.scope_control,
+    }
     return {
         "master_device": master | _replay(arguments),
         **({"restamper": restamper} if from_topics else {"slave_device": slave}),
@@ -257,12 +266,8 @@ def _own_parameters(
             "listeners": listeners,
         },
         "compensator": {**sampled, "controller": arguments.controller},
-        "recorder": recorder,
-        SCOPE: {
-            "host": arguments.scope_host,
-            "port": arguments.scope_port,
-            "control": arguments.scope_control,
-        },
+        **({RECORDER: recorder} if arguments.record else {}),
+        **({SCOPE: page} if arguments.scope else {}),
     }
 
 
@@ -280,23 +285,20 @@ def _replay(arguments: GraphArguments) -> dict[str, Any]:
     }
 
 
-def _check_replay(arguments: GraphArguments, values: Mapping[str, Mapping[str, Any]]) -> None:
-    """Refuse a replay that nobody plays, and one that cannot be played."""
-    devices = {
-        "master_device": (arguments.master, MASTERS),
-        "slave_device": (arguments.slave, SLAVES),
-    }
-    players = {REPLAY, PLAYED_TOPICS}
-    if arguments.replay and players.isdisjoint((arguments.master, arguments.slave)):
+def _check_replay(arguments: GraphArguments, options: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse a replay without a device that plays it, and one that cannot be played."""
+    if arguments.replay and {REPLAY, PLAYED_TOPICS}.isdisjoint(
+        (arguments.master, arguments.slave)
+    ):
         raise ParameterError(
             f"replay = '{arguments.replay}': must come with slave:={REPLAY} or master:={REPLAY}"
         )
     if arguments.composed and arguments.slave == PLAYED_TOPICS:
         raise ParameterError(f"composed = true: not with slave:={PLAYED_TOPICS}")
-    for executable, (device, known) in devices.items():
-        if device == REPLAY:
-            _, options = node_parameters(executable, values[executable])
-            known[device](options[device], arguments.rate, arguments.seed)
+    if arguments.master == REPLAY:
+        MASTERS[REPLAY](options["master_device"][REPLAY], arguments.rate, arguments.seed)
+    if arguments.slave == REPLAY:
+        SLAVES[REPLAY](options["slave_device"][REPLAY], arguments.rate, arguments.seed)
 
 
 def _check_recording(arguments: GraphArguments, slave: Mapping[str, Any]) -> None:
@@ -310,8 +312,7 @@ def _check_recording(arguments: GraphArguments, slave: Mapping[str, Any]) -> Non
         return
     if not arguments.recording:
         raise ParameterError("recording = '': must be a CSV or WAV file")
-    _, options = node_parameters("slave_device", slave)
-    played(options["simulated"].recording, arguments.rate)
+    played(slave[SIMULATED].recording, arguments.rate)
 
 
 def _absolute(path: str) -> str:

@@ -1,4 +1,4 @@
-"""The arguments of a replay: its own words, and those of the graph, which a bag knows itself."""
+"""Arguments of a replay: its own, and those of the graph, which default to the bag's."""
 
 from __future__ import annotations
 
@@ -7,16 +7,14 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from haptic_accel.core.parameters import Checked, ParameterError, checked, parameter, schema
+from haptic_accel.core.parameters import Checked, ParameterError, checked, like, parameter, schema
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices.playback import (
     MASTER,
     SLAVE,
+    ReplayParameters,
     bag_rate,
     is_bag,
-    loop_parameter,
-    speed_parameter,
-    start_parameter,
 )
 from haptic_accel.graph.arguments import (
     PLAYED_TOPICS,
@@ -49,22 +47,22 @@ _SAID_BY_OWN = (
 
 @dataclass(frozen=True)
 class ReplayArguments(Checked):
-    """What a user may say of a replay itself."""
+    """Arguments of the replay itself."""
 
-    bag: str = parameter("", "the bag, or CSV or WAV file, to play")
-    rate: float = speed_parameter()
-    loop: bool = loop_parameter()
-    start: float = start_parameter()
+    bag: str = parameter("", "bag, or CSV or WAV file, to play")
+    rate: float = like(ReplayParameters, "speed")
+    loop: bool = like(ReplayParameters, "loop")
+    start: float = like(ReplayParameters, "start")
     sampling_rate: float = parameter(
         0.0,
-        f"of the graph; 0 for that of the bag, with a CSV or WAV file {DEFAULT_RATE:g}",
+        f"sampling rate; 0 for that of the bag, or {DEFAULT_RATE:g} Hz with a CSV or WAV file",
         unit="Hz",
         low=0.0,
         high=HIGHEST_RATE,
     )
     source: str = parameter(
         DEVICE,
-        "what plays: the replay device, or `ros2 bag play` on its topics",
+        "player: the replay device, or `ros2 bag play` on its topics",
         choices=(DEVICE, PLAYED_TOPICS),
     )
     output: str = parameter("", "folder of the bag to write; empty for bags/<date and time>")

@@ -11,8 +11,8 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.arguments import RECORDING, SIMULATED
 from haptic_accel.graph.files import surface_parameters
-from haptic_accel.graph.processes import RECORDING, SIMULATED
 
 DEVICES = ("slave_device", "master_device")
 """Nodes that can be armed; the one that the user holds comes last."""

@@ -15,8 +15,8 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import EMERGENCY_STOP
+from haptic_accel.graph.arguments import RECORDING
 from haptic_accel.graph.files import config_folder
-from haptic_accel.graph.processes import RECORDING
 from haptic_accel.nodes.graph_requests import (
     RECORDER_ACTIONS,
     SERVICES,

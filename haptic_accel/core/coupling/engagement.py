@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from haptic_accel.core.parameters import Checked, parameter
 
@@ -26,16 +25,13 @@ DISENGAGED = "let go on request"
 """Reason for free arms after a request to release them."""
 
 
-def timeout_parameter() -> Any:
-    """Declare the silence that is allowed, which several nodes share."""
-    return parameter(0.1, "silence after which forces go to zero", unit="s", low=0.005, high=10.0)
-
-
 @dataclass(frozen=True)
 class EngagementParameters(Checked):
     """Conditions for engaging, and for the end."""
 
-    timeout: float = timeout_parameter()
+    timeout: float = parameter(
+        0.1, "silence after which forces go to zero", unit="s", low=0.005, high=10.0
+    )
     duration: float = parameter(
         0.0,
         "time from engaging to the end of the graph; 0 for no end",
