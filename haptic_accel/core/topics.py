@@ -27,11 +27,11 @@ class Topic:
     frame : str
         frame_id of its messages.
     source : str
-        Arm whose samples its stamps are: master or slave.
+        Arm whose samples give its stamps: master or slave.
     reliable : bool
         Events are reliable, signals are best effort ("sensor data").
     latched : bool
-        Whether the last message is kept for who comes later ("transient local").
+        The last message is kept for later subscribers ("transient local").
     """
 
     name: str
@@ -88,14 +88,49 @@ SIGNALS = (
 )
 """The sampled topics, each a stamped vector."""
 
+
+@dataclass(frozen=True)
+class ArmTopics:
+    """The topics of one arm's device.
+
+    Attributes
+    ----------
+    position, velocity, acceleration : Topic
+        Signals that it publishes.
+    arm_force, actuator_force : Topic
+        Signals that it applies; an arm without an actuator has no `actuator_force`.
+    stopped : Topic
+        State that it publishes: whether it follows an emergency stop.
+    """
+
+    position: Topic
+    velocity: Topic
+    acceleration: Topic
+    arm_force: Topic
+    stopped: Topic
+    actuator_force: Topic | None = None
+
+
+MASTER = ArmTopics(
+    MASTER_POSITION,
+    MASTER_VELOCITY,
+    HANDLE_ACCELERATION,
+    MASTER_ARM_FORCE,
+    MASTER_STOPPED,
+    ACTUATOR_FORCE,
+)
+SLAVE = ArmTopics(
+    SLAVE_POSITION, SLAVE_VELOCITY, TOOL_ACCELERATION, SLAVE_ARM_FORCE, SLAVE_STOPPED
+)
+
 SLAVE_SIGNALS = (TOOL_ACCELERATION, SLAVE_POSITION, SLAVE_VELOCITY)
-"""What the slave's device gives, what makes the felt force first."""
+"""Signals of the slave's device, the cause of the felt force first."""
 
 PLAYED = "played"
-"""Put before the names of the slave's signals where `ros2 bag play` publishes them."""
+"""Prefix of the slave's signals where `ros2 bag play` publishes them."""
 
 TOPICS = (*SIGNALS, DIAGNOSTICS, EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED)
-"""Every topic of the graph: what the recorder keeps."""
+"""Every topic of the graph, all of which the recorder keeps."""
 
 
 def along_actuator(value: float) -> Vector:

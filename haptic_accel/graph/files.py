@@ -1,4 +1,4 @@
-"""Where the package's own files are, and how a parameter file is read."""
+"""Location of the package's own files, and reading of parameter files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from haptic_accel.graph.node_parameters import NODES, node_schema
 
 PACKAGE = "haptic_accel"
 SURFACE = "simulated.surface."
-"""What the slave device's parameters of a surface begin with."""
+"""Prefix of the slave device's parameters of a surface."""
 
 _WILDCARDS = ("/**", "**", "/*", "*")
 
@@ -58,9 +58,9 @@ def surface_file(surface: str) -> Path:
 
 
 def surface_parameters(surface: str) -> dict[str, Any]:
-    """Return all that makes a surface, by the slave device's dotted names.
+    """Return all parameters of a surface, by the slave device's dotted names.
 
-    What its file leaves out has its default, so that nothing of another surface stays.
+    Parameters missing from its file have their defaults, so that none of another surface stays.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
     Raises
     ------
     ParameterError
-        It cannot be read, is not of that form, or names a node or parameter there is none of.
+        It cannot be read, has another form, or names an unknown node or parameter.
     """
     what = f"config = '{path}'"
     try:
@@ -151,7 +151,7 @@ def _flat(section: Any, what: str, prefix: str = "") -> dict[str, Any]:
 
 
 def _known(flat: dict[str, Any], executable: str, node: str, what: str) -> dict[str, Any]:
-    """Keep what a node has; complain of what a node named by its name has not."""
+    """Keep a node's own parameters; refuse unknown ones, of a named node also other nodes'."""
     schema = node_schema(executable)
     everywhere = node in _WILDCARDS
     for name in flat:

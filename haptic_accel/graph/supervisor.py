@@ -24,18 +24,18 @@ LAST_LINES = 20
 """Lines of a dead process that are shown."""
 
 PATIENCE = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
-"""Signals to a process that should end, each with the time in s before the next."""
+"""Signals that ask a process to end, each with the time in s before the next."""
 
 _OUR_SIGNALS = (-signal.SIGINT, -signal.SIGTERM, -signal.SIGALRM)
 """Statuses of a process stopped by us; the last where its middleware did not come to an end."""
 
 LOOK_PERIOD = 0.1
-"""How often the end of a process and a request to stop are looked for, s."""
+"""Interval between checks for the end of a process and a request to stop, s."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a graph ended.
+    """End of a graph.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class Supervisor:
             return ""
 
     def _note_end(self, name: str) -> None:
-        """Say that a process ended without which the graph goes on."""
+        """Log the end of an optional process."""
         status = self._running[name].returncode
         self.on_line(name, f"ended with status {status}; the graph goes on without it")
 

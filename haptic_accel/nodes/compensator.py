@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from typing import Any, ClassVar
+from typing import Any
 
-# Loaded here so that it is there when the node appears to others: designing a filter needs it.
+# Loaded now, so that it is there when other nodes see this one: designing a filter needs it.
 import scipy.signal  # noqa: F401
 from std_srvs.srv import Trigger
 
@@ -22,22 +22,20 @@ from haptic_accel.nodes.scheduling import run
 FROZEN = "adaptive.frozen"
 """Parameter that stops the adaptation."""
 
-HEARD = 4
-"""Samples of the handle that are kept to find the one that belongs to a tick."""
+KEPT = 4
+"""Number of handle samples kept to find the one of the previous tick."""
 
 
 class Compensator(GraphNode):
     """Every tool acceleration causes one force, published before anything else."""
 
-    CHANGEABLE: ClassVar[tuple[str, ...]] = ("controller", FROZEN)
-
     def __init__(self) -> None:
-        super().__init__("compensator")
+        super().__init__("compensator", ("controller", FROZEN))
         p = self.parameters
         # All of them: designing one takes longer than a force may wait.
         self._compensation = Compensation(p, p.rate, self.options, tuple(CONTROLLERS))
         self._period = NANOSECONDS / p.rate
-        self._handle: deque[tuple[int, float]] = deque(maxlen=HEARD)
+        self._handle: deque[tuple[int, float]] = deque(maxlen=KEPT)
         self._last: int | None = None
         self._samples = self._lost = self._stale = 0
         self._send_force = self.sender(topics.ACTUATOR_FORCE).send
@@ -52,14 +50,14 @@ class Compensator(GraphNode):
         super().close()
 
     def change(self, values: dict[str, Any]) -> None:
-        """Let another controller take over, or stop or resume adaptation."""
+        """Switch the controller, or stop or resume adaptation."""
         if FROZEN in values:
             self._compensation.freeze(values[FROZEN])
         if "controller" in values:
             self._compensation.select(values["controller"])
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return what was lost, limited and refused, and what the controller says."""
+        """Return counts of lost, limited and refused samples, and the controller's values."""
         warning, values = self._compensation.status()
         return warning, {
             "samples": str(self._samples),
@@ -82,21 +80,21 @@ class Compensator(GraphNode):
         self._compensation.adapt()
 
     def _before(self, moment: int) -> float | None:
-        """Return the handle's acceleration of the tick before a moment, if it was heard."""
+        """Return the handle's acceleration of the tick before a moment, if it was received."""
         wanted = moment - self._period
-        for heard, acceleration in reversed(self._handle):
-            if abs(heard - wanted) < self._period / 2:
+        for received, acceleration in reversed(self._handle):
+            if abs(received - wanted) < self._period / 2:
                 return acceleration
         return None
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Start all controllers anew: filters, and what was learnt of the grip."""
+        """Reset all controllers: filters and grip estimates."""
         self._compensation.reset()
         response.success = True
         return response
 
     def _in_order(self, moment: int) -> bool:
-        """Count samples; false for one that is not newer than the last."""
+        """Count a sample; return whether it is newer than the last."""
         if self._last is not None:
             steps = round((moment - self._last) / self._period)
             if steps < 1:

@@ -1,7 +1,7 @@
 """Executable `composed`: all nodes but the recorder in one process.
 
-Messages then pass without waking another process, which takes most of a force's age and of the
-CPU; but a fault in one node ends all. The recorder stays apart, so that writing disturbs nobody.
+Messages then pass without waking another process, which costs most of a force's age and of the
+CPU; but a fault in one node ends all. The recorder stays apart, so that writing delays no force.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""What the two device nodes share: sampling a device, and applying commands as they arrive."""
+"""Base of the two device nodes: samples a device, applies commands as they arrive."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from typing import Any
 
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
@@ -16,21 +15,21 @@ from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ACTUATOR_AXIS, Topic, along_actuator
+from haptic_accel.core.topics import ACTUATOR_AXIS, ArmTopics, along_actuator
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.graph.node_parameters import SAFETY
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from haptic_accel.nodes.scheduling import RateKeeper, start_timer, system_time
 
 STALL = 0.02
-"""Time without a tick from which on diagnostics warn, s: a fiftieth of their own period."""
+"""Time without a tick above which diagnostics warn, s: a fiftieth of their own period."""
 
 SETTLING = 1.0
-"""Age of a node below which it takes no release of the emergency stop, s: what several senders
-have latched arrives at once and in any order, and the stop among it must win."""
+"""Age of a node below which it accepts no release of the emergency stop, s: messages latched by
+several senders arrive at once and in any order, and a stop among them must win."""
 
 NEWS_PERIOD = 0.1
-"""How often what the safety layer has to tell is looked for, s."""
+"""Interval between looks for news of the safety layer, s."""
 
 DONE, FAILED, ERROR = (
     TransitionCallbackReturn.SUCCESS,
@@ -48,14 +47,14 @@ def quantiles(durations: DurationHistogram, name: str) -> dict[str, str]:
 
 
 class Command:
-    """How old one kind of command was when it was applied.
+    """Ages of one kind of command when applied.
 
     Attributes
     ----------
     age : DurationHistogram
-        From the stamp of the sample that caused a force to its application.
+        Time from the stamp of the sample that caused a force to its application.
     late : int
-        Forces older than half a period when applied.
+        Number of forces older than half a period when applied.
     """
 
     def __init__(self, period: float) -> None:
@@ -79,54 +78,43 @@ class Command:
 
 
 def age_of(moment: int) -> float:
-    """Return how long ago a moment of system time in ns was, s."""
+    """Return the age of a moment of system time in ns, s."""
     return (time.time_ns() - moment) / NANOSECONDS
 
 
 def steady_now() -> float:
-    """Return what time it is for devices, s."""
+    """Return the time that devices use, s."""
     return time.monotonic_ns() / NANOSECONDS
 
 
-def changeable(devices: Mapping[str, type[Device]]) -> tuple[str, ...]:
-    """Return the parameters of devices that can be changed while they run, by dotted name."""
-    return tuple(
-        f"{device}.{name}" for device, kind in devices.items() for name in kind.CHANGEABLE
-    )
-
-
 class DeviceNode(ManagedNode):
-    """Samples a device on the machine's grid, publishes, applies commands at once.
+    """Samples a device on the machine's sampling grid, publishes, applies commands at once.
 
-    Every command passes a safety layer. Configured, the node samples and publishes, which needs
-    no force and shows whether all is well; only while it is active forces are allowed.
+    Every command passes a safety layer. Once configured, the node samples and publishes,
+    which needs no force and shows whether all is well; forces are allowed only while it is active.
 
     Parameters
     ----------
     executable : str
     devices : dict
         Device classes by name.
-    position, velocity, acceleration, arm_force, stopped : Topic
-    actuator_force : Topic, optional
-        Where there is an actuator.
+    arm : ArmTopics
     first : bool
-        Whether its tick gives no other the precedence.
+        Its tick runs before that of another device in the same process.
     """
 
     def __init__(
         self,
         executable: str,
         devices: dict[str, type[Device]],
-        position: Topic,
-        velocity: Topic,
-        acceleration: Topic,
-        arm_force: Topic,
-        stopped: Topic,
-        actuator_force: Topic | None = None,
+        arm: ArmTopics,
         *,
         first: bool = True,
     ) -> None:
-        super().__init__(executable)
+        super().__init__(
+            executable,
+            [f"{name}.{field}" for name, kind in devices.items() for field in kind.CHANGEABLE],
+        )
         p = self.parameters
         self._kind = devices[p.device]
         self.device = self._build_device()
@@ -136,26 +124,26 @@ class DeviceNode(ManagedNode):
         self._timer: Any = None
         self._used = self._starting = False
         self._failure: Exception | None = None
-        self._unread = self._told_unread = 0
+        self._unread = self._reported_unread = 0
         self._started = time.monotonic()
-        self._send_position = self.sender(position).send
-        self._send_velocity = self.sender(velocity).send
-        self._send_acceleration = self.sender(acceleration).send
-        self._publish_stopped = self.publisher(stopped).publish
+        self._send_position = self.sender(arm.position).send
+        self._send_velocity = self.sender(arm.velocity).send
+        self._send_acceleration = self.sender(arm.acceleration).send
+        self._publish_stopped = self.publisher(arm.stopped).publish
         self._arm_command = Command(1 / p.rate)
         self._commands = {"arm force": self._arm_command}
-        self.listen(arm_force, self._apply_arm_force)
-        if actuator_force:
+        self.listen(arm.arm_force, self._apply_arm_force)
+        if arm.actuator_force:
             self._actuator_command = Command(1 / p.rate)
             self._commands["actuator force"] = self._actuator_command
-            self.listen(actuator_force, self._apply_actuator_force)
+            self.listen(arm.actuator_force, self._apply_actuator_force)
         self.listen_state(topics.EMERGENCY_STOP, self._stop)
         self.create_service(Trigger, "~/arm", self._serve_arm)
-        self.create_timer(NEWS_PERIOD, self._tell)
+        self.create_timer(NEWS_PERIOD, self._log_news)
         if p.autostart:
             self._autostart()
 
-    # What a managed node does on its way from state to state
+    # Transitions of the managed node
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open the device and begin to sample it, without force."""
@@ -202,12 +190,12 @@ class DeviceNode(ManagedNode):
         return DONE
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Close what does not work."""
+        """Close a device that does not work."""
         self._release()
         return DONE
 
     def change(self, values: dict[str, Any]) -> None:
-        """Let the device go on with other parameters."""
+        """Change parameters of the running device."""
         name = self.parameters.device
         for changed in values:
             if not changed.startswith(f"{name}."):
@@ -225,7 +213,7 @@ class DeviceNode(ManagedNode):
         super().close()
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return the rate held, the commands' ages, what limits leave, the device's counts."""
+        """Return timing, the commands' ages, the safety layer's values, the device's counts."""
         keeper = self.rate_keeper
         values = {
             "state": self.state,
@@ -243,12 +231,12 @@ class DeviceNode(ManagedNode):
         return self._warning(), values
 
     def _warning(self) -> str:
-        """Say what is wrong, and what went wrong since the last report."""
+        """Return current problems, and those since the last report."""
         stall = self.rate_keeper.take_longest_gap()
         warnings = self.safety.warnings()
         warnings += [self.device.problem] if self.device.problem else []
-        warnings += ["no sample"] if self._unread > self._told_unread else []
-        self._told_unread = self._unread
+        warnings += ["no sample"] if self._unread > self._reported_unread else []
+        self._reported_unread = self._unread
         warnings += [f"stalled for {stall * 1e3:.0f} ms"] if stall >= STALL else []
         return ", ".join(warnings)
 
@@ -257,7 +245,7 @@ class DeviceNode(ManagedNode):
         return self._kind(self.options[p.device], p.rate, p.seed)
 
     def _autostart(self) -> None:
-        """Go where forces are allowed, or say why not."""
+        """Configure and activate, or raise the reason why not."""
         self._starting = True
         if self.trigger_configure() != DONE:
             assert self._failure
@@ -266,7 +254,7 @@ class DeviceNode(ManagedNode):
         self.trigger_activate()
 
     def _renew(self) -> None:
-        """Take a new device in place of one that was used, and a new grid."""
+        """Make a new device in place of a used one, and a new sampling grid."""
         if self._timer is not None:
             self.destroy_timer(self._timer)
             self._timer = None
@@ -276,7 +264,7 @@ class DeviceNode(ManagedNode):
         self._used = True
 
     def _release(self) -> None:
-        """Sample no more, and leave the device without force."""
+        """Stop sampling, and leave the device without force."""
         self.safety.enable(steady_now(), False)
         # Not destroyed: this may be its own callback.
         if self._timer is not None:
@@ -290,7 +278,7 @@ class DeviceNode(ManagedNode):
             self.get_logger().error(f"{self.parameters.device} device: {error}")
 
     def _fail(self, error: Exception) -> None:
-        """Give a device up that does not work: no force, no samples, until configured again."""
+        """Close a device that failed: no force, no samples, until configured again."""
         name = self.get_fully_qualified_name()
         self.get_logger().error(
             f"{error}: device closed, no force; ros2 lifecycle set {name} configure opens it again"
@@ -328,7 +316,7 @@ class DeviceNode(ManagedNode):
         self._send_velocity(moment, sample.velocity)
 
     def _watch(self, acceleration: float | None) -> None:
-        """Take off what nobody commands any more, or what must not go on."""
+        """Apply the forces that the safety layer reduces without a command."""
         now = steady_now()
         arm, actuator = self.safety.tick(now, acceleration)
         if arm is not None or actuator is not None:
@@ -336,7 +324,7 @@ class DeviceNode(ManagedNode):
             self._write(now, **{name: f for name, f in forces.items() if f is not None})
 
     def _write(self, now: float, **forces: Any) -> None:
-        """Apply forces, or give the device up."""
+        """Apply forces, or close a device that fails."""
         try:
             self.device.write(now, **forces)
         except (DeviceError, OSError) as error:
@@ -363,7 +351,7 @@ class DeviceNode(ManagedNode):
         self._actuator_command.applied(moment)
 
     def _stop(self, stop: bool) -> None:
-        """Take all forces off and refuse others, or allow them again; answer in any case."""
+        """Take all forces off and refuse commands, or allow them again; answer in any case."""
         now = steady_now()
         stopped = self.safety.stopped
         if stop:
@@ -383,7 +371,7 @@ class DeviceNode(ManagedNode):
         self.report()
 
     def _serve_arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Allow forces again after silence, an outdated command, or the device's own refusal."""
+        """Allow forces again after a time-out, an outdated command, or a refusal of the device."""
         refused = self.safety.refusal
         if not refused and self.device.arm() is False:
             refused = self.device.problem or "the device does not arm"
@@ -392,8 +380,8 @@ class DeviceNode(ManagedNode):
         self.report()
         return response
 
-    def _tell(self) -> None:
-        """Tell what the safety layer has to tell, each once."""
+    def _log_news(self) -> None:
+        """Log news of the safety layer, each once."""
         for line in self.safety.news(steady_now()):
             self.get_logger().warning(line)
             self.report()

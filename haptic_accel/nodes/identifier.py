@@ -1,4 +1,4 @@
-"""Executable `identifier`: excites the handle, so that its recording tells what it is."""
+"""Executable `identifier`: excites the handle, so that a model can be fitted to its recording."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.scheduling import run
 
 LOOK_PERIOD = 0.1
-"""How often silence and missing listeners are looked for, s."""
+"""Interval between checks for silence and missing subscribers, s."""
 
 PATIENCE = 30.0
-"""How long the device and the recorder may take to come, s."""
+"""Time allowed for the device and the recorder to start, s."""
 
 FAREWELLS, FAREWELL_PAUSE = 3, 0.01
 """Zero forces sent at the end, and the time after each, s: best effort may lose one of them."""
@@ -45,15 +45,15 @@ class Identifier(GraphNode):
         self._most_travel = p.travel_share * actuator.travel
         self._widest = self._applied = 0.0
         self._origin: int | None = None
-        self._done = -1  # repeats, as told
-        self._born = self._heard = time.monotonic()
+        self._done = -1  # repeats, as logged
+        self._started = self._received = time.monotonic()
         self._failure = ""
         self._sender = self.sender(topics.ACTUATOR_FORCE)
         self.listen(topics.HANDLE_ACCELERATION, self._excite)
         self.create_timer(LOOK_PERIOD, self._look)
 
     def close(self) -> None:
-        """Leave the actuator without force, and say what went wrong, if anything."""
+        """Leave the actuator without force, and raise what went wrong, if anything."""
         for _ in range(FAREWELLS):
             self._sender.send(time.time_ns(), ZERO)
             time.sleep(FAREWELL_PAUSE)
@@ -62,7 +62,7 @@ class Identifier(GraphNode):
             raise DeviceError(self._failure)
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return how far the procedure is, and how far the actuator went."""
+        """Return the progress, and the largest travel of the actuator."""
         return self._failure, {
             "repeats done": str(max(0, self._done)),
             "largest travel (mm)": f"{1e3 * self._widest:.3f}",
@@ -71,11 +71,11 @@ class Identifier(GraphNode):
     def _excite(self, moment: int, acceleration: Vector) -> None:
         if self.finished.done():
             return
-        self._heard = time.monotonic()
+        self._received = time.monotonic()
         if not math.isfinite(acceleration[ACTUATOR_AXIS]):
             self._fail("handle_acceleration: not a finite number, force taken off")
             return
-        # How the actuator was driven until now is what the last force and this sample did.
+        # Until now the actuator was driven by the last force, and the handle moved as sampled.
         self._widest = max(
             self._widest, abs(self._travel.sample(self._applied, acceleration[ACTUATOR_AXIS]))
         )
@@ -99,7 +99,7 @@ class Identifier(GraphNode):
         sample = round((moment - self._origin) / self._period)
         trial, within = divmod(sample, self._rest + len(self._force))
         if trial >= self.parameters.trials:
-            self._tell(self.parameters.trials * self.parameters.repeats)
+            self._log_progress(self.parameters.trials * self.parameters.repeats)
             # The handle comes to rest on the recording too.
             if within >= self._rest:
                 self.finished.set_result(None)
@@ -107,11 +107,11 @@ class Identifier(GraphNode):
         place = within - self._rest
         if place < 0:
             return 0.0
-        self._tell(trial * self.parameters.repeats + place // self._repeat)
+        self._log_progress(trial * self.parameters.repeats + place // self._repeat)
         return float(self._force[place])
 
-    def _tell(self, done: int) -> None:
-        """Say how many repeats are done, once."""
+    def _log_progress(self, done: int) -> None:
+        """Log the number of repeats done, once each."""
         if done == self._done:
             return
         self._done = done
@@ -125,16 +125,16 @@ class Identifier(GraphNode):
             self.get_logger().info(f"done, largest travel {1e3 * self._widest:.2f} mm")
 
     def _look(self) -> None:
-        """End the run where nobody listens or the handle has gone."""
+        """End the run when nobody subscribes or the handle falls silent."""
         now = time.monotonic()
         if self._origin is None:
-            if now - self._born > PATIENCE:
+            if now - self._started > PATIENCE:
                 self._fail(
                     f"waiting for subscribers of the actuator's force: {self._sender.listeners}"
                     f" of {self.parameters.listeners} after {PATIENCE:g} s"
                 )
-        elif now - self._heard > self.parameters.timeout:
-            self._fail(f"handle_acceleration: silent for {now - self._heard:.2g} s")
+        elif now - self._received > self.parameters.timeout:
+            self._fail(f"handle_acceleration: silent for {now - self._received:.2g} s")
 
     def _fail(self, failure: str) -> None:
         """Take the force off and end."""

@@ -1,11 +1,11 @@
-"""What every node of the graph has: checked parameters, topics by name, diagnostics."""
+"""Base of all nodes: checked parameters, topics by name, diagnostics."""
 
 from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable
-from typing import Any, ClassVar
+from collections.abc import Callable, Collection
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import (
@@ -21,16 +21,16 @@ from rclpy.subscription import Subscription
 
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
 from haptic_accel.core.model import Vector
-from haptic_accel.core.parameters import ParameterError, Schema, Specification, checked
+from haptic_accel.core.parameters import ParameterError, Specification, checked
 from haptic_accel.core.topics import DIAGNOSTICS, Topic
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 from haptic_accel.nodes.scheduling import SupervisedNode, scheduling_class
 
 DIAGNOSTICS_PERIOD = 1.0
-"""s."""
+"""Interval between diagnostics, s."""
 
 DEPTH = 10
-"""Messages kept for a slow subscriber; only the recorder wants more."""
+"""Number of messages kept for a slow subscriber; only the recorder needs more."""
 
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy gives every node."""
@@ -53,7 +53,7 @@ class Sender:
 
     @property
     def listeners(self) -> int:
-        """How many subscribers were found."""
+        """Number of subscribers found."""
         return int(self._publisher.get_subscription_count())
 
 
@@ -64,13 +64,15 @@ class GraphNode(SupervisedNode):
     ----------
     executable : str
         Name of the executable, and of the node unless remapped.
+    changeable : collection of str
+        Parameters that can be changed while the node runs.
 
     Attributes
     ----------
     parameters
         The node's own parameters, checked.
     options : dict
-        Parameters of what it can be made of (devices, controllers), by name.
+        Parameters of its possible parts (devices, controllers), by name.
 
     Raises
     ------
@@ -78,26 +80,25 @@ class GraphNode(SupervisedNode):
         A parameter has a value that is not allowed.
     """
 
-    CHANGEABLE: ClassVar[tuple[str, ...]] = ()
-    """Parameters that can be changed while the node runs."""
-
-    def __init__(self, executable: str) -> None:
+    def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
         super().__init__(
             executable,
-            # What was given on the command line and in files must be seen before it is
-            # declared: a wrong name must not be lost, and a wrong value not be worded by ROS.
+            # Values of the command line and of files must be seen before they are
+            # declared: a wrong name must not be lost, nor a wrong value be reported by ROS.
             allow_undeclared_parameters=True,
             automatically_declare_parameters_from_overrides=True,
         )
         self._schema = node_schema(executable)
-        values = self._declare(self._schema)
-        self.parameters, self.options = node_parameters(executable, values)
+        self._changeable = changeable
+        given = self._given()
+        self.parameters, self.options = node_parameters(executable, given)
+        self._declare(given)
         self.add_on_set_parameters_callback(self._change)
         self._publish_diagnostics = self.publisher(DIAGNOSTICS).publish
         self.create_timer(DIAGNOSTICS_PERIOD, self.report)
 
     def sender(self, topic: Topic) -> Sender:
-        """Create what publishes a signal."""
+        """Create the sender of a signal."""
         return Sender(self.publisher(topic), topic)
 
     def listen(
@@ -109,7 +110,7 @@ class GraphNode(SupervisedNode):
         )
 
     def listen_state(self, topic: Topic, callback: Callable[[bool], None]) -> Subscription:
-        """Subscribe to a latched state that is true or false."""
+        """Subscribe to a latched state, true or false."""
         return self.create_subscription(
             message_type(topic),
             topic.name,
@@ -135,23 +136,23 @@ class GraphNode(SupervisedNode):
         self.report()
 
     def change(self, values: dict[str, Any]) -> None:
-        """Take new values, checked, of parameters that can be changed; all or none.
+        """Apply new, checked values of parameters that can be changed; all or none.
 
         Raises
         ------
         ParameterError
-            It cannot be taken; nothing has changed.
+            A value cannot be applied; nothing has changed.
         """
 
     def _change(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Take new values, or say what is wrong with the first that is."""
+        """Apply new values, or refuse them because of the first wrong one."""
         values = {}
         try:
             for parameter in parameters:
                 name = parameter.name
                 if name not in self._schema:
                     raise ParameterError(f"{name}: no such parameter")
-                if name in self.CHANGEABLE:
+                if name in self._changeable:
                     values[name] = checked(name, parameter.value, *self._schema[name])
             if values:
                 self.change(values)
@@ -178,12 +179,8 @@ class GraphNode(SupervisedNode):
         array.header.stamp = self.get_clock().now().to_msg()
         self._publish_diagnostics(array)
 
-    def _declare(self, schema: Schema) -> dict[str, Any]:
-        """Declare all parameters with their descriptors, return their values.
-
-        They are read-only but for `CHANGEABLE`: what cannot be changed while running must not
-        seem to be.
-        """
+    def _given(self) -> dict[str, Any]:
+        """Return the values of the command line and of files, and undeclare them."""
         given = {
             name: parameter.value
             for name, parameter in self.get_parameters_by_prefix("").items()
@@ -194,15 +191,19 @@ class GraphNode(SupervisedNode):
             # A file may give every node (/**) what only some of them have.
             if not any(name in node_schema(executable) for executable in NODES):
                 raise ParameterError(f"{name}: no such parameter")
-        values = {}
-        for name, (default, specification) in schema.items():
+        return given
+
+    def _declare(self, given: dict[str, Any]) -> None:
+        """Declare all parameters with their descriptors and checked values.
+
+        They are read-only but for those that can be changed while the node runs.
+        """
+        for name, (default, specification) in self._schema.items():
             value = checked(name, given.get(name, default), default, specification)
             descriptor = _descriptor(default, specification)
-            descriptor.read_only = name not in self.CHANGEABLE
+            descriptor.read_only = name not in self._changeable
             # ROS would take the value as given: 300 is no double to it.
             self.declare_parameter(name, value, descriptor, ignore_override=True)
-            values[name] = value
-        return values
 
 
 def _descriptor(default: Any, specification: Specification) -> ParameterDescriptor:
@@ -216,15 +217,13 @@ def _descriptor(default: Any, specification: Specification) -> ParameterDescript
     if low is None and high is None:
         return descriptor
     if isinstance(default, int):
-        bounds = (0 if low is None else int(low), _LARGEST_INTEGER if high is None else int(high))
-        descriptor.integer_range = [IntegerRange(from_value=bounds[0], to_value=bounds[1])]
+        first = 0 if low is None else int(low)
+        last = _LARGEST_INTEGER if high is None else int(high)
+        descriptor.integer_range = [IntegerRange(from_value=first, to_value=last)]
     else:
-        descriptor.floating_point_range = [
-            FloatingPointRange(
-                from_value=-_LARGEST_NUMBER if low is None else float(low),
-                to_value=_LARGEST_NUMBER if high is None else float(high),
-            )
-        ]
+        least = -_LARGEST_NUMBER if low is None else float(low)
+        most = _LARGEST_NUMBER if high is None else float(high)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=least, to_value=most)]
     return descriptor
 
 

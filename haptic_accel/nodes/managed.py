@@ -1,7 +1,8 @@
-"""A managed node: what ROS 2 calls a lifecycle node, made to fit this package's."""
+"""A managed node, which ROS 2 calls a lifecycle node, on this package's base."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
@@ -10,7 +11,7 @@ from rclpy.lifecycle import LifecycleNodeMixin
 from haptic_accel.nodes.interface import GraphNode
 
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
-"""The states in which a managed node rests, by ROS' names."""
+"""Stable states of a managed node, by ROS' names."""
 
 
 class ManagedNode(LifecycleNodeMixin, GraphNode):
@@ -18,24 +19,25 @@ class ManagedNode(LifecycleNodeMixin, GraphNode):
 
     Parameters
     ----------
-    executable : str
+    executable, changeable
+        As for `GraphNode`.
     """
 
-    def __init__(self, executable: str) -> None:
-        GraphNode.__init__(self, executable)
+    def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
+        GraphNode.__init__(self, executable, changeable)
         LifecycleNodeMixin.__init__(self)
         self._unguarded = self._service_change_state.callback
         self._service_change_state.callback = self._serve_transition
 
     @property
     def state(self) -> str:
-        """Name of the state it is in."""
+        """Name of the current state."""
         return str(self._state_machine.current_state[1])
 
     def _serve_transition(
         self, request: ChangeState.Request, response: ChangeState.Response
     ) -> Any:
-        """Change the state as asked; rclpy would end the node for what cannot be from here."""
+        """Change the state as requested; rclpy would end the node for an impossible transition."""
         # By number or, which goes first, by name.
         names = [name for _, name, *_ in self._state_machine.available_transitions]
         numbers = [number for number, *_ in self._state_machine.available_transitions]

@@ -14,6 +14,7 @@ PROFILES_FILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FI
 """Variables that name Fast DDS' profile: in version 2 of Jazzy, and in version 3 of Kilted."""
 
 VARIABLES = (DISCOVERY_RANGE, STATIC_PEERS, *PROFILES_FILES)
+"""Variables that choose where nodes are looked for."""
 
 LOOPBACK_PROFILE = config_folder() / "fastdds.xml"
 """Profile whose sockets are bound to 127.0.0.1."""

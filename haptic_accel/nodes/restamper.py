@@ -1,7 +1,7 @@
-"""Executable `restamper`: in the slave device's place, what `ros2 bag play` publishes.
+"""Executable `restamper`: replaces the slave device by the topics of `ros2 bag play`.
 
 A bag's stamps are those of the day it was recorded. Here they are moved to now, all by the same
-time, so that every node takes the samples for fresh ones; the forces on the slave do nothing.
+time, so that every node accepts the samples as fresh; the forces on the slave do nothing.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from haptic_accel.nodes.interface import GraphNode, Sender
 from haptic_accel.nodes.scheduling import run, system_time
 
 LOOK_PERIOD = 0.1
-"""How often the others are looked for until they are there, s."""
+"""Interval between looks for the other nodes until they are there, s."""
 
 
 class Restamper(GraphNode):
-    """Passes the slave's played signals on, with their stamps moved to now."""
+    """Publishes the slave's played signals again, with their stamps moved to now."""
 
     def __init__(self) -> None:
         super().__init__("restamper")
@@ -35,19 +35,19 @@ class Restamper(GraphNode):
             self._grid_point, round(self._period), round(self.parameters.drift * NANOSECONDS)
         )
         self._age = DurationHistogram()
-        self._told = self._forces = 0
+        self._reported = self._forces = 0
         self._senders = [self._pass_on(topic) for topic in SLAVE_SIGNALS]
-        # The coupler waits for whoever takes the arm's force, and an emergency stop for whoever
-        # obeys it.
+        # The coupler waits for a subscriber of the arm's force, and `estop` for an answer to an
+        # emergency stop.
         self.listen(topics.SLAVE_ARM_FORCE, self._ignore)
         self._publish_stopped = self.publisher(topics.SLAVE_STOPPED).publish
         self.listen_state(topics.EMERGENCY_STOP, self._stop)
         self._looking = self.create_timer(LOOK_PERIOD, self._look)
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return how old samples were when passed on, and how often they drifted away."""
+        """Return the samples' ages, and how often their stamps drifted away."""
         anew = max(0, self._shift.anchored - 1)
-        new, self._told = anew - self._told, anew
+        new, self._reported = anew - self._reported, anew
         warning = (
             f"played stamps drifted {new} times by more than {self.parameters.drift:g} s:"
             " they must be played at their original rate"
@@ -60,7 +60,7 @@ class Restamper(GraphNode):
         }
 
     def _pass_on(self, topic: Topic) -> Sender:
-        """Take a played signal and publish it as the slave's own; return what publishes it."""
+        """Publish a played signal as the slave's own; return its sender."""
         sender = self.sender(topic)
         counted = topic is topics.TOOL_ACCELERATION
 
@@ -82,7 +82,7 @@ class Restamper(GraphNode):
         return system_time(round(steady // self._period * self._period))
 
     def _look(self) -> None:
-        """Say once that all others are there."""
+        """Log once that all other nodes are there."""
         acceleration, position, _ = self._senders
         if min(acceleration.listeners, position.listeners) >= self.parameters.listeners:
             self._looking.cancel()

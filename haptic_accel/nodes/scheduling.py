@@ -1,4 +1,4 @@
-"""How a node is run: executor, timing, signals, parent, garbage collection, exit status."""
+"""Running a node: executor, timing, signals, parent, garbage collection, exit status."""
 
 from __future__ import annotations
 
@@ -43,43 +43,43 @@ except ImportError:
     from rclpy.experimental import EventsExecutor
 
 EXECUTORS = {"events": EventsExecutor, "default": SingleThreadedExecutor}
-"""The second is a yardstick: several times slower."""
+"""Executors by name; `default` is for comparison and several times slower."""
 
 
 LOOK_ROUND = 0.25
-"""Period in s at which signals and the parent are looked after while no message comes.
+"""Interval between checks for signals and the parent while no message comes, s.
 
 A deadline is needed at all because the events executor of the binary wheels, which were
 built for glibc 2.28, neither sleeps nor delivers when it waits without one.
 """
 
 TIMER_OFFSET = 50e-6
-"""How far from the grid a timer may start, s: about what creating one takes."""
+"""Largest offset from the grid at which a timer may start, s: about the time to create one."""
 
 TIMER_TRIES = 50
 
 WAKES = 2
-"""Threads that wake before a timer's callback runs: the executor's timers', and its own."""
+"""Number of threads that wake before a timer's callback runs: the executor's two."""
 
 FOLLOW = 50e-6
-"""How far behind the grid the timer of a tick aims that leaves another the precedence, s."""
+"""Offset behind the grid of the timer that runs second in a shared process, s."""
 
 LARGEST_SHIFT = 0.2
-"""How far from the grid a timer may aim, periods; `RateKeeper.tick` takes a quarter."""
+"""Largest offset from the grid that a timer may have, periods; `RateKeeper.tick` allows 0.25."""
 
 LONGEST_RUN = 1_000_000
-"""How long a real-time thread may run without a pause, us, before the kernel ends its process
-(with SIGXCPU): a fault in a node must not take the machine away from its user."""
+"""Time that a real-time thread may run without a pause, us, before the kernel ends its process
+(with SIGXCPU): a fault in a node must not block the machine."""
 
 SLEEPS, SLEEP = 20, 1e-3
-"""How many sleeps, of how many s each, tell what waking a thread takes."""
+"""Number and length in s of the sleeps that measure the time to wake a thread."""
 
 FORCE_PRIORITY = 40
 """Real-time priority of nodes that make forces: the same for all, so that none interrupts
 another, and below the kernel's own threads at 50."""
 
 TEARDOWN = 3
-"""Time that the middleware has for its own end, s."""
+"""Time allowed for shutting the middleware down, s."""
 
 PR_SET_TIMERSLACK = 29
 """From linux/prctl.h."""
@@ -89,7 +89,7 @@ class RateKeeper:
     """Ticks on an absolute grid: whole multiples of the period on the machine's steady clock.
 
     All nodes of a machine at one rate tick together, as the paper's single servo loop did; a
-    late tick shifts no later one, and what was missed is counted and not made up for.
+    late tick shifts no later one; missed ticks are counted and not made up for.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class RateKeeper:
     ticks, late, missed : int
         Ticks kept; of these, later than half a period; grid points without a tick.
     lateness : DurationHistogram
-        Of the ticks kept, from the first grid point not served before.
+        Lateness of the ticks kept, from the first grid point not served before.
     """
 
     def __init__(self, rate: float, clock: Callable[[], int] = time.monotonic_ns) -> None:
@@ -116,7 +116,7 @@ class RateKeeper:
 
     @property
     def period(self) -> float:
-        """The period in s."""
+        """Period, s."""
         return self._period / NANOSECONDS
 
     def wait_for_grid(self, lead: float = 0.0) -> None:
@@ -127,7 +127,7 @@ class RateKeeper:
             time.sleep(0)
 
     def lateness_now(self, lead: float = 0.0) -> float:
-        """Return how long ago the last grid point, or `lead` s before it, was, s."""
+        """Return the time since the last grid point, or since `lead` s before it, s."""
         now = self._clock() + lead * NANOSECONDS
         return (now - self._index(now) * self._period) / NANOSECONDS
 
@@ -157,7 +157,7 @@ class RateKeeper:
         return round(index * self._period)
 
     def take_longest_gap(self) -> float:
-        """Return the longest time without a tick since this was last asked, s."""
+        """Return the longest time without a tick since the last call, s."""
         gap, self._longest_gap = self._longest_gap, 0
         return gap * self.period
 
@@ -173,8 +173,8 @@ def start_timer(
     Parameters
     ----------
     first : bool
-        Aim ahead of the grid, by the time that waking takes; otherwise `FOLLOW` after it, so
-        that of two ticks for the same grid point one finds a core and the interpreter free.
+        Aim ahead of the grid, by the time to wake; otherwise `FOLLOW` after it, so that the
+        second of two ticks for one grid point finds a core and the interpreter free.
     """
     clock = Clock(clock_type=ClockType.STEADY_TIME)
     lead = WAKES * wake_time() if first else -FOLLOW
@@ -191,7 +191,7 @@ def start_timer(
 
 
 def wake_time() -> float:
-    """Measure how long a sleeping thread takes to wake on this machine at best, s."""
+    """Measure the shortest time to wake a sleeping thread on this machine, s."""
     late = []
     for _ in range(SLEEPS):
         due = time.monotonic() + SLEEP
@@ -215,10 +215,10 @@ class SupervisedNode(Node):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.finished: Future = Future()
-        """Its result is set when the node has done what it was for."""
+        """Its result is set when the node's task is done."""
 
     def close(self) -> None:
-        """Let go of everything; called once, whatever ended the node."""
+        """Release everything; called once, whatever ended the node."""
 
 
 Build = Callable[[], SupervisedNode]
@@ -230,11 +230,11 @@ def run(name: str, *builds: Build, realtime: bool = True) -> None:
     Parameters
     ----------
     name : str
-        For messages.
+        Name in messages.
     builds : callables
-        Make the nodes; more than one share this process and its executor.
+        Functions that make the nodes, which share this process and its executor.
     realtime : bool
-        Whether to ask for real-time priority.
+        Request real-time priority.
     """
     os.environ.update(middleware_defaults(os.environ))
     sharpen_timers()
@@ -260,13 +260,13 @@ def _status(builds: Sequence[Build], name: str, realtime: bool, ended: Callable[
     try:
         _run(builds, realtime, ended)
     except (ParameterError, InvalidParameterException) as error:
-        return _complaint(name, error, WRONG_ARGUMENTS)
+        return _report(name, error, WRONG_ARGUMENTS)
     except (DeviceError, OSError) as error:
-        return _complaint(name, error, FAILED)
+        return _report(name, error, FAILED)
     return DONE
 
 
-def _complaint(name: str, error: Exception, status: int) -> int:
+def _report(name: str, error: Exception, status: int) -> int:
     print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
     return status
 
@@ -290,7 +290,7 @@ def _run(builds: Sequence[Build], realtime: bool, ended: Callable[[], bool]) -> 
 
 
 def _take_arguments() -> None:
-    """Initialise ROS from the command line, and refuse what is not for ROS."""
+    """Initialise ROS from the command line, and refuse other words."""
     unknown = remove_ros_args(sys.argv)[1:]
     if unknown:
         raise ParameterError(f"{unknown[0]}: no such argument; use --ros-args -p name:=value")
@@ -335,15 +335,15 @@ def sharpen_timers() -> None:
 
 
 def ask_for_realtime() -> bool:
-    """Run this process ahead of everything that is not real-time, if the system lets it.
+    """Request real-time priority for this process, if the system allows it.
 
-    Asked for once everything is set up, because setting up would take the cores from those
-    that run; therefore for every thread that there is by now, the middleware's too.
+    To be called after set-up, which would otherwise take the cores from nodes that run;
+    therefore for every thread there is by then, including the middleware's.
 
     Returns
     -------
     bool
-        Whether it was granted.
+        The priority was granted.
     """
     if os.environ.get(REALTIME) == "no" or not hasattr(os, "sched_setscheduler"):
         return False
@@ -358,7 +358,7 @@ def ask_for_realtime() -> bool:
 
 
 def scheduling_class() -> str:
-    """Return how the system schedules this thread, for diagnostics."""
+    """Return the scheduling class of this thread, for diagnostics."""
     if not hasattr(os, "sched_getscheduler"):
         return "unknown"
     if os.sched_getscheduler(0) == os.SCHED_FIFO:

@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
-from haptic_accel.core import topics
+from haptic_accel.core.topics import SLAVE
 from haptic_accel.devices import SLAVES
-from haptic_accel.nodes.device_node import DeviceNode, changeable
+from haptic_accel.nodes.device_node import DeviceNode
 from haptic_accel.nodes.scheduling import run
 
 
 class SlaveDevice(DeviceNode):
     """The device node of the slave."""
 
-    CHANGEABLE: ClassVar[tuple[str, ...]] = changeable(SLAVES)
-
     def __init__(self) -> None:
-        super().__init__(
-            "slave_device",
-            SLAVES,
-            topics.SLAVE_POSITION,
-            topics.SLAVE_VELOCITY,
-            topics.TOOL_ACCELERATION,
-            topics.SLAVE_ARM_FORCE,
-            topics.SLAVE_STOPPED,
-        )
+        super().__init__("slave_device", SLAVES, SLAVE)
 
 
 def main() -> None:

@@ -37,7 +37,7 @@ class PositionPositionCoupling:
 
     @property
     def engaged(self) -> bool:
-        """Whether the arms are coupled."""
+        """The arms are coupled."""
         return self._origins is not None
 
     def engage(self, master: Vector, slave: Vector) -> None:
