@@ -96,7 +96,7 @@ lint: $(DEV) ## check style (ruff) and types (mypy)
 clean: ## remove what make, colcon and the tools wrote; results/ is kept
 	@rm -rf $(VENV) build install log *.egg-info .benchmarks .hypothesis
 	rm -rf .mypy_cache .pytest_cache .ruff_cache
-	find haptic_accel launch test -name __pycache__ -prune -exec rm -rf {} +
+	find benchmarks docs haptic_accel launch test -name __pycache__ -prune -exec rm -rf {} +
 
 # An environment that is not whole, was moved, has another ROS 2 or lost its Python is built anew.
 ifneq ($(shell [ -x $(BIN)/python3 ] && cat $(WHOLE) 2>/dev/null),$(ROS) $(CURDIR))

@@ -24,13 +24,13 @@ BELOW: dict[str, set[str]] = {
     "scope": {"core", "pages"},
     "bags": {"core"},
     "devices": {"core", "bags"},
-    "emulators": {"core", "bags", "devices"},
+    "emulators": {"core", "devices"},
     "graph": {"core", "bags", "devices"},
-    "nodes": {"core", "bags", "devices", "emulators", "graph", "scope", "pages"},
+    "nodes": {"core", "bags", "devices", "graph", "scope"},
     "analysis": {"core", "bags", "graph", "pages"},
     "cli": {
         *("core", "bags", "devices", "emulators", "graph"),
-        *("nodes", "scope", "pages", "analysis"),
+        *("nodes", "scope", "analysis"),
     },
 }
 """The folders that each folder of the package may import, besides itself."""
