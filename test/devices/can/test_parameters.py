@@ -24,7 +24,7 @@ def test_each_kinematics_has_its_joints(kinematics: str, joints: int) -> None:
     [
         ({"joint2.node_id": 0}, "joint2.node_id = 0: must not be that of joint1"),
         ({"joint1.node_id": 64}, "joint1.node_id = 64: must be a whole number, from 0 to 63"),
-        ({"joint3.direction": 0}, "direction = 0: must be 1 or -1"),
+        ({"joint3.direction": 0}, "joint3.direction = 0: must be 1 or -1"),
         ({"options": "[1]"}, "options = '[1]': must be a JSON object"),
         ({"options": "{"}, "options = '{': must be a JSON object"),
         ({"kinematics": "delta"}, "kinematics = 'delta': must be one of stage, planar, arm"),

@@ -1,0 +1,129 @@
+"""Emulated boards and their coupled arms, stepped without a clock."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.core.coupling.position_position import (
+    CouplingParameters,
+    PositionPositionCoupling,
+)
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.devices.serial.protocol import (
+    FULL_SCALE,
+    ArmRequest,
+    Configure,
+    Decoder,
+    Encoder,
+    Identity,
+    Samples,
+    SetCurrent,
+    read_message,
+)
+from haptic_accel.devices.simulated import (
+    SimulatedMaster,
+    SimulatedSlave,
+    SimulatedSlaveParameters,
+)
+from haptic_accel.emulators.serial_line import CoupledArms, EmulatedBoard
+
+HANDLE = Identity((1, 0, 0), 0b100, 5000, 49.0, 2.75, "handle")
+STEP = 1e-3  # s
+
+
+class Bench:
+    """Two boards with simulated devices, and their hosts."""
+
+    def __init__(self, folder: Path) -> None:
+        self.devices = (
+            SimulatedMaster(MasterRigParameters(), 1000.0, 0),
+            SimulatedSlave(SimulatedSlaveParameters(), 1000.0, 0),
+        )
+        self.currents: list[float] = []
+        self.boards = [
+            EmulatedBoard(
+                HANDLE,
+                folder / f"port{place}",
+                lambda time, device=device: device.read(time).acceleration,
+                lambda time, current: self.currents.append(current),
+            )
+            for place, device in enumerate(self.devices)
+        ]
+        self.arms = CoupledArms(
+            self.boards, self.devices, PositionPositionCoupling(CouplingParameters())
+        )
+        self.hosts = [
+            os.open(folder / f"port{place}", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            for place in range(2)
+        ]
+        self.encoder = Encoder()
+        self.now = 0.0
+
+    def say(self, place: int, *messages: Configure | ArmRequest | SetCurrent) -> None:
+        for message in messages:
+            os.write(self.hosts[place], self.encoder.encode(message, 0))
+
+    def go_on(self, seconds: float) -> None:
+        for _ in range(round(seconds / STEP)):
+            self.now += STEP
+            for part in (*self.boards, self.arms):
+                part.step(self.now)
+
+    def received(self, place: int) -> list[Samples]:
+        frames = Decoder().feed(os.read(self.hosts[place], 1 << 16))
+        messages = map(read_message, frames)
+        return [message for message in messages if isinstance(message, Samples)]
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    bench = Bench(tmp_path)
+    yield bench
+    for host in bench.hosts:
+        os.close(host)
+    for board in bench.boards:
+        board.close()
+
+
+def test_arms_are_coupled_once_both_boards_are_sampled(bench: Bench) -> None:
+    bench.say(0, Configure(1000, 4, 1))
+    bench.go_on(0.05)
+    assert not bench.arms.coupled
+    bench.say(1, Configure(1000, 4, 1))
+    bench.go_on(0.01)
+    assert bench.arms.coupled
+    assert all(board.faults.begun for board in bench.boards)
+    start = [device.read(bench.now).position for device in bench.devices]
+    bench.go_on(0.6)
+    moved = [
+        after - before
+        for device, at in zip(bench.devices, start, strict=True)
+        for before, after in zip(at, device.read(bench.now).position, strict=True)
+    ]
+    # The hand goes down, and the slave's tip with it, 1 mm at least.
+    assert moved[2] < -1e-3
+    assert moved[5] < -1e-3
+
+
+def test_samples_are_taken_at_the_rate_of_the_host(bench: Bench) -> None:
+    bench.say(0, Configure(500, 4, 2))
+    bench.go_on(0.1)
+    found = bench.received(0)
+    assert [samples.index for samples in found] == list(range(0, 2 * len(found), 2))
+    assert len(found) == pytest.approx(25, abs=1)
+    # After a stall the samples of the meantime are not taken late.
+    bench.now += 10.0
+    bench.go_on(0.02)
+    assert len(bench.received(0)) <= 6
+
+
+def test_the_current_of_a_board_drives_its_actuator(bench: Bench) -> None:
+    bench.say(0, ArmRequest(), SetCurrent(FULL_SCALE))
+    bench.go_on(0.002)
+    assert bench.currents == [2.75]
+    bench.go_on(0.01)
+    assert bench.currents == [2.75, 0.0], "the board's own time-out"
