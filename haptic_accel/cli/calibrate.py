@@ -17,7 +17,7 @@ import yaml
 from haptic_accel.cli.options import Verb, words
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import ACTUATOR, FloatArray
-from haptic_accel.core.parameters import ParameterError, parameter
+from haptic_accel.core.parameters import ParameterError, like, parameter
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.devices import DeviceError
 from haptic_accel.devices.serial.calibration import (
@@ -29,6 +29,7 @@ from haptic_accel.devices.serial.calibration import (
 from haptic_accel.devices.serial.device import (
     HIGHEST_RATE,
     MISSING_LIBRARY,
+    CalibrationParameters,
     PortParameters,
 )
 from haptic_accel.graph.words import parse_words
@@ -56,7 +57,7 @@ class CalibrateArguments(PortParameters):
         "device whose parameters to write: can_serial with an arm on a CAN bus",
         choices=(SERIAL, CAN_SERIAL),
     )
-    axis: str = parameter("z", "axis of the accelerometer", choices=("x", "y", "z"))
+    axis: str = like(CalibrationParameters, "axis")
     seconds: float = parameter(
         2.0, "time to measure in each position", unit="s", low=0.1, high=600.0
     )
