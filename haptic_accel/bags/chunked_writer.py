@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import struct
-import sys
 from collections import Counter, defaultdict, deque
 from contextlib import suppress
 from dataclasses import dataclass
@@ -28,12 +27,8 @@ from haptic_accel.bags.rosbags_adapter import (
     PendingChunk,
     write_channel,
     write_string,
+    zstd,
 )
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd  # as rosbags has it
 
 CHUNK = 1 << 20
 """Size at which a chunk is complete, bytes; rosbag2 has 768 KiB."""

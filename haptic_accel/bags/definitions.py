@@ -61,7 +61,7 @@ def _definition(kind: str) -> tuple[str, str]:
         _add_installed(types, kind)
         text, _ = types.generate_msgdef(kind, ros_version=2)
         return text, types.hash_rihs01(kind)
-    except (OSError, LookupError, ValueError, TypesysError) as error:
+    except (ImportError, OSError, LookupError, ValueError, TypesysError) as error:
         raise UndefinedTypeError(f"{kind}: no definition: {error}") from None
 
 

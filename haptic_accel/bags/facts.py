@@ -81,10 +81,8 @@ def ros_distro() -> str:
 
 
 def _object(text: str) -> dict[str, Any]:
-    if not text:
-        return {}
     try:
-        found = json.loads(text)
+        found = json.loads(text or "{}")
     except ValueError:
         found = None
     if not isinstance(found, dict):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import io
 import struct
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
@@ -18,17 +17,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
 import numpy.typing as npt
 import yaml
 
-from haptic_accel.bags.rosbags_adapter import Channel, Schema
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd  # as rosbags has it
+from haptic_accel.bags.rosbags_adapter import DECOMPRESSORS, Channel, Schema, zstd
 
 IntArray = npt.NDArray[np.int64]
 ByteArray = npt.NDArray[np.uint8]
@@ -254,13 +247,8 @@ class McapFile:
             _, _, size, _ = _CHUNK_HEADER.unpack_from(content)
             compression, place = _text(content, _CHUNK_HEADER.size)
             (length,) = struct.unpack_from("<Q", content, place)
-            records = content[place + 8 : place + 8 + length]
-            if compression == "zstd":
-                records = zstd.decompress(records)
-            elif compression == "lz4":
-                records = lz4.frame.decompress(records)
-            elif compression:
-                raise ValueError(f"compression {compression!r}")
+            packed = content[place + 8 : place + 8 + length]
+            records = DECOMPRESSORS[compression](packed, size)
             # A chunk that was cut off and is not compressed has whole messages all the same.
             if len(records) != size and (compression or len(records) == length):
                 raise ValueError(f"{len(records)} bytes in place of {size}")

@@ -33,18 +33,9 @@ _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
 _SIGNALS = {topic.name: topic for topic in SIGNALS}
 _READ = (*_SIGNALS, DIAGNOSTICS.name)
 
-# Fields of rcl_interfaces/msg/ParameterValue by the type of the value.
-_VALUES = {
-    1: "bool_value",
-    2: "integer_value",
-    3: "double_value",
-    4: "string_value",
-    5: "byte_array_value",
-    6: "bool_array_value",
-    7: "integer_array_value",
-    8: "double_array_value",
-    9: "string_array_value",
-}
+# Fields of rcl_interfaces/msg/ParameterValue by the type of the value, from 1 on.
+_TYPES = "bool integer double string byte_array bool_array integer_array double_array string_array"
+_VALUES = {number: f"{name}_value" for number, name in enumerate(_TYPES.split(), start=1)}
 
 
 @dataclass(frozen=True)

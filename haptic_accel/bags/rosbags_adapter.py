@@ -5,8 +5,11 @@ moves one is noticed here. The writer of rosbags keeps all data in memory until 
 it is built of need not.
 """
 
+import sys
+
 from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 from rosbags.rosbag2.storage_mcap import (
+    DECOMPRESSORS,
     Channel,
     McapWriter,
     PendingChunk,
@@ -15,7 +18,13 @@ from rosbags.rosbag2.storage_mcap import (
     write_string,
 )
 
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd  # as rosbags has it
+
 __all__ = [
+    "DECOMPRESSORS",
     "Channel",
     "McapWriter",
     "PendingChunk",
@@ -24,4 +33,5 @@ __all__ = [
     "parse_qos",
     "write_channel",
     "write_string",
+    "zstd",
 ]

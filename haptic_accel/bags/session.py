@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -16,16 +16,11 @@ from haptic_accel.core.parameters import ParameterError
 
 RECORDING, PAUSED, STOPPED = "recording", "paused", "stopped"
 
+Put = Callable[[bytes], None]
+Connect = Callable[[BagWriter], Put]
+
 Answer = tuple[bool, str]
 """Success of a request, and one line about it."""
-
-
-@dataclass(frozen=True)
-class _Topic:
-    name: str
-    type: str
-    offered: tuple[Qos, ...]
-    sampled: bool
 
 
 class RecordingSession:
@@ -61,8 +56,8 @@ class RecordingSession:
         self._capacity = capacity
         self._options = options
         self._facts = facts
-        self._topics: list[_Topic] = []
-        self._puts: dict[str, Callable[[bytes], None]] = {}
+        self._connects: dict[str, Connect] = {}
+        self._puts: dict[str, Put] = {}
         self._bags = 0
         self._stopped = False
         self.failures: list[str] = []
@@ -70,7 +65,7 @@ class RecordingSession:
 
     def connect(
         self, topic: str, kind: str, offered: Sequence[Qos], *, sampled: bool = False
-    ) -> Callable[[bytes], None]:
+    ) -> Put:
         """Add a topic to this bag and all that follow; as `BagWriter.connect`.
 
         Raises
@@ -78,12 +73,15 @@ class RecordingSession:
         UndefinedTypeError
             There is no definition of the type.
         """
-        added = _Topic(topic, kind, tuple(offered), sampled)
-        self._puts[topic] = self.writer.connect(topic, kind, offered, sampled=sampled)
-        if self._stopped:
-            self._puts[topic] = _leave_out
-        self._topics.append(added)
+
+        def connect(writer: BagWriter) -> Put:
+            return writer.connect(topic, kind, offered, sampled=sampled)
+
         puts = self._puts
+        puts[topic] = connect(self.writer)
+        self._connects[topic] = connect
+        if self._stopped:
+            puts[topic] = _leave_out
         return lambda message: puts[topic](message)
 
     @property
@@ -109,10 +107,8 @@ class RecordingSession:
             self.writer = self._open(replace(self._options, start_paused=False))
         except ParameterError as error:
             return False, str(error)
-        for topic in self._topics:
-            self._puts[topic.name] = self.writer.connect(
-                topic.name, topic.type, topic.offered, sampled=topic.sampled
-            )
+        for topic, connect in self._connects.items():
+            self._puts[topic] = connect(self.writer)
         self._stopped = False
         return True, f"{self.path}: recording"
 

@@ -52,15 +52,12 @@ class Described:
 def info(path: Path, json_file: Path | None) -> int:
     """Show a bag's topics, the settings it was recorded with, and any damage."""
     found = described(path)
-    console = Console()
     metadata = found.metadata
-    console.print(f"{path}: {_when(metadata)}", highlight=False, markup=False, soft_wrap=True)
-    for line in _lines(found):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
-    console.print(_table(metadata))
+    print(f"{path}: {_when(metadata)}", *_lines(found), sep="\n")
+    Console().print(_table(metadata))
     for problem in found.problems:
-        console.print(f"{problem}: {REPAIR}", highlight=False, markup=False, soft_wrap=True)
-    save(_figures(path, found), json_file)
+        print(f"{problem}: {REPAIR}")
+    save(_metrics(path, found), json_file)
     return DONE
 
 
@@ -170,7 +167,7 @@ def _table(metadata: Metadata) -> Table:
     return table
 
 
-def _figures(path: Path, found: Described) -> dict[str, Any]:
+def _metrics(path: Path, found: Described) -> dict[str, Any]:
     metadata = found.metadata
     return {
         "path": str(path),

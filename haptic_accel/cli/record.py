@@ -12,24 +12,24 @@ from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.process import DONE
 from haptic_accel.graph.words import parse_words
 
-PATIENCE = 120.0
-"""How long an answer may take, s: a file that is finished may have to be compressed first."""
+PATIENCE = 30.0
+"""Maximum time for an answer, s: a file that is finished is brought to the disk first."""
 
 ACTIONS = {
-    "start": "go on after a pause, or begin another bag after a stop",
-    "pause": "leave out what comes, until start",
-    "split": "put what comes into another file of the bag",
+    "start": "continue after a pause, or begin another bag after a stop",
+    "pause": "leave out messages until start",
+    "split": "continue in another file of the bag",
     "stop": "finish the bag; the graph goes on",
-    "status": "say what is recorded",
+    "status": "show the state of the recording",
 }
-"""What can be done, each a service of the recorder."""
+"""Actions on a recording, each a service of the recorder."""
 
 
 @dataclass(frozen=True)
 class RecordArguments(Checked):
-    """Which recording."""
+    """Graph whose recording is controlled."""
 
-    namespace: str = parameter("", "of the graph")
+    namespace: str = parameter("", "namespace of the graph")
 
 
 @click.command(cls=Verb, examples=["haptic-accel record pause", "haptic-accel record status"])

