@@ -45,7 +45,7 @@ def data_files() -> list[tuple[str, list[str]]]:
     return list(files.items())
 
 
-TEST = ["pytest>=7", "pytest-timeout", "hypothesis"]
+TEST = ["pytest>=7.4", "pytest-timeout>=2.2", "hypothesis>=6.98"]
 
 setup(
     name=NAME,
@@ -70,12 +70,11 @@ setup(
         "rich>=13.7",
         "click>=8.1",
         "jinja2>=3.1",
-        "psutil>=5.9",
+        "psutil>=5.9.8",
         # What bags/rosbags_adapter.py imports is in these versions.
         "rosbags>=0.11.9,<0.12",
         # As rosbags has it, for bags that are read by chunks.
-        "backports.zstd; python_version<'3.14'",
-        "lz4",
+        "backports.zstd>=1.0; python_version<'3.14'",
         "pandas>=2.1",
         "aiohttp>=3.9",
     ],
@@ -102,7 +101,7 @@ setup(
             "pandas-stubs",
             "scipy-stubs",
             # Another reader of what is recorded, and a browser's driver for the pages.
-            "mcap",
+            "mcap>=1.2",
             "playwright",
             # These two build an ament_python package. colcon-core keeps setuptools below 80,
             # whose `develop` no longer knows the options of `colcon build --symlink-install`.
