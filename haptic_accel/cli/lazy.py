@@ -4,26 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 
 from haptic_accel.core.parameters import suggestion
-
-
-class Lazy(NamedTuple):
-    """A verb that is not imported yet.
-
-    Attributes
-    ----------
-    summary : str
-        One line for the list of verbs.
-    place : str or click.Group
-        ``module:name`` of the command in this package, or a group of further verbs.
-    """
-
-    summary: str
-    place: str | click.Group
 
 
 class LazyGroup(click.Group):
@@ -35,7 +20,11 @@ class LazyGroup(click.Group):
     ----------
     name : str
     sections : mapping
-        Verbs by heading and name.
+        By heading, the summaries of the verbs by name.
+    modules : mapping
+        Modules of verbs whose module in this package does not have their name.
+    groups : sequence of click.Group
+        Those of the verbs that are groups of further verbs.
     examples : sequence of str
         Command lines for the help text.
     """
@@ -43,14 +32,18 @@ class LazyGroup(click.Group):
     def __init__(
         self,
         name: str,
-        sections: Mapping[str, Mapping[str, Lazy]],
+        sections: Mapping[str, Mapping[str, str]],
         *,
+        modules: Mapping[str, str] | None = None,
+        groups: Sequence[click.Group] = (),
         examples: Sequence[str] = (),
         **settings: Any,
     ) -> None:
         super().__init__(name, no_args_is_help=False, subcommand_metavar="VERB ...", **settings)
         self.sections = sections
-        self.verbs = {verb: lazy for verbs in sections.values() for verb, lazy in verbs.items()}
+        self.verbs = [verb for verbs in sections.values() for verb in verbs]
+        self.modules = modules or {}
+        self.groups = {group.name: group for group in groups}
         self.examples = examples
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -61,18 +54,17 @@ class LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the verbs in the order of their headings."""
-        return list(self.verbs)
+        return self.verbs
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a verb."""
         if cmd_name not in self.verbs:
             return None
-        place = self.verbs[cmd_name].place
-        if isinstance(place, click.Group):
-            return place
-        module, _, name = place.partition(":")
-        found: click.Command = getattr(import_module(f"haptic_accel.cli.{module}"), name)
-        return found
+        if cmd_name in self.groups:
+            return self.groups[cmd_name]
+        module = import_module(f"haptic_accel.cli.{self.modules.get(cmd_name, cmd_name)}")
+        commands = (found for found in vars(module).values() if isinstance(found, click.Command))
+        return next(command for command in commands if command.name == cmd_name)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -88,7 +80,7 @@ class LazyGroup(click.Group):
         """Write the verbs' summaries, without importing any."""
         for heading, verbs in self.sections.items():
             with formatter.section(heading):
-                formatter.write_dl([(verb, lazy.summary) for verb, lazy in verbs.items()])
+                formatter.write_dl(list(verbs.items()))
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the examples."""

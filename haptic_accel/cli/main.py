@@ -9,7 +9,7 @@ import click
 
 from haptic_accel import __version__
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.lazy import Lazy, LazyGroup
+from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED, WRONG_ARGUMENTS
 
@@ -17,10 +17,11 @@ BAG = LazyGroup(
     "bag",
     {
         "Verbs": {
-            "info": Lazy("show topics, recording settings and damage of a bag", "bag:info"),
-            "repair": Lazy("repair bags whose recording was cut off", "bag:repair_bags"),
+            "info": "show topics, recording settings and damage of a bag",
+            "repair": "repair bags whose recording was cut off",
         }
     },
+    modules={"info": "bag", "repair": "bag"},
     help="Inspect bags, and repair those whose recording was cut off.",
     examples=["haptic-accel bag info bags/text", "haptic-accel bag repair bags/*"],
 )
@@ -28,10 +29,11 @@ EMULATE = LazyGroup(
     "emulate",
     {
         "Hardware": {
-            "can": Lazy("two arms of ODrives on CAN", "emulate:emulate_can"),
-            "serial": Lazy("boards of handle and tool on USB serial", "emulate:emulate_serial"),
+            "can": "two arms of ODrives on CAN",
+            "serial": "boards of handle and tool on USB serial",
         }
     },
+    modules={"can": "emulate", "serial": "emulate"},
     help="Emulate boards or arms to test the drivers without hardware.",
     examples=["haptic-accel emulate serial", "haptic-accel emulate can faults:=estimates@2"],
 )
@@ -39,63 +41,48 @@ BENCH = LazyGroup(
     "bench",
     {
         "Kinds": {
-            "latency": Lazy(
-                "latency, losses and CPU of the graph, beside two references",
-                "bench:latency",
-            ),
-            "fidelity": Lazy(
-                "tracking error of each controller on every rig, grip and input",
-                "fidelity:fidelity",
-            ),
+            "latency": "latency, losses and CPU of the graph, beside two references",
+            "fidelity": "tracking error of each controller on every rig, grip and input",
         }
     },
+    modules={"latency": "bench"},
     help="Measure latency, CPU, losses and tracking error.",
     examples=["haptic-accel bench latency rig:=ideal --rate 2000", "haptic-accel bench fidelity"],
 )
 
 SECTIONS = {
     "Graph": {
-        "teleop": Lazy("run the teleoperation graph", "teleop:teleop"),
-        "control": Lazy(
-            "change controller, surface or grip of a running graph", "control:control"
-        ),
-        "estop": Lazy("stop a running graph in an emergency, or release it", "estop:estop"),
-        "scope": Lazy("serve a page that shows a running graph", "scope:scope"),
+        "teleop": "run the teleoperation graph",
+        "control": "change controller, surface or grip of a running graph",
+        "estop": "stop a running graph in an emergency, or release it",
+        "scope": "serve a page that shows a running graph",
     },
     "Devices": {
-        "calibrate": Lazy(
-            "measure gain and offset of an accelerometer by gravity", "calibrate:calibrate_board"
-        ),
-        "emulate": Lazy("emulate boards or arms to test the drivers without hardware", EMULATE),
+        "calibrate": "measure gain and offset of an accelerometer by gravity",
+        "emulate": "emulate boards or arms to test the drivers without hardware",
     },
     "Recording and analysis": {
-        "record": Lazy(
-            "start, pause, split or stop the recording of a running graph", "record:record"
-        ),
-        "bag": Lazy("inspect and repair bags", BAG),
-        "replay": Lazy("play a bag again, with any controller", "replay:replay"),
-        "analyze": Lazy("write the paper's tables and plots from bags", "analyze:analyze"),
-        "experiment": Lazy(
-            "run the paper's experiment and report Table II", "experiment:experiment"
-        ),
+        "record": "start, pause, split or stop the recording of a running graph",
+        "bag": "inspect and repair bags",
+        "replay": "play a bag again, with any controller",
+        "analyze": "write the paper's tables and plots from bags",
+        "experiment": "run the paper's experiment and report Table II",
     },
     "Design": {
-        "identify": Lazy("fit the handle's model with the paper's sweep", "identify:identify"),
-        "design": Lazy("predict error, force and margins of a controller", "design:design"),
+        "identify": "fit the handle's model with the paper's sweep",
+        "design": "predict error, force and margins of a controller",
     },
     "Machine": {
-        "bench": Lazy("measure latency, CPU, losses and tracking error", BENCH),
-        "doctor": Lazy(
-            "find causes of timing jitter on this machine and suggest fixes", "doctor:doctor"
-        ),
+        "bench": "measure latency, CPU, losses and tracking error",
+        "doctor": "find causes of timing jitter on this machine and suggest fixes",
     },
 }
-"""Verbs by heading."""
-
+"""Summaries of the verbs by heading."""
 
 command_line = LazyGroup(
     "haptic-accel",
     SECTIONS,
+    groups=[BAG, EMULATE, BENCH],
     help="Haptic teleoperation with acceleration feedback: feel what a remote tool touches.",
     context_settings={
         "help_option_names": ["-h", "--help"],

@@ -57,10 +57,11 @@ def test_wrong_words_are_answered_in_one_line_with_the_nearest(
 
 def every_verb() -> Iterator[tuple[str, ...]]:
     """Yield the words that call each verb, those of groups too."""
-    for verb, lazy in command_line.verbs.items():
+    for verb in command_line.verbs:
         yield (verb,)
-        if isinstance(lazy.place, LazyGroup):
-            yield from ((verb, kind) for kind in lazy.place.verbs)
+        below = command_line.groups.get(verb)
+        if below:
+            yield from ((verb, kind) for kind in below.list_commands(click.Context(below)))
 
 
 def command_of(words: Sequence[str]) -> click.Command:
