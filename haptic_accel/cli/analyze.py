@@ -7,7 +7,6 @@ from pathlib import Path
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.analysis.comparison import RUNS, check_comparison, compared
 from haptic_accel.analysis.loading import Analysis, analyse, find_bags
@@ -15,6 +14,7 @@ from haptic_accel.analysis.metrics import Shift
 from haptic_accel.analysis.writing import as_json, write_analysis, write_json
 from haptic_accel.cli.options import FILE, Verb, json_option, out_option
 from haptic_accel.cli.output import results_folder
+from haptic_accel.cli.running import progress_bar
 from haptic_accel.cli.tables import print_analysis
 from haptic_accel.core.process import DONE, FAILED
 
@@ -90,17 +90,13 @@ def _analysed(
     places: Sequence[Path], shift: Shift, perceptual: bool, console: Console
 ) -> Analysis:
     """Analyse all bags, with a bar that says which and how long is left."""
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TextColumn("{task.completed} of {task.total}"),
-        TimeRemainingColumn(elapsed_when_finished=True),
-    )
-    with Progress(*columns, console=console) as progress:
+    with progress_bar(console) as progress:
         bar = progress.add_task("", total=None)
 
         def begun(done: int, total: int, name: str) -> None:
-            progress.update(bar, completed=done, total=total, description=name)
+            progress.update(
+                bar, completed=done, total=total, description=f"{done} of {total}: {name}"
+            )
 
         analysis = analyse(places, shift, perceptual=perceptual, begun=begun)
         progress.update(bar, completed=analysis.bags, description="bags")

@@ -11,7 +11,6 @@ from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.metrics import AnalysedTrial
@@ -20,15 +19,15 @@ from haptic_accel.analysis.segments import CORE
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
 from haptic_accel.cli.options import (
     Verb,
+    controllers_option,
     json_option,
-    listed,
-    listed_words,
+    lockstep_option,
     out_option,
     word_options,
     words,
 )
 from haptic_accel.cli.output import results_folder
-from haptic_accel.cli.running import StopOnSignal, conclude
+from haptic_accel.cli.running import StopOnSignal, conclude, progress_bar
 from haptic_accel.cli.tables import print_analysis
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
@@ -60,9 +59,6 @@ DURATION = 10.0
 
 AROUND = 4.0
 """Estimated time for starting and stopping the graph, s, for the time left."""
-
-REFRESH = 2.0
-"""Refresh rate of the progress bar, Hz: drawing takes a core from the graph."""
 
 LOST_SHARE = 0.01
 """Share of a signal's samples that may be missing before the reader is warned."""
@@ -112,16 +108,8 @@ class GraphFailedError(Exception):
     ],
 )
 @words(GraphArguments)
-@click.option(
-    "--lockstep", is_flag=True, help="Run without ROS, faster than real time and repeatable."
-)
-@click.option(
-    "--controllers",
-    type=listed_words,
-    default=listed(PAPER_CONTROLLERS),
-    metavar="NAME,NAME,...",
-    help=f"Controllers to compare, among {', '.join(CONTROLLERS)}.",
-)
+@lockstep_option
+@controllers_option(CONTROLLERS, default=PAPER_CONTROLLERS)
 @word_options(["rig", "rate", "grip", "recording", "recording_rate"])
 @click.option(
     "--seeds", type=int, default=1, help="Number of users and pieces of material, in lockstep."
@@ -202,10 +190,6 @@ def _plan(
         if any(word.startswith(f"{key}:=") for word in words):
             raise ParameterError(f"{key}: not for an experiment, which records in its folder")
     surfaces = _restricted(words, "surface", arguments.surface, SURFACES)
-    for name in controllers:
-        if name not in CONTROLLERS:
-            known = ", ".join(CONTROLLERS)
-            raise ParameterError(f"controllers = {name!r}: must be among {known}")
     controllers = _restricted(words, "controller", arguments.controller, controllers)
     return [
         replace(arguments, surface=surface, controller=controller, seed=arguments.seed + seed)
@@ -227,14 +211,8 @@ def _run_all(
     console: Console,
 ) -> Iterator[tuple[Path, GraphArguments]]:
     """Run one condition after the other, with a progress bar; yield the bag of each."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TimeRemainingColumn(elapsed_when_finished=True),
-    )
     several = len({arguments.seed for arguments in plan}) > 1
-    with Progress(*columns, console=console, refresh_per_second=REFRESH) as progress:
+    with progress_bar(console) as progress:
         bar = progress.add_task("", total=len(plan))
         for index, arguments in enumerate(plan):
             surface = Path(arguments.surface).stem

@@ -14,12 +14,12 @@ from typing import Any
 import click
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from haptic_accel.cli.experiment import SURFACES
-from haptic_accel.cli.options import Verb, json_option, listed, listed_words
+from haptic_accel.cli.options import Verb, controllers_option, json_option
 from haptic_accel.cli.output import save
+from haptic_accel.cli.running import progress_bar
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.inversion import Plant, causal_bound, measured_spectrum
@@ -137,13 +137,7 @@ class Row:
 
 
 @click.command(cls=Verb)
-@click.option(
-    "--controllers",
-    type=listed_words,
-    default=listed(CONTROLLERS),
-    metavar="NAME,NAME,...",
-    help="Controllers to compare.",
-)
+@controllers_option(CONTROLLERS, default=CONTROLLERS)
 @click.option(
     "--recording",
     "recordings",
@@ -177,9 +171,6 @@ def fidelity(
     Runs both rigs at 1 and 4 kHz, with Table I's grip, with many hands, and with grips that
     change. Prints errors beside the lowest that any causal linear filter could reach.
     """
-    for name in controllers:
-        if name not in CONTROLLERS:
-            raise ParameterError(f"controllers = {name!r}: must be among {', '.join(CONTROLLERS)}")
     if not 0 <= hands <= 1000:
         raise ParameterError(f"hands = {hands}: must be from 0 to 1000")
     inputs = _inputs(recordings, recording_rates)
@@ -251,9 +242,8 @@ def _cases(
 
 
 def _run_all(cases: Sequence[Case]) -> list[Row]:
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     rows = []
-    with ProcessPoolExecutor() as pool, Progress(*columns, console=Console(stderr=True)) as bar:
+    with ProcessPoolExecutor() as pool, progress_bar() as bar:
         task = bar.add_task("trials", total=len(cases))
         try:
             for row in pool.map(run_case, cases):

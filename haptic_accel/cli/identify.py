@@ -15,7 +15,6 @@ import click
 import numpy as np
 import yaml
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from haptic_accel.analysis.identification_report import ModelError, write_identification_report
@@ -23,14 +22,14 @@ from haptic_accel.bags.excitation import read_excited, read_force_age
 from haptic_accel.cli.options import (
     Verb,
     json_option,
-    listed,
     listed_words,
+    lockstep_option,
     out_option,
     word_options,
     words,
 )
 from haptic_accel.cli.output import results_folder
-from haptic_accel.cli.running import StopOnSignal, conclude
+from haptic_accel.cli.running import StopOnSignal, conclude, progress_bar
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification import (
     DEFAULT_FREE,
@@ -102,7 +101,7 @@ class _StoppedError(Exception):
     ],
 )
 @words(IdentifyArguments)
-@click.option("--lockstep", is_flag=True, help="Run without ROS, on the simulated handle.")
+@lockstep_option
 @click.option(
     "--grips",
     type=listed_words,
@@ -129,7 +128,7 @@ class _StoppedError(Exception):
 @click.option(
     "--free",
     type=listed_words,
-    default=listed(DEFAULT_FREE),
+    default=",".join(DEFAULT_FREE),
     metavar="NAME,NAME,...",
     help="Parameters of the model to fit.",
 )
@@ -275,10 +274,9 @@ def _ask_for(grip: str, arguments: IdentifyArguments, count: int) -> None:
 def _run_graph(arguments: IdentifyArguments) -> None:
     sweep = arguments.sweep
     repeats = arguments.trials * sweep.repeats
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with (
         StopOnSignal() as stop,
-        Progress(*columns, console=Console(stderr=True), refresh_per_second=2) as progress,
+        progress_bar() as progress,
     ):
         task = progress.add_task(f"{arguments.grip} grip: starting", total=repeats)
 

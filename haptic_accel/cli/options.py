@@ -151,6 +151,25 @@ out_option = click.option(
     metavar="FOLDER",
     help="New folder for the results (default: results/<date and time>).",
 )
+lockstep_option = click.option(
+    "--lockstep",
+    is_flag=True,
+    help="Run without ROS, on the virtual rig: faster than real time, and repeatable.",
+)
+
+
+def controllers_option(known: Iterable[str], default: Iterable[str] = ()) -> Callable[[F], F]:
+    """Let a verb take several controllers."""
+    names = list(known)
+    read = one_of(names)
+    return click.option(
+        "--controllers",
+        type=lambda text: [read(word) for word in listed_words(text)],
+        default=",".join(default),
+        show_default=bool(default),
+        metavar="NAME,NAME,...",
+        help=f"Controllers to compare, among {', '.join(names)}.",
+    )
 
 
 def words(
@@ -171,8 +190,3 @@ def word_options(names: Iterable[str], metavar: str = "VALUE") -> Callable[[F], 
         return verb
 
     return declare
-
-
-def listed(values: Iterable[float | str]) -> str:
-    """Write values with commas between."""
-    return ",".join(value if isinstance(value, str) else f"{value:g}" for value in values)

@@ -14,7 +14,14 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from haptic_accel.cli.options import FILE, Verb, json_option, listed_words, words
+from haptic_accel.cli.options import (
+    FILE,
+    Verb,
+    controllers_option,
+    json_option,
+    lockstep_option,
+    words,
+)
 from haptic_accel.cli.output import make_folder, save
 from haptic_accel.cli.running import StopOnSignal, conclude, show
 from haptic_accel.core.control.controllers import CONTROLLERS
@@ -50,15 +57,8 @@ NAME_WIDTH = 19
 @words(
     ReplayArguments, GraphArguments, describe=described_replay, metavar="[BAG | key:=value ...]"
 )
-@click.option("--lockstep", is_flag=True, help="Run without ROS; repeatable.")
-@click.option(
-    "--controllers",
-    type=listed_words,
-    default="",
-    show_default=False,
-    metavar="NAME,NAME,...",
-    help="Controllers that each play every bag, with --lockstep.",
-)
+@lockstep_option
+@controllers_option(CONTROLLERS)
 @json_option
 @click.option(
     "--out",
@@ -134,9 +134,6 @@ def replay_lockstep(
     ParameterError
         An argument is wrong, or a bag cannot be replayed.
     """
-    for name in controllers:
-        if name not in CONTROLLERS:
-            raise ParameterError(f"controllers = {name!r}: must be among {', '.join(CONTROLLERS)}")
     bags, arguments = _sorted(words)
     each = [_with_bag([bag], arguments) for bag in bags] or [arguments]
     # All that can be wrong is found before anything runs.

@@ -81,7 +81,7 @@ def show(executable: str, line: str) -> None:
 
 
 def progress_bar(console: Console | None = None, refresh: float = 2.0) -> Progress:
-    """Return a progress bar with description and remaining time.
+    """Return a progress bar with description, percentage and remaining time.
 
     Parameters
     ----------
@@ -93,6 +93,7 @@ def progress_bar(console: Console | None = None, refresh: float = 2.0) -> Progre
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(elapsed_when_finished=True),
         console=console or Console(stderr=True),
         refresh_per_second=refresh,

@@ -9,7 +9,7 @@ import click
 
 from haptic_accel.cli.options import Verb, words
 from haptic_accel.cli.running import StopOnSignal
-from haptic_accel.core.parameters import parameter
+from haptic_accel.core.parameters import parameter, schema
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.graph.node_parameters import ScopeNodeParameters
 from haptic_accel.graph.processes import scope_process
@@ -40,11 +40,7 @@ def scope(words: Sequence[str]) -> int:
     it.
     """
     arguments = parse_words(words, ScopeArguments)
-    parameters = {
-        "host": arguments.host,
-        "port": arguments.port,
-        "control": arguments.control,
-    }
+    parameters = {name: getattr(arguments, name) for name in schema(ScopeNodeParameters)}
     name = arguments.namespace.strip("/")
     namespace = f"/{name}" if name else ""
     # The only process here: its end is the end of the verb.

@@ -118,8 +118,8 @@ def test_bags_of_the_same_name_are_not_written_over_each_other(tmp_path: Path) -
         (["{text}", "loop:=true", "--lockstep"], "loop = true: not with --lockstep"),
         (["{text}", "source:=topics", "--lockstep"], "not with --lockstep"),
         (["{text}", "master:=replay", "--lockstep"], "not with --lockstep"),
-        (["{text}", "--controllers", "magic"], "--controllers: only with --lockstep"),
-        (["{text}", "--controllers", "magic", "--lockstep"], "controllers = 'magic'"),
+        (["{text}", "--controllers", "none"], "--controllers: only with --lockstep"),
+        (["{text}", "--controllers", "magic", "--lockstep"], "'magic': must be one of none"),
     ],
 )
 def test_wrong_words_are_refused_in_one_line(tmp_path: Path, words: list[str], named: str) -> None:
