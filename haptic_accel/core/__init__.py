@@ -1,1 +1,1 @@
-"""What computes: models, filters, controllers, rig and metrics, without ROS and in lockstep."""
+"""Algorithms without ROS: models, filters, controllers, virtual rig, metrics, lockstep trials."""

@@ -1,8 +1,8 @@
-"""Stamped vectors as the bytes that ROS sends: one layout for all of the graph's signals.
+"""Stamped vectors as serialised by ROS: one layout for all signals of the graph.
 
 PoseStamped, TwistStamped, WrenchStamped and AccelStamped all are a header followed by doubles,
-of which the first three are what the graph is about. Filling and reading message objects would
-cost a node more than everything else it does; packing the same bytes costs a microsecond.
+of which the first three are the signal. Filling and reading message objects would cost a node
+more than everything else it does; packing the same bytes takes a microsecond.
 Format: OMG DDS-RTPS 2.5, section 10.2 (CDR); times and doubles are aligned to their size.
 """
 
@@ -48,7 +48,7 @@ class StampedVector:
     Parameters
     ----------
     topic : Topic
-        Gives type and frame.
+        Topic, which gives type and frame.
     """
 
     def __init__(self, topic: Topic) -> None:
@@ -91,7 +91,7 @@ def unpack_stamped_vectors(
     ----------
     block : ndarray of uint8
     starts, ends : ndarray of int64, shape (n,)
-        Where each message lies in it.
+        Start and end of each message in the block.
 
     Returns
     -------

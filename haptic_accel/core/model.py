@@ -24,7 +24,7 @@ GRAVITY = 9.80665
 
 
 ACTUATOR = "actuator"
-"""Block of a node's parameters that describes the actuator, for all that the node is made of."""
+"""Block of a node's parameters that describes the actuator, shared by all parts of the node."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class HandleParameters(Suspension):
 
 @dataclass(frozen=True)
 class RationalModel:
-    """A transfer function in s by its polynomials.
+    """Transfer function in s, as numerator and denominator polynomials.
 
     Attributes
     ----------
@@ -93,14 +93,30 @@ class ApproximateModel(Checked):
     Its defaults are the numbers below eq. (3) of the paper.
     """
 
-    zero_1_frequency: float = parameter(9.0, "first zero pair", unit="Hz", low=0, above=True)
-    zero_1_damping: float = parameter(0.5, "its damping ratio", low=0, above=True)
-    zero_2_frequency: float = parameter(12.0, "second zero pair", unit="Hz", low=0, above=True)
-    zero_2_damping: float = parameter(0.3, "its damping ratio", low=0, above=True)
-    pole_1_frequency: float = parameter(15.0, "first pole pair", unit="Hz", low=0, above=True)
-    pole_1_damping: float = parameter(0.35, "its damping ratio", low=0, above=True)
-    pole_2_frequency: float = parameter(20.0, "second pole pair", unit="Hz", low=0, above=True)
-    pole_2_damping: float = parameter(0.4, "its damping ratio", low=0, above=True)
+    zero_1_frequency: float = parameter(
+        9.0, "frequency of the first zero pair", unit="Hz", low=0, above=True
+    )
+    zero_1_damping: float = parameter(
+        0.5, "damping ratio of the first zero pair", low=0, above=True
+    )
+    zero_2_frequency: float = parameter(
+        12.0, "frequency of the second zero pair", unit="Hz", low=0, above=True
+    )
+    zero_2_damping: float = parameter(
+        0.3, "damping ratio of the second zero pair", low=0, above=True
+    )
+    pole_1_frequency: float = parameter(
+        15.0, "frequency of the first pole pair", unit="Hz", low=0, above=True
+    )
+    pole_1_damping: float = parameter(
+        0.35, "damping ratio of the first pole pair", low=0, above=True
+    )
+    pole_2_frequency: float = parameter(
+        20.0, "frequency of the second pole pair", unit="Hz", low=0, above=True
+    )
+    pole_2_damping: float = parameter(
+        0.4, "damping ratio of the second pole pair", low=0, above=True
+    )
     gain: float = parameter(1.0, "gain at zero frequency", unit="m/s^2/N", low=0, above=True)
 
     def sections(self) -> list[tuple[FloatArray, FloatArray]]:
@@ -143,7 +159,7 @@ class AccelerometerParameters(Checked):
     )
     noise_density: float = parameter(
         250e-6 * GRAVITY,
-        "noise (ADXL320 data sheet: 250 ug/sqrt(Hz))",
+        "noise density (ADXL320 data sheet: 250 ug/sqrt(Hz))",
         unit="m/s^2/sqrt(Hz)",
         low=0,
         high=1.0,
@@ -164,11 +180,11 @@ class Sample(NamedTuple):
     Attributes
     ----------
     position : tuple of float
-        Tip or handle in the arm's base frame, m.
+        Position of tip or handle in the arm's base frame, m.
     velocity : tuple of float
-        m/s.
+        Velocity of the same point, m/s.
     acceleration : float
-        Along the actuator's axis (z of the tool or handle frame), m/s^2.
+        Acceleration along the actuator's axis (z of the tool or handle frame), m/s^2.
     """
 
     position: Vector
@@ -177,16 +193,16 @@ class Sample(NamedTuple):
 
 
 GRIP_STREAM = 3
-"""Random stream of the user's grip, apart from those of sensor noise of the same seed."""
+"""Random stream of the user's grip, independent of sensor noise with the same seed."""
 
 POSTURES: dict[str, tuple[float, float, float]] = {
     "average": (1.0, 1.0, 1.0),
     "pinch": (0.92, 0.75, 0.8),
     "hook": (1 / 0.92, 1 / 0.75, 1 / 0.8),
 }
-"""Factors of m_h, k_u and b_u by how the handle is held. The paper fitted Table I to pinch and
-hook grips together; that fingertips hold softer and with less of the hand, and how much, is
-assumed, such that Table I lies in the middle."""
+"""Factors of m_h, k_u and b_u by posture. The paper fitted Table I to pinch and hook grips
+together; that a pinch grip is softer and involves less of the hand, and by how much, is assumed,
+such that Table I lies in the middle."""
 
 
 @dataclass(frozen=True)
@@ -201,7 +217,7 @@ class MountParameters(Checked):
 
 @dataclass(frozen=True)
 class GripParameters(Checked):
-    """How users differ from Table I, and how the handle is held."""
+    """Variation between users, posture of the hand, and gravity."""
 
     variation: float = parameter(
         0.0,
@@ -210,7 +226,7 @@ class GripParameters(Checked):
         high=1.0,
     )
     posture: str = parameter(
-        "average", "how the handle is held; average is Table I", choices=tuple(POSTURES)
+        "average", "posture of the hand; average is Table I", choices=tuple(POSTURES)
     )
     gravity: float = parameter(
         0.0, "gravity along the actuator's axis", unit="m/s^2", low=-9.81, high=9.81
@@ -218,20 +234,20 @@ class GripParameters(Checked):
 
 
 def held(handle: HandleParameters, grip: GripParameters, seed: int) -> HandleParameters:
-    """Return the handle as one user holds it: by posture, and as users vary.
+    """Return the handle parameters for one user's posture and individual variation.
 
     Parameters
     ----------
     handle : HandleParameters
-        The average user's.
+        Parameters of the average user.
     grip : GripParameters
     seed : int
-        Of the user.
+        Seed of the user's individual variation.
     """
     m_h, k_u, b_u = POSTURES[grip.posture]
     if grip.variation:
         drawn = np.random.default_rng((seed, GRIP_STREAM)).normal(0.0, grip.variation, 3)
-        # One hand holds more or less of itself against the handle: mass least, stiffness most.
+        # Mass, stiffness and damping vary together: mass least, stiffness most.
         factors = np.exp(drawn * (0.3, 1.0, 0.7)).tolist()
         m_h, k_u, b_u = m_h * factors[0], k_u * factors[1], b_u * factors[2]
     return replace(handle, m_h=handle.m_h * m_h, k_u=handle.k_u * k_u, b_u=handle.b_u * b_u)

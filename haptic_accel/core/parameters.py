@@ -1,4 +1,4 @@
-"""Parameters that know their unit and range, and say in one line what is wrong with a value."""
+"""Parameters with unit and range, checked with one-line error messages."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ _SPECIFICATION = "parameter"
 
 
 class ParameterError(ValueError):
-    """A value that a user gave is not allowed; the message is one line fit to be shown."""
+    """A value given by the user is not allowed; the message is one line for the user."""
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return what to add to an error about an unknown word: the nearest known one, if any."""
+    """Return a hint for an error about an unknown word: the nearest known one, or nothing."""
     near = difflib.get_close_matches(word, list(known), n=1)
     return f" (did you mean {near[0]}?)" if near else ""
 
 
 @dataclasses.dataclass(frozen=True)
 class Specification:
-    """What is known of one parameter besides its value.
+    """Description of one parameter: everything but its value.
 
     Attributes
     ----------
     text : str
-        What the parameter means, and where its default comes from.
+        Meaning of the parameter, and the source of its default.
     unit : str
         SI unit, empty for a pure number.
     low, high : float or None
         Smallest and largest value allowed; ``None`` means no bound.
     above : bool
-        Whether `low` itself is excluded.
+        True if `low` itself is excluded.
     choices : tuple of str
         The allowed words of a string parameter; empty where any is allowed.
     block : str
@@ -68,7 +68,7 @@ class Specification:
         return f"a finite number{unit}"
 
     def admits(self, number: float) -> bool:
-        """Whether a number is finite and within the bounds."""
+        """Return True for a finite number within the bounds."""
         try:
             if not math.isfinite(number):
                 return False
@@ -102,12 +102,12 @@ def like(owner: type, name: str) -> Any:
 
 
 def checked(name: str, value: Any, default: Any, specification: Specification) -> Any:
-    """Return a value in the type of its default, or say what is wrong with it.
+    """Return a value in the type of its default, or raise an error that names the problem.
 
     Parameters
     ----------
     name : str
-        What to call the parameter in the message.
+        Name of the parameter in the message.
     value
         The value as given: from a file, a command line or code.
     default
@@ -195,7 +195,7 @@ def schema(parameters: type, prefix: str = "") -> Schema:
     parameters : type
         A dataclass whose fields are parameters or dataclasses of parameters.
     prefix : str
-        Put before every name, with its dot.
+        Prefix of every name, including its dot.
     """
     found: Schema = {}
     for field in dataclasses.fields(parameters):
@@ -222,14 +222,14 @@ def from_flat(parameters: type[T], values: Mapping[str, Any], prefix: str = "") 
     parameters : type
         The dataclass.
     values : mapping
-        Values by dotted name; missing ones keep their default, others are not looked at.
+        Values by dotted name; missing ones keep their default, unknown ones are ignored.
     prefix : str
-        Before every name, with its dot.
+        Prefix of every name, including its dot.
 
     Raises
     ------
     ParameterError
-        A value that is not allowed, by its dotted name.
+        A value is not allowed; the message gives its dotted name.
     """
     fields: dict[str, Any] = {}
     names: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""What a process of the graph and whoever starts it agree on."""
+"""Exit statuses and environment variables shared by the processes of a graph."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ DONE, FAILED, WRONG_ARGUMENTS = 0, 1, 2
 """Exit statuses of every executable and of ``haptic-accel``."""
 
 INTERRUPTED = 130
-"""Exit status of ``haptic-accel`` after Ctrl-C, as shells have it."""
+"""Exit status of ``haptic-accel`` after Ctrl-C, as in shells."""
 
 SUPERVISOR = "HAPTIC_ACCEL_SUPERVISOR"
-"""Environment variable with the process id of who started a node."""
+"""Environment variable with the process id of the process that started a node."""
 
 EXECUTOR = "HAPTIC_ACCEL_EXECUTOR"
-"""Environment variable that chooses a node's executor, for comparing: events or default."""
+"""Environment variable that selects a node's executor, for comparisons: events or default."""
 
 REALTIME = "HAPTIC_ACCEL_REALTIME"
-"""Environment variable that keeps nodes from asking for real-time priority, for comparing: no."""
+"""Environment variable that disables real-time priority for comparisons if it is ``no``."""

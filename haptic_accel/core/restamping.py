@@ -5,30 +5,30 @@ from __future__ import annotations
 from collections.abc import Callable
 
 LISTENING = 100_000_000
-"""How long arrivals are compared before anything is passed on, ns: the first may be held up."""
+"""Initial time in which arrivals are only compared, ns: the first one may be delayed."""
 
 
 class StampShift:
-    """Adds to old stamps what makes them now, the same for all.
+    """Adds the same offset to all recorded stamps, so that they match the present time.
 
-    Their spacing stays exactly what it was, however unevenly they arrive: the quickest of the
-    first arrivals tells what to add. Where stamps and arrivals drift apart, because a bag is
-    played at another speed or over and over, that is found anew.
+    Their spacing stays exactly as recorded, however unevenly they arrive: the offset is that of
+    the fastest of the first arrivals. It is determined anew where stamps and arrivals drift apart,
+    because a bag is played at another speed or in a loop.
 
     Parameters
     ----------
     grid : callable
-        The last point of the sampling grid up to a moment, both system time in ns: moved stamps
-        lie on the grid that the other arm is sampled on.
+        Function that returns the last point of the sampling grid up to a moment, both system time
+        in ns: moved stamps lie on the grid that the other arm is sampled on.
     period : int
-        Of the grid, ns: by so much a moved stamp may be ahead of its arrival.
+        Period of the grid, ns: maximum time by which a moved stamp may be ahead of its arrival.
     limit : int
-        By how much it may be behind, ns.
+        Maximum time by which it may be behind, ns.
 
     Attributes
     ----------
     anchored : int
-        How often it was found what to add; once in a playback at its original speed.
+        Number of times that the offset was determined; one in a playback at original speed.
     """
 
     def __init__(self, grid: Callable[[int], int], period: int, limit: int) -> None:
@@ -41,14 +41,14 @@ class StampShift:
         self.anchored = 0
 
     def moved(self, stamp: int, now: int) -> int | None:
-        """Return a stamp as if its sample had just been taken; None while only listening.
+        """Return a stamp as if its sample had just been taken; None while only comparing.
 
         Parameters
         ----------
         stamp : int
-            Of the recording, ns.
+            Recorded stamp, ns.
         now : int
-            When it arrived, system time, ns.
+            Time of arrival, system time, ns.
         """
         if self._offset is None:
             self._listen(now - stamp, now)

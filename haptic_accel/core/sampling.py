@@ -100,7 +100,7 @@ def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
             f"rate not found: {len(stamps)} samples in {duration / NANOSECONDS:.5g} s lie on no"
             " grid"
         )
-    # Stamps that are far apart on the grid tell the period better than neighbours do.
+    # Stamps that are far apart on the grid give the period more precisely than neighbours do.
     found = NANOSECONDS / (duration / max(1.0, float(np.rint(steps / typical).sum())))
     if stated is not None and same_rate(found, stated):
         return stated
@@ -223,6 +223,6 @@ def coupled_stretches(stamps: IntArray, forces: FloatArray) -> list[tuple[int, i
     lasts = acting[np.append(ends, len(acting) - 1)]
     after_silence = np.append(0, np.flatnonzero(np.diff(stamps) > longest) + 1)
     begins = after_silence[np.searchsorted(after_silence, firsts, side="right") - 1]
-    # After zeros that followed a stretch without a silence, only the first force that acts tells.
+    # After zeros that followed a stretch without a silence, the first non-zero force counts.
     begins = np.where(begins > np.append(-1, lasts[:-1]), begins, firsts)
     return list(zip(stamps[begins].tolist(), stamps[lasts].tolist(), strict=True))

@@ -32,7 +32,7 @@ DEFAULT_RATE = 1000.0
 """Samples per second of the paper's servo loop."""
 
 GripChange = tuple[float, HandleParameters]
-"""When a hand begins to hold otherwise, s, and the handle as it is held from then on."""
+"""Time of a change of grip, s, and the handle parameters from then on."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class RigParameters:
     Parameters
     ----------
     handle : HandleParameters, optional
-        In place of the master's: another plant in one call.
+        Replacement for the master's handle: another plant in one call.
     """
 
     master: MasterRigParameters = field(default_factory=MasterRigParameters)
@@ -51,7 +51,7 @@ class RigParameters:
     handle: InitVar[HandleParameters | None] = None
 
     def __post_init__(self, handle: HandleParameters | None) -> None:
-        """Put the handle in its place."""
+        """Replace the master's handle if one is given."""
         if handle is not None:
             object.__setattr__(self, "master", replace(self.master, handle=handle))
 
@@ -63,19 +63,19 @@ class Trial:
     Attributes
     ----------
     surface, controller : str
-        The condition.
+        Names of surface and controller.
     rate : float
         Samples per second.
     time : ndarray
-        s.
+        Sampling times, s.
     tool_acceleration : ndarray
-        As the slave's accelerometer gave it, m/s^2.
+        Acceleration measured by the slave's accelerometer, m/s^2.
     desired_acceleration : ndarray
         The same, high-passed by the compensator, m/s^2.
     handle_acceleration : ndarray
-        As the master's accelerometer gave it, m/s^2.
+        Acceleration measured by the master's accelerometer, m/s^2.
     actuator_force : ndarray
-        As commanded, N.
+        Commanded force, N.
     high_pass_frequency : float
         Corner of the compensator's high-pass, Hz.
     arms : dict of ndarray, shape (n, 3)
@@ -105,7 +105,7 @@ class Trial:
 
     @property
     def seconds(self) -> float:
-        """Length of the trial."""
+        """Duration of the trial, s."""
         return len(self.time) / self.rate
 
     def evaluate(self, first: int = 0) -> Evaluation:
@@ -114,7 +114,7 @@ class Trial:
         Raises
         ------
         ValueError
-            Nothing is desired, or there are too few samples.
+            The desired acceleration is zero, or there are too few samples.
         """
         desired, actual = self.desired_acceleration[first:], self.actual_acceleration[first:]
         return evaluate(desired, actual, self.rate, 1 / self.rate)
@@ -136,33 +136,33 @@ def run_trial(
 ) -> Trial:
     """Run one condition in lockstep: no clock, no thread, the same result every time.
 
-    Each sample, both rigs are read, the coupling and the compensation computed and their
-    forces applied at once; what they do is seen one sample later, the paper's tau_d. Of the
-    handle's acceleration the compensation has the sample before, as in the live graph.
+    In each sample both rigs are read, coupling and compensation are computed, and their forces
+    are applied at once; the response is seen one sample later, the paper's tau_d. The
+    compensation receives the handle's acceleration of the previous sample, as in the live graph.
 
     Parameters
     ----------
     controller : str
         Name of a controller.
     rig : RigParameters, optional
-        Table I and a smooth surface otherwise.
+        Parameters of the rig; default: Table I and a smooth surface.
     duration : float
-        s.
+        Duration of the trial, s.
     rate : float
         Samples per second.
     seed : int
-        Of texture and noise.
+        Seed of texture and sensor noise.
     recording : ndarray, optional
         Tool acceleration at `rate` in place of the simulated one, m/s^2.
     replayed : Track, optional
         Tool acceleration and motion at `rate` in place of the simulated slave, played from the
         first sample.
     compensation : CompensationParameters, optional
-        High-pass and limit; its `controller` is replaced by the one named.
+        Parameters of high-pass and sensor range; `controller` takes the place of its own.
     controllers : mapping, optional
         Parameters of controllers, and of the actuator's limits, by name.
     grips : sequence of GripChange
-        How the handle is held, in order of time; by the rig's until the first.
+        Changes of grip in order of time; until the first, the rig's own grip.
     physics_step : float
         Longest step of the contact's integration, s.
 
@@ -218,7 +218,7 @@ _ARMS = (
 
 
 def _driven(track: Track) -> ReplayRig:
-    """Return a replayed slave that has its first force, and plays from the first sample."""
+    """Return a replayed slave that received its first force and plays from the first sample."""
     slave = ReplayRig(track)
     slave.apply_arm_force(ZERO)
     return slave
@@ -280,15 +280,15 @@ def run_identification(
 ) -> list[IdentificationTrial]:
     """Excite the simulated handle in lockstep: no clock, the same result every time.
 
-    Each sample the rig is read, then the force applied, which acts until the next; so the
-    acceleration shows it one sample later at the earliest. The arm is silent and the hand rests.
+    In each sample the rig is read, then a force applied that acts until the next sample; so the
+    acceleration shows it one sample later at the earliest. Arm and hand do not move.
 
     Parameters
     ----------
     rig : MasterRigParameters, optional
-        Table I otherwise.
+        Parameters of the simulated master; default: Table I.
     parameters : SweepParameters, optional
-        The paper's otherwise.
+        Parameters of the sweep; default: those of the paper.
     rate : float
         Samples per second.
     seed : int

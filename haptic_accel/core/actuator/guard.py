@@ -1,4 +1,4 @@
-"""What keeps the actuator whole: its peak force, its heat, its travel."""
+"""Protection of the actuator: limits of peak force, heat and travel."""
 
 from __future__ import annotations
 
@@ -9,48 +9,50 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
 
 CUSHION = 0.8
-"""Share of the travel from which on the actuator is held back."""
+"""Fraction of the travel above which the actuator is braked."""
 
 CUSHION_END = 0.95
-"""Share of the travel at which it is to stand still: the rest is for errors of the estimate."""
+"""Fraction of the travel where it is brought to rest: the rest is for errors of the estimate."""
 
 WARM = 0.1
-"""Share of the heat it bears up to which the coil is allowed its full peak."""
+"""Fraction of the permitted heat up to which the coil may have its full peak force."""
 
 HARD_CUSHION = 0.95
-"""As `CUSHION`, where force is only held back that others should not have asked for."""
+"""`CUSHION` of the device's safety layer, which acts only when the compensator failed to."""
 
 HARD_CUSHION_END = 1.0
-"""As `CUSHION_END`, there."""
+"""`CUSHION_END` of the device's safety layer."""
 
 HARD_WARM = 0.9
-"""As `WARM`, there."""
+"""`WARM` of the device's safety layer."""
 
 CUSHION_SPEED = 400.0
-"""How fast it may approach that, per second: 0.25 m/s across the cushion of the paper's coil."""
+"""Rate constant of the approach to the cushion's end, 1/s: with the cushion of the paper's coil,
+0.57 mm, a speed of 0.23 m/s at its beginning."""
 
 CUSHION_SPEED_SHARE = 0.4
-"""Of the rate, which it may not exceed: a brake as fast as the loop would ring."""
+"""Upper bound of `CUSHION_SPEED` as a fraction of the sampling rate: a brake as fast as the loop
+would ring."""
 
 FORGOTTEN = 0.1
-"""Time after which an actuator is where its force holds it, wherever it was before, s: five times
+"""Settling time of the actuator, after which its earlier position no longer matters, s: five times
 2 m_a / b_s of Table I."""
 
 CUSHION_AHEAD = 1.5
-"""How far it looks ahead, ms, or samples where these are longer: there is no time to brake for
-what is seen only once it is there."""
+"""Look-ahead for the cushion, ms, or in samples where these are longer: braking must begin before
+the cushion is reached."""
 
 
 @dataclass(frozen=True)
 class Margins:
-    """How long before its limits an actuator is held back.
+    """Fractions of the actuator's limits at which it is braked or its force reduced.
 
     Attributes
     ----------
     cushion, cushion_end : float
-        Shares of the travel.
+        Fractions of the travel where braking begins, and where the actuator comes to rest.
     warm : float
-        Share of the heat.
+        Fraction of the permitted heat above which the peak force is reduced.
     """
 
     cushion: float = CUSHION
@@ -59,20 +61,20 @@ class Margins:
 
 
 COMFORT = Margins()
-"""Of who makes the force: it comes to rest gently, and says what is left of it."""
+"""Soft margins for the compensator: brakes early and reports the force that remains."""
 
 HARD = Margins(HARD_CUSHION, HARD_CUSHION_END, HARD_WARM)
-"""Of who applies it: outside `COMFORT`, so that both never quarrel over the same force."""
+"""Hard margins for the device's safety layer: outside `COMFORT`, so that only one of them acts."""
 
 
 class ActuatorGuard:
-    """Limits force, heat and travel, in this order of the harm they do.
+    """Limits force, heat and travel of the actuator.
 
-    Heat is the square of the force averaged over the coil's time constant. The force allowed
-    falls from the peak to the continuous one as the coil warms up, which heat therefore never
-    exceeds. Travel is estimated; near the stops a cushion lets the actuator only be accelerated
-    outwards so far that it comes to rest before them as a critically damped spring would, and
-    brakes what is faster. It does not push back, so that it adds no energy.
+    Heat is the square of the force averaged over the coil's time constant. The permitted force
+    falls from the peak to the continuous force as the coil warms up, so that the heat never
+    exceeds that of the continuous force. Travel is estimated; near the stops a cushion limits the
+    outward acceleration such that the actuator comes to rest before the stop as a critically
+    damped spring would, and brakes faster motion. It does not push back and adds no energy.
 
     Parameters
     ----------
@@ -84,7 +86,7 @@ class ActuatorGuard:
     Attributes
     ----------
     saturated, heated, cushioned : int
-        Samples whose force was limited, by reason.
+        Number of samples whose force was limited by peak force, heat and travel.
     """
 
     def __init__(
@@ -107,12 +109,12 @@ class ActuatorGuard:
 
     @property
     def heat(self) -> float:
-        """Share of what the coil bears for ever, 0 to 1."""
+        """Heat as a fraction of that of the continuous force, 0 to 1."""
         return self._heat / self._bearable if self._bearable else 0.0
 
     @property
     def travel(self) -> float:
-        """Where the actuator is, m."""
+        """Estimated displacement of the actuator from its middle, m."""
         return self._estimator.travel
 
     def limited(self, force: float, handle_acceleration: float) -> float:
@@ -121,9 +123,9 @@ class ActuatorGuard:
         Parameters
         ----------
         force : float
-            Wanted, N; finite.
+            Force asked for, N; finite.
         handle_acceleration : float
-            As measured, m/s^2; finite.
+            Measured handle acceleration, m/s^2; finite.
         """
         force = self.within(force, handle_acceleration)
         self.advance(force, handle_acceleration)
@@ -151,18 +153,18 @@ class ActuatorGuard:
         square: float | None = None,
         samples: int = 1,
     ) -> None:
-        """Note what acted since the last sample.
+        """Update heat and travel with the force that acted since the last sample.
 
         Parameters
         ----------
         force : float
-            Its mean, N.
+            Mean of the force, N.
         handle_acceleration : float
-            As measured, m/s^2.
+            Measured handle acceleration, m/s^2.
         square : float, optional
-            Mean of the square of a force that was not held, N^2.
+            Mean square of the force, N^2, if it was not constant.
         samples : int
-            How many it acted for; more than one where some were missed.
+            Number of sampling periods that it acted for; above one where samples were missed.
         """
         heat = force * force if square is None else square
         warming = self._warming if samples == 1 else -math.expm1(samples * self._staying)
@@ -171,12 +173,12 @@ class ActuatorGuard:
             self._estimator.sample(force, handle_acceleration)
 
     def reset(self) -> None:
-        """Take the actuator for cold, in the middle and at rest."""
+        """Return to an actuator that is cold and at rest in the middle of its travel."""
         self._heat = 0.0
         self._estimator.reset()
 
     def _allowed(self) -> float:
-        """Return the force that the coil bears as warm as it is."""
+        """Return the permitted force at the present heat, N."""
         bearable, heat = self._bearable, self._heat
         if not bearable:
             return 0.0
@@ -190,13 +192,13 @@ class ActuatorGuard:
         return min(self._peak, math.sqrt(min(allowed, most)))
 
     def _cushioned(self, force: float, handle_acceleration: float) -> float:
-        """Return the force, or what brakes for the stop ahead if that is more."""
+        """Return the force, or the braking force for the stop ahead if that is larger."""
         d, v = self._estimator.travel, self._estimator.velocity
-        # All outwards, but force, of which a positive one pulls the actuator to the handle.
+        # All count outwards, but force: a positive one pulls the actuator to the handle.
         side = math.copysign(1.0, d + v * self._ahead)
         d, v, outward = side * d, side * v, max(0.0, side * v)
         speed = self._speed
-        # The largest acceleration outwards of an approach that is critically damped.
+        # The largest outward acceleration of a critically damped approach.
         left = speed * speed * (self._end - d) - 2.0 * speed * v
         braking = -self._m_a * (left + side * handle_acceleration)
         braking -= self._k_s * d + self._b_s * outward

@@ -1,4 +1,4 @@
-"""Description of the actuator: one set of numbers for all that drives, limits or simulates it."""
+"""Description of the actuator: one set of numbers for its drivers, limits and simulation."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class ActuatorParameters(Suspension):
         block=ACTUATOR,
     )
     peak_force: float = parameter(
-        6.6, "limit of its force (data sheet)", unit="N", low=0, high=100.0, block=ACTUATOR
+        6.6, "peak force of the coil (data sheet)", unit="N", low=0, high=100.0, block=ACTUATOR
     )
     continuous_force: float = parameter(
         2.2,
-        "root mean square of the force that the coil withstands for ever (data sheet)",
+        "root mean square of the force that the coil withstands continuously (data sheet)",
         unit="N",
         low=0,
         high=100.0,
@@ -59,7 +59,7 @@ class ActuatorParameters(Suspension):
     )
 
     def __post_init__(self) -> None:
-        """Check all fields; a force constant of zero makes no force."""
+        """Check all fields; a force constant of zero is refused."""
         super().__post_init__()
         if self.force_constant == 0:
             raise ParameterError("force_constant = 0: must not be 0 N/A")

@@ -1,12 +1,12 @@
-"""What every command passes before a device gets it: one layer, for simulated devices too.
+"""Safety layer between commands and devices, simulated devices included.
 
-It only ever takes force away: what is applied lies between zero and what was asked for. It
-trusts nobody: the compensator holds the actuator within limits as well, because a controller
-must know what became of its force, but the device has to be safe whatever the compensator is,
-and whether it is there. The layer's limits lie outside the compensator's (`HARD` and `COMFORT`
-of `core.actuator`), so that with both in place only one of them acts.
+It only reduces forces: the applied force lies between zero and the commanded one. It does not
+rely on the compensator. That limits the actuator as well, because a controller must know the
+force that was applied, but the device has to be safe with any compensator and without one. The
+layer's limits lie outside the compensator's (`HARD` and `COMFORT` of `core.actuator.guard`), so
+that with both in place only one of them acts.
 
-It has no clock: times are the caller's, in s from any origin and never backwards.
+It has no clock: times are given by the caller, in s from any origin and never backwards.
 """
 
 from __future__ import annotations
@@ -23,42 +23,43 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, parameter
 
 ACTUATOR_TIMEOUT = 5e-3
-"""Silence after which the actuator is without force, s: five periods of the paper's loop."""
+"""Default time-out of the actuator's commands, s: five periods of the paper's loop."""
 
 ARM_TIMEOUT = 20e-3
-"""Silence after which an arm is without force, s: a hand moves millimetres meanwhile."""
+"""Default time-out of an arm's commands, s: a hand moves millimetres in that time."""
 
 LEAST_PERIODS = 2.5
-"""Periods that a time-out lasts at least: one lost command is no silence."""
+"""Minimum time-out in periods, so that one lost command does not trip the watchdog."""
 
 MAX_AGE = 0.1
-"""Age of a sample from which on nothing is made of it, s; also how far clocks may differ."""
+"""Default maximum age of a command's sample, s; also the maximum difference of clocks."""
 
 ARM_PEAK_FORCE = 3.3
-"""Force of a Phantom Omni (data sheet), N."""
+"""Maximum force of a Phantom Omni (data sheet), N."""
 
 LASTING = 0.5
-"""Time after which missing commands are worth a line of their own, s: shorter ones are counted."""
+"""Duration above which missing commands are logged, s: shorter interruptions are only counted."""
 
 ROUNDING = 1e-9
-"""Share by which the length of a force may exceed its limit and only be rounded."""
+"""Relative excess of a force over its limit that counts as a rounding error."""
 
 AUTOMATIC, MANUAL = "automatic", "manual"
 
 GONE = "still missing"
-"""What is said of commands that stopped coming longer ago than the last report."""
+"""Warning for commands that stopped before the last report and have not come back."""
 
 STOPPED = "emergency stop"
-"""Why no force is allowed while it is not released."""
+"""Reason for zero force while the emergency stop is not released."""
 
 INACTIVE = "not active"
-"""Why none is while the device is not to move."""
+"""Reason for zero force while the device's node is not active."""
 
 
 def _timeout(default: float) -> Any:
     return parameter(
         default,
-        f"silence after which this force is zero; {LEAST_PERIODS:g} periods at least",
+        f"time without a command after which this force is zero; {LEAST_PERIODS:g} periods at"
+        " least",
         unit="s",
         low=1e-3,
         high=10.0,
@@ -68,7 +69,7 @@ def _timeout(default: float) -> Any:
 def _max_age() -> Any:
     return parameter(
         MAX_AGE,
-        "age of a command's sample, or its stamp's lead, from which on the force is zero",
+        "maximum age of a command's sample, or lead of its stamp; the force is zero beyond",
         unit="s",
         low=1e-3,
         high=10.0,
@@ -76,12 +77,14 @@ def _max_age() -> Any:
 
 
 def _slew_rate() -> Any:
-    return parameter(0.0, "how fast this force may grow; 0 for any", unit="N/s", low=0, high=1e6)
+    return parameter(
+        0.0, "maximum rate of growth of this force; 0 for no limit", unit="N/s", low=0, high=1e6
+    )
 
 
 @dataclass(frozen=True)
 class ArmLimits(Checked):
-    """What an arm's motors may do."""
+    """Limits of the commands for an arm's motors."""
 
     command_timeout: float = _timeout(ARM_TIMEOUT)
     max_age: float = _max_age()
@@ -106,12 +109,12 @@ class ActuatorCommandLimits(Checked):
 
 @dataclass(frozen=True)
 class SafetyParameters(Checked):
-    """Of a device with an arm."""
+    """Safety limits of a device with an arm."""
 
     recovery: str = parameter(
         AUTOMATIC,
-        "what gives forces again after silence or an outdated command: the next good one, or"
-        " only ~/arm",
+        "recovery after missing or outdated commands: by the next valid command, or only by the"
+        " service ~/arm",
         choices=(AUTOMATIC, MANUAL),
     )
     arm: ArmLimits = field(default_factory=ArmLimits)
@@ -119,32 +122,32 @@ class SafetyParameters(Checked):
 
 @dataclass(frozen=True)
 class MasterSafetyParameters(SafetyParameters):
-    """Of a device with an arm and an actuator."""
+    """Safety limits of a device with an arm and an actuator."""
 
     actuator: ActuatorCommandLimits = field(default_factory=ActuatorCommandLimits)
     hardware: ActuatorParameters = field(default_factory=ActuatorParameters)
 
 
 class Watchdog:
-    """Whether commands of one kind come, in time and in date.
+    """Watchdog of the commands of one kind: detects missing and outdated ones.
 
-    Silence after a command of zero is none: who stops that way has let go on purpose.
+    No commands are expected after a command of zero, with which a sender ends on purpose.
 
     Parameters
     ----------
     timeout, max_age : float
-        s.
+        Maximum time without a command and maximum age of its sample, s.
     manual : bool
-        Whether only `arm` helps once it has tripped.
+        True if only `arm` lets commands through again once it has tripped.
 
     Attributes
     ----------
     tripped : str
-        Why no force is applied; empty if nothing is wrong.
+        Reason for zero force; empty if there is no fault.
     timeouts : int
-        Times that commands stopped coming.
+        Number of times that commands stopped.
     outdated : int
-        Commands whose sample was too old, or of a time to come.
+        Number of commands whose sample was too old, or lay in the future.
     """
 
     def __init__(self, timeout: float, max_age: float, *, manual: bool) -> None:
@@ -159,14 +162,14 @@ class Watchdog:
 
     @property
     def armed(self) -> bool:
-        """Whether the next good command is applied."""
+        """True if the next valid command is applied."""
         return not (self._manual and self.tripped)
 
     def admits(self, now: float, age: float) -> bool:
-        """Tell whether a command whose sample has an age in s may be applied now."""
+        """Return True if a command whose sample has an age in s may be applied now."""
         if not abs(age) <= self._max_age:  # true for NaN too
             self.outdated += 1
-            # Of what came late before there was a force, nobody needs to recover.
+            # An outdated command before the first force needs no manual recovery.
             if self._heard is not None or not self._manual:
                 self._trip(now, f"its sample is {age:.3g} s old")
             return False
@@ -177,7 +180,7 @@ class Watchdog:
         return True
 
     def went_silent(self, now: float) -> bool:
-        """Tell, once, that commands have stopped coming."""
+        """Return True, once, when commands have stopped."""
         if self._heard is None or now - self._heard < self._timeout:
             return False
         self.timeouts += 1
@@ -189,18 +192,18 @@ class Watchdog:
         self._heard = None
 
     def rest(self) -> None:
-        """Do not take it for a fault that no commands come; what waits for `arm` still does."""
+        """Accept missing commands without a fault; a watchdog that waits for `arm` still does."""
         self.forget()
         if self.armed:
             self.tripped = ""
 
     def arm(self) -> None:
-        """Let the next good command through."""
+        """Let the next valid command through."""
         self.tripped = ""
         self.forget()
 
     def news(self, now: float) -> str:
-        """Return a line once for what lasts, and once when it is over; empty for nothing new."""
+        """Return a line for a lasting fault and one for its end, each once; otherwise empty."""
         if self.tripped and not self._told:
             if not self.armed:
                 self._told = True
@@ -263,7 +266,7 @@ class _ArmChannel:
         return ZERO
 
     def _slewed(self, now: float, force: Vector) -> Vector:
-        """Return what of a force is reached, from the part held that points its way."""
+        """Return a force limited in growth, starting from the held force's part along it."""
         most = self._slew * min(now - self._commanded, self._period)
         magnitude = math.hypot(*force)
         if magnitude <= most:
@@ -327,7 +330,7 @@ class _ActuatorChannel:
         return self._hold(now, force)
 
     def tick(self, now: float, handle_acceleration: float | None) -> float | None:
-        """Note what the actuator did; return what it is to do instead, if it must not go on."""
+        """Update the guard; return another force if the held one is no longer allowed."""
         if handle_acceleration is not None and abs(handle_acceleration) <= LARGEST_ACCELERATION:
             self._acceleration = handle_acceleration
         held = self._held
@@ -346,7 +349,7 @@ class _ActuatorChannel:
         return self._hold(now, 0.0)
 
     def values(self) -> dict[str, str]:
-        """Return counts, and what is left, for diagnostics."""
+        """Return counts, remaining heat and travel for diagnostics."""
         guard = self.guard
         return {
             "held (N)": f"{self._held:.3f}",
@@ -362,14 +365,14 @@ class _ActuatorChannel:
         }
 
     def _within(self, force: float) -> float:
-        """Return what the guard leaves of a force; it may not brake with more, or backwards."""
+        """Return a force as limited by the guard, which may not increase or reverse it here."""
         allowed = self.guard.within(force, self._acceleration)
         if allowed * force <= 0.0:
             return 0.0
         return allowed if abs(allowed) < abs(force) else force
 
     def _slewed(self, now: float, force: float) -> float:
-        """Return what of a force is reached; through zero where its sign changes."""
+        """Return a force limited in growth, starting from zero where the sign changes."""
         most = self._slew * min(now - self._commanded, self._period)
         before = abs(self._held) if self._held * force > 0.0 else 0.0
         if abs(force) - before <= most:
@@ -378,7 +381,7 @@ class _ActuatorChannel:
         return math.copysign(before + most, force)
 
     def _hold(self, now: float, force: float) -> float:
-        """Note that a force acts from now on, and for how long the one before did."""
+        """Hold a force from now on, and add up the effect of the one before."""
         if self._ticked is not None:
             time = now - self._since
             self._push += self._held * time
@@ -387,13 +390,13 @@ class _ActuatorChannel:
         return force
 
     def _advance(self, now: float) -> None:
-        """Tell the guard what acted since the last tick, also if that is long ago."""
+        """Pass the forces since the last tick to the guard, also if that is long ago."""
         if self._ticked is None:
             self._ticked = now
             return
         elapsed = now - self._ticked
         samples = round(elapsed * self._rate)
-        if samples < 1:  # two ticks for one grid point: what acted is counted with the next
+        if samples < 1:  # two ticks for one grid point: the forces are counted with the next
             return
         mean, square = self._push / elapsed, self._heat / elapsed
         self.guard.advance(mean, self._acceleration, square=square, samples=samples)
@@ -401,10 +404,10 @@ class _ActuatorChannel:
 
 
 class SafetyLayer:
-    """Gives a device what is left of each command, and zero where one is missing.
+    """Limits each command of a device, and replaces missing ones by zero.
 
     Forces are allowed once it is `enable`d, and not while it is stopped. Methods that take a
-    command return what to write, or None where the device is to go on as it is.
+    command return the force to write, or None to leave the device as it is.
 
     Parameters
     ----------
@@ -416,9 +419,9 @@ class SafetyLayer:
     Attributes
     ----------
     stopped : bool
-        Whether the emergency stop forbids every force.
+        True while the emergency stop forbids every force.
     active : bool
-        Whether the device is to move at all.
+        True while the device's node is active.
     """
 
     def __init__(self, parameters: SafetyParameters, rate: float) -> None:
@@ -436,25 +439,25 @@ class SafetyLayer:
 
     @property
     def refusal(self) -> str:
-        """Why no force is allowed, whatever is commanded; empty if one is."""
+        """Reason for which every command is refused; empty if commands are accepted."""
         if self.stopped:
             return STOPPED
         return "" if self.active else INACTIVE
 
     @property
     def disarmed(self) -> str:
-        """Which forces wait for `arm`, and why; empty for none."""
+        """Forces that wait for `arm`, with the reason; empty for none."""
         waiting = [c for c in self._channels if not c.watchdog.armed]
         return ", ".join(f"{c.name}: {c.watchdog.tripped}" for c in waiting)
 
     def arm_force(self, now: float, age: float, force: Vector) -> Vector | None:
-        """Take a command for the arm, N, made of a sample of an age in s."""
+        """Return the arm's force for a command, N, whose sample has an age in s; None for none."""
         if self.stopped or not self.active:
             return None
         return self._arm.command(now, age, force)
 
     def actuator_force(self, now: float, age: float, force: float) -> float | None:
-        """Take a command for the actuator, N, made of a sample of an age in s."""
+        """Return the actuator's force for a command, as `arm_force` does for the arm."""
         if self.stopped or not self.active or self._actuator is None:
             return None
         return self._actuator.command(now, age, force)
@@ -462,14 +465,14 @@ class SafetyLayer:
     def tick(
         self, now: float, handle_acceleration: float | None = None
     ) -> tuple[Vector | None, float | None]:
-        """Return what arm and actuator are to do instead of what they do; once a period.
+        """Return new forces for arm and actuator where the held ones must end; once a period.
 
         Parameters
         ----------
         now : float
-            s.
+            Time, s.
         handle_acceleration : float, optional
-            As just measured, m/s^2; None where it is not known.
+            Latest measurement, m/s^2; None where it is missing.
         """
         arm = self._arm.tick(now)
         if self._actuator is None:
@@ -477,19 +480,19 @@ class SafetyLayer:
         return arm, self._actuator.tick(now, handle_acceleration)
 
     def stop(self, now: float, stopped: bool) -> None:
-        """Allow no force, or release; the caller takes those off that there are."""
+        """Forbid forces, or release the stop; the caller sets present forces to zero."""
         self.stopped = stopped
         self._let_go(now)
 
     def enable(self, now: float, active: bool) -> None:
-        """Allow forces, or none; the caller takes those off that there are."""
+        """Allow or forbid forces; the caller sets present forces to zero."""
         self.active = active
         self._let_go(now)
         if active:
             self.arm()
 
     def arm(self) -> str:
-        """Allow forces after silence or an outdated command; return why not, if not."""
+        """Allow forces after missing or outdated commands; return the reason if refused."""
         if self.refusal:
             return self.refusal
         for channel in self._channels:
@@ -497,12 +500,12 @@ class SafetyLayer:
         return ""
 
     def news(self, now: float) -> list[str]:
-        """Return lines worth telling at once, each once."""
+        """Return lines for the log, each once."""
         told = ((c.name, c.watchdog.news(now)) for c in self._channels)
         return [f"{name}: {line}" for name, line in told if line]
 
     def warnings(self) -> list[str]:
-        """Return what is wrong now, and what went wrong since this was last asked."""
+        """Return present faults, and those that occurred since the last call."""
         found = [self.refusal] if self.refusal else []
         if self.disarmed:
             found.append(f"not armed: {self.disarmed}")
@@ -521,7 +524,7 @@ class SafetyLayer:
         return found
 
     def status(self) -> dict[str, str]:
-        """Return counts, and what is left of the actuator's limits, for diagnostics."""
+        """Return counts and the state of the actuator's limits for diagnostics."""
         values = {"forces allowed": str(not (self.refusal or self.disarmed)).lower()}
         for channel in self._channels:
             for name, value in channel.values().items():

@@ -1,4 +1,4 @@
-"""How far the actuator is from its middle, from its force and the handle's acceleration."""
+"""Estimate of the actuator's displacement from its force and the handle's acceleration."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ from haptic_accel.core.model import Suspension
 from haptic_accel.core.parameters import ParameterError
 
 LARGEST_ACCELERATION = 1.0e4
-"""Above anything an accelerometer of a hand tool gives, m/s^2: a thousand g."""
+"""Bound of plausible measurements, above the range of any hand tool's accelerometer, m/s^2: about
+a thousand g."""
 
 
 class TravelEstimator:
-    """The actuator's place between its stops, from what is measured anyway.
+    """Estimates the actuator's position between its stops from signals that are measured anyway.
 
     Eq. (1) of the paper for the relative motion d = y_a - y_h,
     m_a d'' + b_s d' + k_s d = -f_a - m_a a_h,
-    in which nothing of the hand is left. Advanced exactly for inputs held over each sample. As an
-    accelerometer feels gravity as well, so does the estimate: the static sag is in it.
+    which does not depend on the hand. Advanced exactly for inputs held over each sample. As the
+    accelerometer measures gravity too, the estimate includes the static sag.
 
     Parameters
     ----------
     suspension : Suspension
-        An actuator or a handle
+        Actuator or handle.
     rate : float
         Samples per second.
 
@@ -33,7 +34,7 @@ class TravelEstimator:
     """
 
     def __init__(self, suspension: Suspension, rate: float) -> None:
-        # scipy.linalg takes a while to import: only who estimates waits for it.
+        # scipy.linalg is slow to import: only users of an estimator wait for it.
         from scipy.linalg import expm
 
         if not (np.isfinite(rate) and rate > 0):
@@ -48,28 +49,28 @@ class TravelEstimator:
 
     @property
     def travel(self) -> float:
-        """Where the actuator is now, m; positive away from the handle along its axis."""
+        """Displacement of the actuator now, m; positive away from the handle along its axis."""
         return self._d
 
     @property
     def velocity(self) -> float:
-        """How fast it moves from the handle now, m/s."""
+        """Velocity of the actuator relative to the handle now, m/s."""
         return self._v
 
     def sample(self, actuator_force: float, handle_acceleration: float) -> float:
-        """Take what acts until the next sample; return where the actuator is then.
+        """Advance by one sample; return the displacement at its end, m.
 
         Parameters
         ----------
         actuator_force : float
-            N.
+            Force until the next sample, N.
         handle_acceleration : float
-            As the accelerometer gives it, m/s^2.
+            Measured handle acceleration, gravity included, m/s^2.
 
         Returns
         -------
         float
-            m.
+            Displacement at the next sample, m.
         """
         push = -actuator_force / self._m_a - handle_acceleration
         d, v = self._d, self._v
