@@ -169,7 +169,7 @@ def test_column_that_is_there_twice_is_refused(tmp_path: Path) -> None:
     assert "accel: is there more than once" in refusal(path, 100.0, 100.0)
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e7", "", "abc", "1,5", "0x10", "\0"])
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e7", "", "abc", "1,5", "0x10"])
 def test_what_is_no_acceleration_is_refused_with_its_line(tmp_path: Path, value: str) -> None:
     path = tmp_path / "a.csv"
     path.write_text("speed;accel\n" + "0;1\n" * 50 + f"0;{value}\n" + "0;1\n" * 50)
