@@ -29,14 +29,14 @@ from haptic_accel.analysis.plots import (
     rule,
     short,
 )
-from haptic_accel.core.identification import (
-    FrequencyResponse,
-    GripIdentification,
-    Identification,
+from haptic_accel.core.identification.estimate import FrequencyResponse
+from haptic_accel.core.identification.evaluation import GripIdentification, Identification
+from haptic_accel.core.identification.sweep import (
+    DROPPED_REPEATS,
     IdentificationTrial,
     SweepParameters,
+    repeat_samples,
 )
-from haptic_accel.core.identification.sweep import DROPPED_REPEATS, repeat_samples
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 
 MASS_LIKE = 60.0

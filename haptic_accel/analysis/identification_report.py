@@ -16,14 +16,14 @@ from matplotlib.figure import Figure
 
 from haptic_accel.analysis.identification_plots import coherence_plot, model_plot, sweep_plot
 from haptic_accel.analysis.plots import DASH, number
-from haptic_accel.core.identification import (
+from haptic_accel.core.identification.discrete import DiscreteModel
+from haptic_accel.core.identification.evaluation import (
     UNEXPLAINED,
-    DiscreteModel,
     GripIdentification,
-    HandleFit,
     Identification,
-    SweepParameters,
 )
+from haptic_accel.core.identification.fit import HandleFit
+from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ApproximateModel, HandleParameters, MountParameters
 from haptic_accel.core.parameters import own_schema
 from haptic_accel.pages import template

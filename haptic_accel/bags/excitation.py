@@ -9,7 +9,7 @@ import numpy as np
 from haptic_accel.bags.delivery import AGE_OF, durations
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
-from haptic_accel.core.identification import RecordingError
+from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, on_grid, places, same_rate
 from haptic_accel.core.topics import ACTUATOR_AXIS

@@ -31,20 +31,19 @@ from haptic_accel.cli.options import (
 from haptic_accel.cli.output import results_folder
 from haptic_accel.cli.running import StopOnSignal, conclude, progress_bar
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.identification import (
-    DEFAULT_FREE,
-    SAMPLES_MISSING,
+from haptic_accel.core.identification.estimate import FrequencyResponse, RecordingError, dft_ratio
+from haptic_accel.core.identification.evaluation import (
     UNEXPLAINED,
-    FrequencyResponse,
-    HandleFit,
     Identification,
-    IdentificationTrial,
-    RecordingError,
-    SweepParameters,
     centred,
-    dft_ratio,
-    find_trials,
     identify_handle,
+)
+from haptic_accel.core.identification.fit import DEFAULT_FREE, HandleFit
+from haptic_accel.core.identification.sweep import (
+    SAMPLES_MISSING,
+    IdentificationTrial,
+    SweepParameters,
+    find_trials,
     kept_repeats,
 )
 from haptic_accel.core.model import (

@@ -19,11 +19,8 @@ from haptic_accel.analysis.identification_report import (
     ModelError,
     write_identification_report,
 )
-from haptic_accel.core.identification import (
-    Identification,
-    SweepParameters,
-    identify_handle,
-)
+from haptic_accel.core.identification.evaluation import Identification, identify_handle
+from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import own_schema
 from haptic_accel.core.rig.master_rig import MasterRigParameters

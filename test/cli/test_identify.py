@@ -11,7 +11,7 @@ import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_accel.core.identification import SweepParameters
+from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.trial import run_identification
 from haptic_accel.graph.arguments import GraphArguments

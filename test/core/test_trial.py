@@ -15,7 +15,7 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers.constant import ConstantParameters
 from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate
-from haptic_accel.core.identification import SweepParameters
+from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.instruments import ArmParameters

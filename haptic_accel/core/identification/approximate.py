@@ -10,7 +10,7 @@ from haptic_accel.core.model import ApproximateModel, FloatArray, HandleParamete
 from haptic_accel.core.parameters import ParameterError
 
 LOWEST_FREQUENCY = 15.0
-"""Where the high-pass begins to pass, and the model to matter, Hz (paper)."""
+"""Corner of the high-pass, from which on the model matters, Hz (paper)."""
 
 HIGHEST_FREQUENCY = 200.0
 """Upper end of the identified band, Hz (paper)."""
@@ -26,7 +26,6 @@ _FREE = tuple(field.name for field in fields(ApproximateModel) if field.name != 
 def approximate_model(
     handle: HandleParameters,
     band: tuple[float, float] = (LOWEST_FREQUENCY, HIGHEST_FREQUENCY),
-    phase_weight: float = 0.0,
 ) -> ApproximateModel:
     """Choose the zero and pole pairs of the paper's model for a handle.
 
@@ -36,12 +35,9 @@ def approximate_model(
     Parameters
     ----------
     handle : HandleParameters
-        What to approximate.
+        Handle to approximate.
     band : tuple of float
-        Where, Hz.
-    phase_weight : float
-        Weight of an error of phase of one radian against one of magnitude of a factor e; the
-        paper's choice is 0. Anything else costs magnitude.
+        Band of the approximation, Hz.
 
     Returns
     -------
@@ -50,16 +46,14 @@ def approximate_model(
     Raises
     ------
     ParameterError
-        Band or weight is out of range, or the handle is no spring-mounted mass: nothing of it
-        is left in the band.
+        The band is out of range, or the handle is no spring-mounted mass: its response in the
+        band vanishes.
     """
     from scipy.optimize import least_squares
 
     low, high = band
     if not 0 < low < high < np.inf:
         raise ParameterError(f"band = {low:g} to {high:g} Hz: must rise from above 0")
-    if not 0 <= phase_weight <= 100:
-        raise ParameterError(f"phase_weight = {phase_weight}: must be from 0 to 100")
     frequency = np.geomspace(low, high, _LINES)
     wanted = handle_model(handle).response(frequency)
     if not np.isfinite(wanted).all() or (wanted == 0).any():
@@ -71,24 +65,10 @@ def approximate_model(
 
     def residuals(point: FloatArray) -> FloatArray:
         ratio = _model(point).model().response(frequency) / wanted
-        parts = [np.log(np.abs(ratio)), _PULL * (point - paper)]
-        if phase_weight:
-            parts.append(phase_weight * np.angle(ratio))
-        return np.concatenate(parts)
+        return np.concatenate([np.log(np.abs(ratio)), _PULL * (point - paper)])
 
     found = least_squares(residuals, paper, bounds=(bounds[:, 0], bounds[:, 1]), x_scale=1.0)
     return _model(found.x)
-
-
-def magnitude_error(
-    model: ApproximateModel,
-    handle: HandleParameters,
-    band: tuple[float, float] = (LOWEST_FREQUENCY, HIGHEST_FREQUENCY),
-) -> float:
-    """Return how far a model's magnitude is from a handle's, root mean square over a band, dB."""
-    frequency = np.geomspace(*band, _LINES)
-    ratio = model.model().response(frequency) / handle_model(handle).response(frequency)
-    return float(np.sqrt(np.mean((20 * np.log10(np.abs(ratio))) ** 2)))
 
 
 def _model(point: FloatArray) -> ApproximateModel:

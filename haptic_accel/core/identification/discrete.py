@@ -1,4 +1,4 @@
-"""A discrete rational model of the handle, for what its physics does not explain."""
+"""A discrete rational model of the handle, where its physics does not explain all."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from haptic_accel.core.identification.estimate import RecordingError, check_pair
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError
 
-# scipy.signal takes half a second to import: only who identifies waits for it.
+# scipy.signal takes half a second to import: only an identification waits for it.
 
 HIGHEST_ORDER = 40
 """Largest number of poles."""
@@ -25,9 +25,9 @@ LONGEST_DELAY_SAMPLES = 100
 ITERATIONS = 30
 """Largest number of relocations of the poles; five to ten suffice."""
 
-_LARGEST_RADIUS = 1.0 - 1e-6  # of a pole: what is reflected onto the unit circle would ring on
+_LARGEST_RADIUS = 1.0 - 1e-6  # of a pole: one reflected onto the unit circle would ring on
 _CONVERGED = 1e-7  # largest step of a pole
-_FARTHEST_ZERO = 1e4  # what lies beyond is rounding of a zero at infinity
+_FARTHEST_ZERO = 1e4  # a zero farther off is rounding of one at infinity
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class DiscreteModel:
         return np.asarray(response)
 
     def acceleration(self, force: FloatArray) -> FloatArray:
-        """Return what the model makes of a force from rest, m/s^2, shape (n,) as the force."""
+        """Return the response to a force from rest, m/s^2, shape (n,) as the force."""
         from scipy import signal
 
         delayed = _delayed(np.asarray(force, dtype=np.float64), self.delay_samples)
@@ -65,7 +65,7 @@ class DiscreteModel:
 
 
 def read_discrete_model(path: Path) -> DiscreteModel:
-    """Read the discrete model from the figures of an identification.
+    """Read the discrete model from the metrics of an identification.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def read_discrete_model(path: Path) -> DiscreteModel:
         raise ParameterError(f"{what}: must be a readable file: {error.strerror}") from None
     except (ValueError, TypeError, KeyError) as error:
         raise ParameterError(
-            f"{what}: must be the figures of an identification: {type(error).__name__} {error}"
+            f"{what}: must be the metrics of an identification: {type(error).__name__} {error}"
         ) from None
     sections = model.sections
     if sections.ndim != 2 or sections.shape[1] != 6 or not np.isfinite(sections).all():
@@ -150,7 +150,7 @@ def identify_discrete(
         poles = moved
         if step < _CONVERGED:
             break
-    columns = _with_direct(_fractions(poles, force), force)
+    columns = np.column_stack([_fractions(poles, force), force])
     terms = np.asarray(np.linalg.lstsq(columns, acceleration)[0], dtype=np.float64)
     sections, missing = _sections(poles, terms[:-1], float(terms[-1]))
     return DiscreteModel(sections, rate, delay_samples + missing)
@@ -187,18 +187,12 @@ def _fractions(poles: ComplexArray, values: FloatArray) -> FloatArray:
     return columns
 
 
-def _with_direct(columns: FloatArray, values: FloatArray) -> FloatArray:
-    return np.column_stack([columns, values])
-
-
 def _relocated(poles: ComplexArray, force: FloatArray, acceleration: FloatArray) -> ComplexArray:
     """Return better poles: the zeros of the weight under which both signals fit linearly."""
     from scipy.linalg import qr
 
     order = len(poles)
-    explained = _with_direct(_fractions(poles, force), force)
-    weight = _fractions(poles, acceleration)
-    both = np.column_stack([explained, -weight])
+    both = np.column_stack([_fractions(poles, force), force, -_fractions(poles, acceleration)])
     scale = np.linalg.norm(both, axis=0)
     scale[scale == 0.0] = 1.0
     # The triangle of a QR factorisation solves the same least squares, with fewer rows.
@@ -212,7 +206,7 @@ def _relocated(poles: ComplexArray, force: FloatArray, acceleration: FloatArray)
 
 
 def _realised(poles: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """Return real A and B whose states are what `_fractions` gives."""
+    """Return real A and B whose states are the columns of `_fractions`."""
     order = len(poles)
     a, b = np.zeros((order, order)), np.zeros(order)
     index = 0

@@ -1,16 +1,17 @@
-"""The handle's frequency response from recorded force and acceleration, and its credibility."""
+"""Estimates of the handle's frequency response from recorded force and acceleration."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError
 
-# scipy.signal takes half a second to import: only who estimates waits for it.
+# scipy.signal takes half a second to import: only an estimate waits for it.
 
 Band = tuple[float, float]
 
@@ -22,13 +23,13 @@ SMALLEST_FORCE = 0.01
 14-bit converter)."""
 
 LARGEST_SATURATED_SHARE = 1e-3
-"""Share of samples at the end of the sensor's range that is borne (assumed)."""
+"""Largest accepted share of samples at the end of the sensor's range (assumed)."""
 
 SMALLEST_COHERENCE = 0.7
-"""Mean coherence over the band below which the response is not believed (assumed; Table I with
+"""Mean coherence over the band below which a recording is rejected (assumed; Table I with
 the paper's sweep and accelerometer has 0.99)."""
 
-_FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is 1 whatever it holds
+_FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is always 1
 
 _NOISE_LINES = 25
 """Lines over which the noise is averaged: two repeats alone leave one line's noise uncertain by
@@ -70,7 +71,7 @@ class FrequencyResponse:
 
     @property
     def standard_deviation(self) -> FloatArray:
-        """Of the real and of the imaginary part, m/s^2 per N, shape (n,).
+        """Standard deviation of the real and of the imaginary part, m/s^2 per N, shape (n,).
 
         For Gaussian noise in the acceleration: Bendat and Piersol, Random Data, chapter 9.
         """
@@ -100,7 +101,7 @@ def dft_ratio(
     band : tuple of float
         Lowest and highest frequency of interest, Hz.
     repeats : int
-        How many the signals hold, at least 2.
+        Number of repeats in the signals, at least 2.
 
     Returns
     -------
@@ -122,11 +123,7 @@ def dft_ratio(
         )
     samples = len(force) // repeats
     frequency: FloatArray = np.fft.rfftfreq(samples, 1.0 / rate).astype(np.float64)
-    inside = (frequency >= band[0]) & (frequency <= band[1])
-    if not inside.any():
-        raise ParameterError(
-            f"band = {band[0]:g} to {band[1]:g} Hz: holds no line of the spectrum"
-        )
+    inside = _inside(frequency, band)
     spectra_force = np.fft.rfft(force.reshape(repeats, samples))
     spectra_acceleration = np.fft.rfft(acceleration.reshape(repeats, samples))
     power = np.mean(np.abs(spectra_force) ** 2, axis=0)
@@ -147,13 +144,7 @@ def dft_ratio(
 _WEAKEST_LINE = 1e-6  # of the strongest line's power; below it there is only rounding
 
 
-def h1(
-    force: FloatArray,
-    acceleration: FloatArray,
-    rate: float,
-    band: Band,
-    segment_seconds: float = SEGMENT_SECONDS,
-) -> FrequencyResponse:
+def h1(force: FloatArray, acceleration: FloatArray, rate: float, band: Band) -> FrequencyResponse:
     """Estimate the response with noise in the acceleration: cross spectrum over force spectrum.
 
     Averaged over Hann-windowed segments that overlap by half. For any force, where `dft_ratio`
@@ -167,8 +158,6 @@ def h1(
         Samples per second.
     band : tuple of float
         Lowest and highest frequency of interest, Hz.
-    segment_seconds : float
-        Length of a segment, s.
 
     Returns
     -------
@@ -178,25 +167,51 @@ def h1(
     Raises
     ------
     ParameterError
-        Band, rate or segment is out of range.
+        Band or rate is out of range.
     RecordingError
         Signals that do not fit each other, are not finite, or are too short.
     """
-    return _averaged(force, acceleration, rate, band, segment_seconds, second=False)
+    from scipy import signal
+
+    _check_band(rate, band)
+    check_pair(force, acceleration)
+    segment = round(SEGMENT_SECONDS * rate)
+    fewest = _FEWEST_SEGMENTS * segment
+    if len(force) < fewest:
+        raise RecordingError(
+            f"recording: {len(force)} samples at {rate:g} Hz, must be at least {fewest}"
+        )
+    frequency, power_force = signal.welch(force, rate, nperseg=segment)
+    _, power_acceleration = signal.welch(acceleration, rate, nperseg=segment)
+    _, cross = signal.csd(force, acceleration, rate, nperseg=segment)
+    inside = _inside(frequency, band)
+    power_force, cross = power_force[inside], cross[inside]
+    product = power_force * power_acceleration[inside]
+    coherence = np.zeros_like(product)
+    np.divide(np.abs(cross) ** 2, product, out=coherence, where=product > 0)
+    response = np.zeros_like(cross)
+    np.divide(cross, power_force, out=response, where=power_force > 0)
+    segments = 2 * len(force) // segment - 1
+    return FrequencyResponse(
+        frequency=np.asarray(frequency[inside], dtype=np.float64),
+        response=response,
+        coherence=np.minimum(coherence, 1.0),
+        rate=rate,
+        averages=segments / (1.0 + 2.0 * _HANN_OVERLAP * (segments - 1) / segments),
+    )
 
 
-def h2(
-    force: FloatArray,
-    acceleration: FloatArray,
-    rate: float,
-    band: Band,
-    segment_seconds: float = SEGMENT_SECONDS,
-) -> FrequencyResponse:
-    """Estimate the response with noise in the force: acceleration spectrum over cross spectrum.
+def h2(first: FrequencyResponse) -> FrequencyResponse:
+    """Return the estimate with noise in the force: acceleration spectrum over cross spectrum.
 
-    Parameters, result and errors as of `h1`.
+    Parameters
+    ----------
+    first : FrequencyResponse
+        H1 estimate of the same signals; by definition it is H2 times the coherence.
     """
-    return _averaged(force, acceleration, rate, band, segment_seconds, second=True)
+    response = np.zeros_like(first.response)
+    np.divide(first.response, first.coherence, out=response, where=first.coherence > 0)
+    return replace(first, response=response)
 
 
 def check_recording(
@@ -205,9 +220,6 @@ def check_recording(
     rate: float,
     band: Band,
     acceleration_range: float,
-    *,
-    smallest_coherence: float = SMALLEST_COHERENCE,
-    largest_saturated_share: float = LARGEST_SATURATED_SHARE,
 ) -> None:
     """Refuse a recording that no fit would make sense of.
 
@@ -218,28 +230,18 @@ def check_recording(
     rate : float
         Samples per second.
     band : tuple of float
-        What the force excites, Hz.
+        Band that the force excites, Hz.
     acceleration_range : float
         Largest acceleration that the sensor gives either way, m/s^2.
-    smallest_coherence : float
-        Mean over the band that is asked for, 0 to 1.
-    largest_saturated_share : float
-        Share of samples that may lie at the end of the range, 0 to 1.
 
     Raises
     ------
     RecordingError
-        In one line: which signal is wrong, its value, and what is allowed.
+        In one line: the signal that is wrong, its value, and the values allowed.
     ParameterError
         Band or rate is out of range.
     """
-    _check_band(rate, band)
-    check_pair(force, acceleration)
-    fewest = _FEWEST_SEGMENTS * round(SEGMENT_SECONDS * rate)
-    if len(force) < fewest:
-        raise RecordingError(
-            f"recording: {len(force)} samples at {rate:g} Hz, must be at least {fewest}"
-        )
+    coherence = float(np.mean(h1(force, acceleration, rate, band).coherence))
     excited = float(np.std(force))
     if excited < SMALLEST_FORCE:
         raise RecordingError(
@@ -247,67 +249,33 @@ def check_recording(
             f" must be at least {SMALLEST_FORCE:g} N"
         )
     share = float(np.mean(np.abs(acceleration) >= _AT_RANGE * acceleration_range))
-    if share > largest_saturated_share:
+    if share > LARGEST_SATURATED_SHARE:
         raise RecordingError(
             f"handle_acceleration: {100 * share:.2g} % of its samples are at the sensor's range"
             f" of {acceleration_range:g} m/s^2,"
-            f" must be at most {100 * largest_saturated_share:g} %"
+            f" must be at most {100 * LARGEST_SATURATED_SHARE:g} %"
         )
-    coherence = float(np.mean(h1(force, acceleration, rate, band).coherence))
-    if coherence < smallest_coherence:
+    if coherence < SMALLEST_COHERENCE:
         raise RecordingError(
             f"coherence = {coherence:.2f} on average from {band[0]:g} to {band[1]:g} Hz:"
-            f" must be at least {smallest_coherence:g}"
+            f" must be at least {SMALLEST_COHERENCE:g}"
         )
 
 
-def _averaged(
-    force: FloatArray,
-    acceleration: FloatArray,
-    rate: float,
-    band: Band,
-    segment_seconds: float,
-    *,
-    second: bool,
-) -> FrequencyResponse:
-    from scipy import signal
+def _inside(frequency: FloatArray, band: Band) -> npt.NDArray[np.bool_]:
+    """Return the mask of the lines that lie in a band.
 
-    _check_band(rate, band)
-    check_pair(force, acceleration)
-    if not (math.isfinite(segment_seconds) and segment_seconds * rate >= 4):
-        raise ParameterError(
-            f"segment_seconds = {segment_seconds}: must be at least {4 / rate:g} s, four samples"
-        )
-    segment = round(segment_seconds * rate)
-    fewest = _FEWEST_SEGMENTS * segment
-    if len(force) < fewest:
-        raise RecordingError(f"recording: {len(force)} samples, must be at least {fewest}")
-    frequency, power_force = signal.welch(force, rate, nperseg=segment)
-    _, power_acceleration = signal.welch(acceleration, rate, nperseg=segment)
-    _, cross = signal.csd(force, acceleration, rate, nperseg=segment)
-    inside = (frequency >= band[0]) & (frequency <= band[1])
+    Raises
+    ------
+    ParameterError
+        There is none.
+    """
+    inside = np.asarray((frequency >= band[0]) & (frequency <= band[1]))
     if not inside.any():
         raise ParameterError(
             f"band = {band[0]:g} to {band[1]:g} Hz: holds no line of the spectrum"
         )
-    power_force, power_acceleration = power_force[inside], power_acceleration[inside]
-    cross = cross[inside]
-    product = power_force * power_acceleration
-    coherence = np.zeros_like(product)
-    np.divide(np.abs(cross) ** 2, product, out=coherence, where=product > 0)
-    response = np.zeros_like(cross)
-    if second:
-        np.divide(power_acceleration, np.conj(cross), out=response, where=cross != 0)
-    else:
-        np.divide(cross, power_force, out=response, where=power_force > 0)
-    segments = 2 * len(force) // segment - 1
-    return FrequencyResponse(
-        frequency=np.asarray(frequency[inside], dtype=np.float64),
-        response=response,
-        coherence=np.minimum(coherence, 1.0),
-        rate=rate,
-        averages=segments / (1.0 + 2.0 * _HANN_OVERLAP * (segments - 1) / segments),
-    )
+    return inside
 
 
 def _smoothed(values: FloatArray) -> FloatArray:

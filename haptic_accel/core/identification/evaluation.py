@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -31,10 +32,13 @@ from haptic_accel.core.model import (
 from haptic_accel.core.parameters import ParameterError
 
 DISCRETE_ORDER = 7
-"""Of the discrete model: eq. (3) has 4, the accelerometer 1, its mount 2."""
+"""Order of the discrete model: eq. (3) has 4, the accelerometer 1, its mount 2."""
 
 UNEXPLAINED = 2.0
-"""Residual, in standard deviations of the noise, above which a model is said to lack something."""
+"""Residual, in standard deviations of the noise, above which a model is regarded as incomplete."""
+
+Fit = Callable[..., HandleFit]
+"""Function `fit_handle` for one accelerometer and what is known of the handle."""
 
 MOUNT_START = MountParameters(frequency=280.0, damping=0.15)
 """Where the search for a mode of the accelerometer's mount starts, as on the paper's rig."""
@@ -42,12 +46,12 @@ MOUNT_START = MountParameters(frequency=280.0, damping=0.15)
 
 @dataclass(frozen=True)
 class GripIdentification:
-    """What was found of a handle held in one way.
+    """Estimates and fit of a handle held in one way.
 
     Attributes
     ----------
     trials : list of IdentificationTrial
-        What was recorded.
+        Recorded trials.
     responses : list of FrequencyResponse
         The paper's DFT ratio of each trial.
     averaged_h1, averaged_h2 : FrequencyResponse
@@ -65,7 +69,7 @@ class GripIdentification:
 
 @dataclass(frozen=True)
 class Identification:
-    """What was found of a handle.
+    """Estimates, fit and models of a handle.
 
     Attributes
     ----------
@@ -74,11 +78,11 @@ class Identification:
     fit : HandleFit
         Physical parameters, all trials of all grips pooled.
     discrete : DiscreteModel
-        Of all trials: what a compensator can use where physics does not explain all.
+        Model of all trials, for a compensator where physics does not explain all.
     approximate : ApproximateModel
         The paper's kind of invertible model of the pooled handle.
     band : tuple of float
-        Of the sweep, Hz.
+        Band of the sweep, Hz.
     """
 
     grips: dict[str, GripIdentification]
@@ -96,7 +100,6 @@ def identify_handle(
     *,
     known: HandleParameters | None = None,
     free: Sequence[str] = DEFAULT_FREE,
-    order: int = DISCRETE_ORDER,
 ) -> Identification:
     """Estimate, fit and choose models from recordings of one handle.
 
@@ -105,39 +108,37 @@ def identify_handle(
     recorded : mapping of str to sequence of IdentificationTrial
         Trials by the name of the grip.
     sweep : SweepParameters
-        What excited the handle.
+        Excitation of the handle.
     acceleration_range, bandwidth : float
-        Of the accelerometer, m/s^2 either way and Hz.
+        Range and bandwidth of the accelerometer, m/s^2 either way and Hz.
     known : HandleParameters, optional
-        Values of what is not free, and where the search starts; Table I otherwise.
+        Values of the parameters that are not free, and start of the search; Table I otherwise.
     free : sequence of str
-        What is fitted, as `fit_handle` has it.
-    order : int
-        Of the discrete model.
+        Names of the fitted parameters, as in `fit_handle`.
 
     Raises
     ------
     RecordingError
-        A recording is of no use, and why.
+        A recording is of no use; with the reason.
     ParameterError
         There is no trial, or a parameter is out of range.
     """
     if not recorded or not all(recorded.values()):
         raise ParameterError("recorded: must hold at least one trial of every grip")
-    fitting = _Fitting(known, tuple(free), bandwidth)
+    fit = partial(fit_handle, known=known, low_pass_frequency=bandwidth)
     grips = {
-        name: _identify_grip(list(trials), sweep, acceleration_range, fitting)
+        name: _identify_grip(list(trials), sweep, acceleration_range, fit, free)
         for name, trials in recorded.items()
     }
-    fit = _pooled(list(grips.values()), fitting)
+    pooled = _pooled(list(grips.values()), fit, free)
     trials = [trial for grip in grips.values() for trial in grip.trials]
     discrete = identify_discrete(
         np.concatenate([trial.actuator_force for trial in trials]),
         np.concatenate([centred(trial.handle_acceleration) for trial in trials]),
-        order,
+        DISCRETE_ORDER,
         trials[0].rate,
     )
-    return Identification(grips, fit, discrete, approximate_model(fit.handle), sweep.band)
+    return Identification(grips, pooled, discrete, approximate_model(pooled.handle), sweep.band)
 
 
 def centred(values: FloatArray) -> FloatArray:
@@ -149,7 +150,8 @@ def _identify_grip(
     trials: list[IdentificationTrial],
     sweep: SweepParameters,
     acceleration_range: float,
-    fitting: _Fitting,
+    fit: Fit,
+    free: Sequence[str],
 ) -> GripIdentification:
     forces, accelerations, responses = [], [], []
     for trial in trials:
@@ -159,31 +161,35 @@ def _identify_grip(
         responses.append(dft_ratio(force, acceleration, trial.rate, sweep.band, sweep.repeats - 1))
         forces.append(force)
         accelerations.append(centred(acceleration))
-    force, acceleration = np.concatenate(forces), np.concatenate(accelerations)
-    rate = trials[0].rate
-    return GripIdentification(
-        trials,
-        responses,
-        h1(force, acceleration, rate, sweep.band),
-        h2(force, acceleration, rate, sweep.band),
-        fitting.of_one_grip(responses),
+    averaged = h1(
+        np.concatenate(forces), np.concatenate(accelerations), trials[0].rate, sweep.band
     )
+    found = fit(responses, free=free)
+    if found.residual > UNEXPLAINED:
+        moving = fit(responses, free=_with_mount(free), mount=MOUNT_START)
+        found = moving if moving.residual < found.residual / 2 else found
+    return GripIdentification(trials, responses, averaged, h2(averaged), found)
 
 
-def _pooled(grips: Sequence[GripIdentification], fitting: _Fitting) -> HandleFit:
+def _pooled(grips: Sequence[GripIdentification], fit: Fit, free: Sequence[str]) -> HandleFit:
     """Fit one handle to several grips, between which it is a compromise.
 
-    There it is not noise that a line's deviation comes from but the difference of the grips: with
-    noise for a weight, the few lines that have least of it would decide alone.
+    The deviation of a line comes from the difference of the grips there, not from noise: weighted
+    by noise, the few lines that have least of it would decide alone.
     """
     if len(grips) == 1:
         return grips[0].fit
     means = [np.mean([response.response for response in g.responses], axis=0) for g in grips]
     spread = np.sqrt(np.mean(np.abs(means - np.mean(means, axis=0)) ** 2, axis=0) / 2)
     widened = [_widened(response, spread) for g in grips for response in g.responses]
-    # Whether the mount gives, the grips have told.
-    moving = any(grip.fit.mount.frequency for grip in grips)
-    return fitting.with_mount(widened) if moving else fitting.rigid(widened)
+    # The fits of the grips have decided already if the mount has a mode.
+    if any(grip.fit.mount.frequency for grip in grips):
+        return fit(widened, free=_with_mount(free), mount=MOUNT_START)
+    return fit(widened, free=free)
+
+
+def _with_mount(free: Sequence[str]) -> list[str]:
+    return list(dict.fromkeys((*free, *MOUNT)))
 
 
 def _widened(response: FrequencyResponse, spread: FloatArray) -> FrequencyResponse:
@@ -191,34 +197,3 @@ def _widened(response: FrequencyResponse, spread: FloatArray) -> FrequencyRespon
     deviation = np.hypot(response.standard_deviation, spread)
     noise_to_signal = 2.0 * response.averages * (deviation / np.abs(response.response)) ** 2
     return replace(response, coherence=1.0 / (1.0 + noise_to_signal))
-
-
-@dataclass(frozen=True)
-class _Fitting:
-    """What all fits of an identification have in common."""
-
-    known: HandleParameters | None
-    free: tuple[str, ...]
-    bandwidth: float
-
-    def of_one_grip(self, responses: Sequence[FrequencyResponse]) -> HandleFit:
-        """Fit the handle alone; where much is unexplained, with a mode of the mount too."""
-        rigid = self.rigid(responses)
-        if rigid.residual <= UNEXPLAINED:
-            return rigid
-        moving = self.with_mount(responses)
-        return moving if moving.residual < rigid.residual / 2 else rigid
-
-    def rigid(self, responses: Sequence[FrequencyResponse]) -> HandleFit:
-        return fit_handle(
-            responses, known=self.known, free=self.free, low_pass_frequency=self.bandwidth
-        )
-
-    def with_mount(self, responses: Sequence[FrequencyResponse]) -> HandleFit:
-        return fit_handle(
-            responses,
-            known=self.known,
-            free=list(dict.fromkeys((*self.free, *MOUNT))),
-            mount=MOUNT_START,
-            low_pass_frequency=self.bandwidth,
-        )

@@ -17,29 +17,28 @@ from haptic_accel.core.model import (
     FloatArray,
     HandleParameters,
     MountParameters,
-    handle_model,
 )
 from haptic_accel.core.parameters import ParameterError
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-# scipy.optimize and scipy.linalg take a while to import: only who fits waits for them.
+# scipy.optimize and scipy.linalg take a while to import: only a fit waits for them.
 
 ACCELEROMETER_CORNER = 500.0
 """Corner of the accelerometer's first-order low-pass, Hz (paper: ADXL320J)."""
 
 DEFAULT_FREE = ("b_s", "m_h", "k_u", "b_u", "delay")
-"""What is fitted. Mass and spring of the actuator can be measured on the bench."""
+"""Fitted parameters. Mass and spring of the actuator can be measured on the bench."""
 
 LONGEST_DELAY = 0.01
-"""Longest delay that is looked for, s: ten times the paper's."""
+"""Upper bound of a fitted delay, s: ten times the paper's."""
 
 EARLIEST_DELAY = -0.001
-"""Smallest delay that is looked for, s: the acceleration may be sampled after its stamp."""
+"""Lower bound of a fitted delay, s: the acceleration may be sampled after its stamp."""
 
 MOUNT = ("mount_frequency", "mount_damping")
-"""What else can be fitted: the mode of the accelerometer's mount."""
+"""Further parameters that can be fitted: the mode of the accelerometer's mount."""
 
 RIGID = MountParameters()
 """A mount without a mode."""
@@ -64,13 +63,13 @@ class HandleFit:
     handle : HandleParameters
         Fitted and known parameters.
     mount : MountParameters
-        Of the accelerometer, fitted or known.
+        Mount of the accelerometer, fitted or known.
     delay : float
-        Beside the hold and the accelerometer's low-pass, s. In lockstep, where a force acts
+        Delay beside the hold and the accelerometer's low-pass, s. In lockstep, where a force acts
         right after the sample that it was computed from, it is 0.
     standard_errors : dict
-        Of what was fitted, by name, in its unit; from the Jacobian and the residual, so they
-        hold for noise, not for what the model lacks.
+        Standard errors of the fitted parameters by name, in their units; from the Jacobian and
+        the residual, so they hold for noise, not for a model that is incomplete.
     residual : float
         Root mean square of the error over the estimates' own standard deviation: 1 where the
         model lacks nothing.
@@ -80,8 +79,6 @@ class HandleFit:
         Lowest and highest frequency that was fitted, Hz.
     low_pass_frequency : float
         The accelerometer's corner, Hz.
-    hold : bool
-        Whether the force was held over each sample.
     """
 
     handle: HandleParameters
@@ -92,18 +89,11 @@ class HandleFit:
     relative_residual: float
     band: Band
     low_pass_frequency: float
-    hold: bool
 
     def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
         """Return the fitted response at frequencies in Hz, for signals sampled at a rate."""
         return sampled_response(
-            self.handle,
-            frequency,
-            rate,
-            self.delay,
-            self.low_pass_frequency,
-            hold=self.hold,
-            mount=self.mount,
+            self.handle, frequency, rate, self.delay, self.low_pass_frequency, self.mount
         )
 
 
@@ -114,9 +104,7 @@ def fit_handle(
     free: Sequence[str] = DEFAULT_FREE,
     delay: float = 0.0,
     low_pass_frequency: float = ACCELEROMETER_CORNER,
-    hold: bool = True,
     mount: MountParameters = RIGID,
-    band: Band | None = None,
 ) -> HandleFit:
     """Fit eq. (3) of the paper, with delay, hold and low-pass, to one or more responses.
 
@@ -126,22 +114,18 @@ def fit_handle(
     Parameters
     ----------
     responses : FrequencyResponse or sequence of FrequencyResponse
-        Of one handle held in one way; several are pooled.
+        Responses of one handle held in one way; several are pooled.
     known : HandleParameters, optional
-        Values of what is not free, and where the search starts; Table I otherwise.
+        Values of the parameters that are not free, and start of the search; Table I otherwise.
     free : sequence of str
-        What is fitted: fields of `HandleParameters`, at most five, ``"delay"``, and of the mount
-        ``"mount_frequency"`` and ``"mount_damping"``.
+        Names of the fitted parameters: fields of `HandleParameters`, at most five, ``"delay"``,
+        and of the mount ``"mount_frequency"`` and ``"mount_damping"``.
     delay : float
         The delay where it is not free, s.
     low_pass_frequency : float
         Corner of the accelerometer's first-order low-pass, Hz.
-    hold : bool
-        Whether the force is held from one sample to the next, as a converter does.
     mount : MountParameters
-        Of the accelerometer, where it is not free, and where the search starts; rigid otherwise.
-    band : tuple of float, optional
-        Frequencies to use, Hz; all otherwise.
+        Mount of the accelerometer, where it is not free, and start of the search where it is.
 
     Returns
     -------
@@ -150,14 +134,14 @@ def fit_handle(
     Raises
     ------
     ParameterError
-        Nothing or too much is free, a name is unknown, or too few lines lie in the band.
+        Nothing or too much is free, a name is unknown, or too few lines have some coherence.
     """
     known = known or HandleParameters()
     if isinstance(responses, FrequencyResponse):
         responses = [responses]
     start = _Point(known, mount, delay)
     _check(start, free, low_pass_frequency)
-    return _Problem(responses, start, tuple(free), low_pass_frequency, hold, band).solve()
+    return _Problem(responses, start, tuple(free), low_pass_frequency).solve()
 
 
 def sampled_response(
@@ -166,14 +150,13 @@ def sampled_response(
     rate: float,
     delay: float = 0.0,
     low_pass_frequency: float = ACCELEROMETER_CORNER,
-    *,
-    hold: bool = True,
     mount: MountParameters = RIGID,
 ) -> ComplexArray:
-    """Response of sampled acceleration to actuator force, behind delay and low-pass.
+    """Return the response of sampled acceleration to actuator force, behind delay and low-pass.
 
-    With a held force it is exact for what samples see: sin(x)/x and half a sample of delay, and
-    all aliases, which at 1 kHz behind a 500 Hz first-order low-pass make up 14 % at 200 Hz.
+    The force is held from one sample to the next. The response is exact for what is sampled:
+    sin(x)/x and half a sample of delay, and all aliases, which at 1 kHz behind a 500 Hz
+    first-order low-pass make up 14 % at 200 Hz.
 
     Parameters
     ----------
@@ -183,14 +166,11 @@ def sampled_response(
     rate : float
         Samples per second.
     delay : float
-        Beside that of the hold, s.
+        Delay beside that of the hold, s.
     low_pass_frequency : float
         Corner of the accelerometer's first-order low-pass, Hz.
-    hold : bool
-        Whether the force is held from one sample to the next; otherwise the response of the
-        continuous system.
     mount : MountParameters
-        Of the accelerometer.
+        Mount of the accelerometer.
 
     Returns
     -------
@@ -198,11 +178,6 @@ def sampled_response(
         Complex, m/s^2 per N.
     """
     frequency = np.asarray(frequency, dtype=np.float64)
-    if not hold:
-        low_pass = 1.0 + 1j * frequency / low_pass_frequency
-        lag = np.exp(-2j * np.pi * frequency * delay)
-        followed = _mount_response(mount, frequency)
-        return np.asarray(handle_model(handle).response(frequency) * followed * lag / low_pass)
     a, b = _mechanics(handle, low_pass_frequency, mount)
     late = math.ceil(delay * rate)  # whole samples until the force is first seen
     over, step = _held(a, b, 1.0 / rate)
@@ -216,15 +191,6 @@ def sampled_response(
     state = np.linalg.solve(resolvent, np.broadcast_to(step, (len(z), states))[..., None])
     seen = state[..., 0] @ over_rest[-1] + step_rest[-1]
     return np.asarray(seen * z**-late)
-
-
-def _mount_response(mount: MountParameters, frequency: FloatArray) -> ComplexArray:
-    """Return acceleration of the accelerometer over that of the handle."""
-    if not mount.frequency:
-        return np.ones(len(frequency), dtype=np.complex128)
-    ratio = frequency / mount.frequency
-    passed = 1.0 + 2j * mount.damping * ratio
-    return np.asarray(passed / (passed - ratio**2))
 
 
 def _mechanics(
@@ -258,7 +224,7 @@ def _mechanics(
 
 
 def _held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
-    """Return what a time in s makes of the state, and of an input held over it."""
+    """Return the factors of the state, and of an input held over it, after a time in s."""
     from scipy.linalg import expm
 
     states = len(b)
@@ -270,7 +236,7 @@ def _held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatA
 
 @dataclass(frozen=True)
 class _Point:
-    """All that a response depends on."""
+    """Arguments of the model of a response."""
 
     handle: HandleParameters
     mount: MountParameters
@@ -284,7 +250,7 @@ class _Point:
         return float(getattr(self.handle, name))
 
     def replaced(self, values: dict[str, float]) -> _Point:
-        """Return the point with other values of what is named."""
+        """Return the point with other values of the named parameters."""
         handle = {n: v for n, v in values.items() if n in _HANDLE}
         mount = {n.removeprefix("mount_"): v for n, v in values.items() if n in MOUNT}
         return _Point(
@@ -295,7 +261,7 @@ class _Point:
 
 
 class _Problem:
-    """The residuals as a function of what is free."""
+    """Residuals as a function of the free parameters."""
 
     def __init__(
         self,
@@ -303,18 +269,14 @@ class _Problem:
         known: _Point,
         free: tuple[str, ...],
         low_pass_frequency: float,
-        hold: bool,
-        band: Band | None,
     ) -> None:
         self._known, self._free = known, free
-        self._low_pass_frequency, self._hold = low_pass_frequency, hold
-        self._lines = [_Lines(response, band) for response in responses]
+        self._low_pass_frequency = low_pass_frequency
+        self._lines = [_weighted(response) for response in responses]
         count = sum(len(lines.frequency) for lines in self._lines)
         if count <= len(free):
-            where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
             raise ParameterError(
-                f"responses: {count} lines{where} with some coherence,"
-                f" must be at least {len(free) + 1}"
+                f"responses: {count} lines with some coherence, must be at least {len(free) + 1}"
             )
 
     def solve(self) -> HandleFit:
@@ -343,11 +305,10 @@ class _Problem:
                 max(float(lines.frequency[-1]) for lines in self._lines),
             ),
             low_pass_frequency=self._low_pass_frequency,
-            hold=self._hold,
         )
 
     def _searched(self, start: FloatArray) -> OptimizeResult:
-        """Return what least squares finds from a start."""
+        """Return the result of least squares from a start."""
         from scipy.optimize import least_squares
 
         reach = np.array([_REACH if name != "delay" else math.inf for name in self._free])
@@ -360,10 +321,7 @@ class _Problem:
                 at = self._free.index(name)
                 low[at], high[at] = np.log(bounds)
 
-        def residuals(point: FloatArray) -> FloatArray:
-            return self._residuals(point, self._lines)
-
-        return least_squares(residuals, start, bounds=(low, high), x_scale="jac")
+        return least_squares(self._residuals, start, bounds=(low, high), x_scale="jac")
 
     def _mirrored(self, point: FloatArray) -> FloatArray:
         """Return the point where bearing and grip have exchanged their damping.
@@ -394,10 +352,10 @@ class _Problem:
             ]
         )
 
-    def _residuals(self, point: FloatArray, lines: Sequence[_Lines]) -> FloatArray:
+    def _residuals(self, point: FloatArray) -> FloatArray:
         decoded = self._decoded(point)
         parts = []
-        for line in lines:
+        for line in self._lines:
             error = (self._model(decoded, line) - line.response) / line.deviation
             parts += [error.real, error.imag]
         return np.concatenate(parts)
@@ -409,8 +367,7 @@ class _Problem:
             lines.rate,
             point.delay,
             self._low_pass_frequency,
-            hold=self._hold,
-            mount=point.mount,
+            point.mount,
         )
 
     def _relative(self, point: _Point) -> float:
@@ -424,7 +381,7 @@ class _Problem:
 
         Relative errors decide here: weighted by their deviation, a few lines would.
         """
-        lines = [line.thinned() for line in self._lines]
+        lines = [_thinned(line) for line in self._lines]
         delays = [self._known.delay]
         if "delay" in self._free:
             delays = np.arange(0.0, LONGEST_DELAY, _START_DELAYS).tolist()
@@ -460,27 +417,35 @@ class _Problem:
         return costs
 
 
+@dataclass(frozen=True)
 class _Lines:
-    """What is fitted of one response: its lines in the band that have any coherence."""
+    """Lines of one response that are fitted, and the standard deviation of each."""
 
-    def __init__(self, response: FrequencyResponse, band: Band | None) -> None:
-        low, high = band or (0.0, math.inf)
-        used = (response.frequency >= low) & (response.frequency <= high)
-        used &= (response.coherence > 0.0) & (np.abs(response.response) > 0.0)
-        self.frequency = response.frequency[used]
-        self.response = response.response[used]
-        # Where a record without noise gives a coherence of one, rounding is left.
-        smallest = _ROUNDING * np.abs(self.response)
-        self.deviation = np.maximum(response.standard_deviation[used], smallest)
-        self.rate = response.rate
+    frequency: FloatArray
+    response: ComplexArray
+    deviation: FloatArray
+    rate: float
 
-    def thinned(self) -> _Lines:
-        """Return a few of the lines, which a search for a start can do with."""
-        few = object.__new__(_Lines)
-        every = max(1, len(self.frequency) // _START_LINES)
-        few.frequency, few.response = self.frequency[::every], self.response[::every]
-        few.deviation, few.rate = self.deviation[::every], self.rate
-        return few
+
+def _weighted(response: FrequencyResponse) -> _Lines:
+    """Return the lines of a response that have any coherence."""
+    used = (response.coherence > 0.0) & (np.abs(response.response) > 0.0)
+    # Where a record without noise gives a coherence of one, rounding is left.
+    smallest = _ROUNDING * np.abs(response.response[used])
+    return _Lines(
+        response.frequency[used],
+        response.response[used],
+        np.maximum(response.standard_deviation[used], smallest),
+        response.rate,
+    )
+
+
+def _thinned(lines: _Lines) -> _Lines:
+    """Return a few of the lines, enough for the search for a start."""
+    every = max(1, len(lines.frequency) // _START_LINES)
+    return _Lines(
+        lines.frequency[::every], lines.response[::every], lines.deviation[::every], lines.rate
+    )
 
 
 _ROUNDING = 1e-9  # relative

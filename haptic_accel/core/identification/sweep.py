@@ -13,10 +13,10 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
 ALIKE = 0.95
-"""Correlation with the excitation from which on a recorded force is taken for it (assumed)."""
+"""Correlation with the excitation above which a recorded force is the excitation (assumed)."""
 
 SAMPLES_MISSING = "samples_missing"
-"""In a trial's status: how many of its samples were not recorded."""
+"""Name in a trial's status of the number of its samples that were not recorded."""
 
 DROPPED_REPEATS = 1
 """Repeats at the start that are not evaluated: the handle settles in them (paper)."""
@@ -35,7 +35,9 @@ class SweepParameters(Checked):
     end_frequency: float = parameter(
         200.0, "frequency at the end (paper)", unit="Hz", low=0.1, high=100e3
     )
-    duration: float = parameter(2.0, "of one repeat (paper)", unit="s", low=0.1, high=60.0)
+    duration: float = parameter(
+        2.0, "duration of one repeat (paper)", unit="s", low=0.1, high=60.0
+    )
     start_amplitude: float = parameter(
         0.24, "force at the start (paper)", unit="N", low=0, high=100.0
     )
@@ -77,11 +79,11 @@ class SweepParameters(Checked):
         return self.duration / math.log(self.end_frequency / self.start_frequency)
 
     def _cycles(self, time: float) -> float:
-        """How many cycles have passed at a time in s."""
+        """Return the number of cycles until a time in s."""
         return self.start_frequency * self._growth * math.expm1(time / self._growth)
 
     def _time(self, cycles: float) -> float:
-        """When a number of cycles has passed, s."""
+        """Return the time at which a number of cycles has passed, s."""
         return self._growth * math.log1p(cycles / (self.start_frequency * self._growth))
 
 
@@ -181,16 +183,16 @@ def kept_repeats(values: FloatArray, parameters: SweepParameters, rate: float) -
 
 @dataclass(frozen=True)
 class IdentificationTrial:
-    """What one trial recorded; both signals of shape (n,) on the same sampling times.
+    """Signals of one trial; both of shape (n,) on the same sampling times.
 
     Attributes
     ----------
     rate : float
         Samples per second.
     actuator_force : ndarray
-        As commanded right after each sample was measured, N.
+        Force as commanded right after each sample was measured, N.
     handle_acceleration : ndarray
-        As the accelerometer gave it, m/s^2.
+        Acceleration as measured, m/s^2.
     status : dict
         Counts of what went beyond a range or was lost, by name: all zero in a good trial.
     """
@@ -208,23 +210,23 @@ def find_trials(
     rate: float,
     missing: npt.NDArray[np.bool_] | None = None,
 ) -> list[IdentificationTrial]:
-    """Find the excitation in a recording: where the force looks like it.
+    """Find the excitation in a recording by its correlation with the force.
 
     Parameters
     ----------
     actuator_force, handle_acceleration : ndarray, shape (n,)
         N and m/s^2, on the same sampling times.
     parameters : SweepParameters
-        What excited the handle.
+        Excitation of the handle.
     rate : float
         Samples per second.
     missing : ndarray of bool, shape (n,), optional
-        Which samples were not recorded, and are filled in.
+        Mask of the samples that were not recorded, and are filled in.
 
     Returns
     -------
     list of IdentificationTrial
-        In the order recorded; what is missing of each is in its status.
+        Trials in the order recorded; the number of missing samples of each is in its status.
 
     Raises
     ------

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.actuator.travel import TravelEstimator
-from haptic_accel.core.identification import SweepParameters, excitation
+from haptic_accel.core.identification.sweep import SweepParameters, excitation
 from haptic_accel.core.model import AccelerometerParameters, GripParameters, Suspension
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.exploration import ExplorationParameters

@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from haptic_accel.core.identification import (
+from haptic_accel.core.identification.discrete import (
     DiscreteModel,
-    RecordingError,
-    SweepParameters,
     identify_discrete,
-    sampled_response,
+    read_discrete_model,
 )
-from haptic_accel.core.identification.discrete import read_discrete_model
+from haptic_accel.core.identification.estimate import RecordingError
+from haptic_accel.core.identification.fit import sampled_response
+from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters

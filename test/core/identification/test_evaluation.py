@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from haptic_accel.core.identification import (
+from haptic_accel.core.identification.estimate import RecordingError
+from haptic_accel.core.identification.evaluation import identify_handle
+from haptic_accel.core.identification.sweep import (
     IdentificationTrial,
-    RecordingError,
     SweepParameters,
     excitation,
     find_trials,
-    identify_handle,
 )
 from haptic_accel.core.model import POSTURES, GripParameters, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError

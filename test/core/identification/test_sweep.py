@@ -9,12 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.identification import (
-    SweepParameters,
-    excitation,
-    kept_repeats,
-    sweep,
-)
+from haptic_accel.core.identification.sweep import SweepParameters, excitation, kept_repeats, sweep
 from haptic_accel.core.parameters import ParameterError
 
 RATE = 1000.0

@@ -23,7 +23,7 @@ from haptic_accel.core.control.controllers.inverse import InverseController, Inv
 from haptic_accel.core.control.feedback_design import GripRange
 from haptic_accel.core.control.inversion import Plant
 from haptic_accel.core.evaluation.metrics import evaluate
-from haptic_accel.core.identification import approximate_model
+from haptic_accel.core.identification.approximate import approximate_model
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
