@@ -38,8 +38,8 @@ def test_help_lists_every_argument_with_default_and_unit(
         (["dance"], "dance: no such verb; there are teleop, "),
         (["telepo"], "telepo: no such verb (did you mean teleop?); there are teleop, "),
         (["bench", "latncy"], "latncy: no such verb (did you mean latency?); there are latency"),
-        (["teleop", "--fast"], "No such option '--fast'"),
-        (["experiment", "--lokstep"], "No such option '--lokstep'. Did you mean '--lockstep'?"),
+        (["teleop", "--fast"], "No such option --fast"),
+        (["experiment", "--lokstep"], "No such option --lokstep Did you mean --lockstep?"),
         (["experiment", "--seeds"], "Option '--seeds' requires an argument."),
         (["experiment", "--seeds", "two"], "Invalid value for '--seeds': 'two' is not a valid"),
         (["bench", "latency", "--rates", "1,b"], "Invalid value for '--rates': '1,b': must be"),
@@ -52,7 +52,9 @@ def test_help_lists_every_argument_with_default_and_unit(
 def test_wrong_words_are_answered_in_one_line_with_the_nearest(
     words: list[str], message: str
 ) -> None:
-    assert refusal(*words).replace(". (Did", ". Did").startswith(message)
+    # click punctuates its messages differently from version to version.
+    found, expected = (re.sub(r"[':.(]", "", text) for text in (refusal(*words), message))
+    assert found.startswith(expected)
 
 
 def every_verb() -> Iterator[tuple[str, ...]]:
