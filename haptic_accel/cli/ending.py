@@ -1,4 +1,4 @@
-"""How a verb ends before it is done."""
+"""The error by which a verb ends before it is done."""
 
 from __future__ import annotations
 
