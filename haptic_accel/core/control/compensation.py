@@ -16,16 +16,16 @@ from haptic_accel.core.model import ACTUATOR, GRAVITY
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
 AT_RANGE = 0.999
-"""Share of the handle's sensor's range from which on it may be saturated: converters differ."""
+"""Fraction of full scale above which a handle sample counts as saturated: converters differ."""
 
 LISTENING = 0.5
-"""How long a controller hears both accelerations before it takes over, s."""
+"""Time in which a new controller receives both accelerations before it takes over, s."""
 
 FADING = 5e-3
-"""How long it takes to take over, s."""
+"""Duration of the crossfade from one controller to the next, s."""
 
 RESTING = 0.05
-"""Over which the tool's acceleration at rest is averaged for who begins to listen, s."""
+"""Time constant of the mean tool acceleration with which a new controller starts, s."""
 
 PLANT = "plant"
 """Name of the identified plant among the controllers' parameters."""
@@ -33,9 +33,9 @@ PLANT = "plant"
 
 @dataclass(frozen=True)
 class CompensationParameters(Checked):
-    """What surrounds every controller."""
+    """Choice of the controller, high-pass, and range of the handle's accelerometer."""
 
-    controller: str = parameter("dynamic", "which controller", choices=tuple(CONTROLLERS))
+    controller: str = parameter("dynamic", "name of the controller", choices=tuple(CONTROLLERS))
     high_pass_frequency: float = parameter(
         HIGH_PASS_FREQUENCY,
         "corner of the 4th-order Butterworth high-pass (paper)",
@@ -45,7 +45,7 @@ class CompensationParameters(Checked):
     )
     handle_range: float = parameter(
         5 * GRAVITY,
-        "range of the handle's accelerometer, at which it is not believed (paper: 5 g)",
+        "range of the handle's accelerometer; samples at the range are not used (paper: 5 g)",
         unit="m/s^2",
         low=0,
         high=LARGEST_ACCELERATION,
@@ -61,7 +61,7 @@ def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -
     name : str
         A key of `CONTROLLERS`.
     loop : Loop
-        What surrounds it.
+        Rate, high-pass and plant of the control loop.
     parameters : optional
         An instance of the controller's own parameters; the defaults otherwise.
 
@@ -98,7 +98,7 @@ class Compensation:
     Parameters
     ----------
     parameters : CompensationParameters
-        Which controller, corner, limit.
+        Controller, high-pass corner and sensor range.
     rate : float
         Samples per second; more than twice the high-pass' corner.
     options : mapping, optional
@@ -110,9 +110,10 @@ class Compensation:
     Attributes
     ----------
     rejected : int
-        Samples that were no acceleration and were taken for zero, or for not measured.
+        Number of samples that were not finite or implausible: zero is used for the tool, none for
+        the handle.
     untrusted : int
-        Samples of the handle that were missing, or at the range of its sensor.
+        Number of handle samples that were missing, or at the range of the sensor.
 
     Raises
     ------
@@ -150,19 +151,19 @@ class Compensation:
 
     @property
     def controller(self) -> str:
-        """Name of the controller in use, or of the one that is about to be."""
+        """Name of the controller in use, or of the one selected last."""
         return (self._waiting or self._follower or self._active).name
 
     @property
     def saturated(self) -> int:
-        """Samples whose force was cut at the peak."""
+        """Number of samples whose force was limited to the peak."""
         return self.guard.saturated
 
     def select(self, name: str) -> None:
         """Let another controller take over, without a jump in force.
 
-        It listens for `LISTENING`, so that its filters know the past, then is faded in over
-        `FADING`. Whoever is being faded in when another is selected has taken over first.
+        For `LISTENING` it only receives samples, so that its filters settle, then it is faded in
+        over `FADING`. A fade that has begun is completed before another controller starts.
 
         Raises
         ------
@@ -185,12 +186,12 @@ class Compensation:
         Parameters
         ----------
         tool_acceleration : float
-            m/s^2, as measured. A value that is not finite or beyond `LARGEST_ACCELERATION`
-            counts as zero, so that one bad sample cannot poison the filters or hold the
-            actuator at its limit for seconds.
+            Measured tool acceleration, m/s^2. A value that is not finite or beyond
+            `LARGEST_ACCELERATION` counts as zero, so that one bad sample cannot corrupt the
+            filters or hold the actuator at its limit for seconds.
         handle_acceleration : float or None
-            m/s^2, as measured one sample earlier: of the same tick's a compensator may not have
-            heard yet. None where it is missing.
+            Handle acceleration measured one sample earlier, m/s^2: a compensator may not have
+            received that of the same tick yet. None where it is missing.
 
         Returns
         -------
@@ -202,7 +203,7 @@ class Compensation:
         measured = self._trusted(handle_acceleration)
         desired, force = self._wanted(self._plausible(tool_acceleration), measured)
         if not (math.isfinite(desired) and math.isfinite(force)):
-            # A controller's own instability: a filter that holds infinity never recovers.
+            # An unstable controller: a filter that holds infinity never recovers.
             self.reset()
             desired = force = 0.0
         # Where it is not known, the handle's acceleration is taken for what it was: gravity.
@@ -214,27 +215,27 @@ class Compensation:
         return desired, force
 
     def adapt(self) -> None:
-        """Let the controller do a piece of slow work; to be called when no force waits."""
+        """Do a piece of the controller's slow work; call it when no force is due."""
         self._active.controller.adapt()
         if self._follower:
             self._follower.controller.adapt()
 
     def freeze(self, frozen: bool) -> None:
-        """Let all controllers stop adapting, or go on."""
+        """Stop or resume the adaptation of all controllers."""
         for channel in self._built.values():
             channel.controller.freeze(frozen)
 
     def reset(self) -> None:
         """Return to the state of a compensation that has always seen zero.
 
-        What is known of the actuator's heat and travel stays: no reset cools a coil.
+        The estimates of the actuator's heat and travel stay: no reset cools a coil.
         """
         for channel in self._built.values():
             channel.reset()
         self._rest = 0.0
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return a warning, empty if all is well, and values with units for diagnostics."""
+        """Return a warning, empty for none, and values with units for diagnostics."""
         guard = self.guard
         controller = self._active.controller
         return controller.warning, {
@@ -255,7 +256,7 @@ class Compensation:
             self._built[name] = _Channel(name, SampleFilter(self._sections), controller)
 
     def _wanted(self, tool: float, measured: float) -> tuple[float, float]:
-        """Return what is desired, and the force for it, or one on the way to another's."""
+        """Return desired acceleration and force, during a change crossfaded to the new one."""
         desired, force = self._active.sample(tool, measured)
         self._rest += self._resting * (tool - self._rest)
         if self._follower is None:
@@ -271,7 +272,7 @@ class Compensation:
         return desired, force + max(0.0, share) * (following[1] - force)
 
     def _listen(self, channel: _Channel) -> None:
-        """Let a channel listen in place of whichever did; none if it is the one in use."""
+        """Make a channel the next to take over; none if it is the one in use."""
         if self._follower:
             self._follower.reset()
         self._follower = None if channel is self._active else channel
@@ -291,7 +292,7 @@ class Compensation:
         return 0.0
 
     def _trusted(self, acceleration: float | None) -> float:
-        """Return the handle's acceleration, NaN where it says nothing."""
+        """Return the handle's acceleration, NaN where it is missing or saturated."""
         if acceleration is None:
             self.untrusted += 1
             return math.nan
@@ -305,11 +306,10 @@ class Compensation:
 
 
 class _Channel:
-    """A controller behind a high-pass of its own, which began with it.
+    """A controller with its own high-pass, which starts at the same time.
 
-    One that hears an acceleration which began before it would take that for a step from zero,
-    and an inverse, which undoes the high-pass down to far lower frequencies, would answer with
-    newtons for seconds.
+    A constant acceleration that was there before would look like a step from zero, and an inverse,
+    which extends the high-pass to far lower frequencies, would respond with newtons for seconds.
     """
 
     def __init__(self, name: str, high_pass: SampleFilter, controller: Controller) -> None:
@@ -319,7 +319,7 @@ class _Channel:
         self._rest = 0.0
 
     def begin(self, tool_acceleration: float) -> None:
-        """Take an acceleration for what the tool has at rest: gravity, most of it."""
+        """Set the tool's acceleration at rest, mostly gravity."""
         self._rest = tool_acceleration
 
     def sample(self, tool_acceleration: float, measured: float) -> tuple[float, float]:

@@ -1,16 +1,16 @@
 """Feedback on the handle's acceleration with a stated margin over a range of grips.
 
-With the sampled plant P of a grip, B the high-pass of what is measured, and one sample until that
-is heard, G = B z^-1 P is all that lies between a force and what can be answered to it. The
-controller has a model G_0 of it, for the grip in the middle, and answers by a convolution Q to
-what the model did not foresee (internal model control: Morari and Zafiriou, Robust Process
-Control, 1989). In the usual form the loop is
+With the sampled plant P of a grip, B the high-pass of the measurement, and one sample of delay
+until that is received, G = B z^-1 P is the path from a force to the signal that is fed back. The
+controller has a model G_0 of it, for the grip in the middle, and feeds the difference between
+measurement and model through a convolution Q (internal model control: Morari and Zafiriou, Robust
+Process Control, 1989). In the usual form the loop is
 
     L = K G,  K = Q / (1 - Q G_0),  1 + L = (1 + Q (G - G_0)) / (1 - Q G_0),  S = 1 / (1 + L).
 
 That form, as everything in 1 + Q (G - G_0) is stable by itself: the loop of a grip is stable if
 and only if the curve of that over the unit circle does not encircle zero, however odd K is; the
-middle grip always is; and a force that was limited is no surprise to the model.
+middle grip always is; and a limited force causes no difference from the model.
 
 Why Q is searched numerically: a gain times 1/P and a low-pass needs the margin at frequencies
 where it reduces no error. Least squares over the texture that is expected puts the feedback where
@@ -39,7 +39,7 @@ from haptic_accel.core.control.inversion.spectrum import PRIOR, SENSOR_DENSITY, 
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
-# scipy.linalg takes a while to import: only who designs a filter waits for it.
+# scipy.linalg is slow to import: only the design of a filter waits for it.
 
 Response = Callable[[FloatArray], ComplexArray]
 """Force over desired acceleration, N per m/s^2, at frequencies in Hz."""
@@ -55,8 +55,8 @@ FEEDBACK_MEMORY = 0.05
 """Length of Q, s: four times it lowers the error by less than a hundredth of itself."""
 
 FELT_FREQUENCY = 500.0
-"""Up to which what is not expected may come, Hz: fingertips feel little beyond (Bolanowski et
-al., J. Acoust. Soc. Am. 84, 1988, measured 0.4 to 500 Hz)."""
+"""Upper frequency of unexpected tool acceleration, Hz: fingertips feel little beyond (Bolanowski
+et al., J. Acoust. Soc. Am. 84, 1988, measured 0.4 to 500 Hz)."""
 
 GRID_STEP = 0.5
 """Distance of frequencies, Hz: an eighth of the width of the narrowest resonance of Table I."""
@@ -74,11 +74,13 @@ _HALVINGS = 12  # of the share that is kept in the end
 class GripRange(Checked):
     """Grips for which a feedback is to be stable: a box around the handle as identified."""
 
-    mass: float = parameter(
-        0.3, "by which part m_h may be more or less (assumed, as is the rest)", low=0, high=0.9
+    mass: float = parameter(0.3, "relative deviation of m_h either way (assumed)", low=0, high=0.9)
+    stiffness: float = parameter(
+        2.0, "factor by which k_u may be larger or smaller (assumed)", low=1, high=10
     )
-    stiffness: float = parameter(2.0, "by which factor k_u may be more or less", low=1, high=10)
-    damping: float = parameter(2.0, "by which factor b_u may be more or less", low=1, high=10)
+    damping: float = parameter(
+        2.0, "factor by which b_u may be larger or smaller (assumed)", low=1, high=10
+    )
 
     def grips(self, handle: HandleParameters) -> tuple[HandleParameters, ...]:
         """Return the handle itself, then the eight corners of the box about it."""
@@ -98,18 +100,18 @@ class GripRange(Checked):
 
 @dataclass(frozen=True)
 class Margins:
-    """How far a loop is from instability.
+    """Stability margins of a loop.
 
     Attributes
     ----------
     modulus : float
         Smallest distance of the loop from -1, min |1 + L|.
     gain : float
-        Factor by which the loop's gain may grow; infinite where none does harm.
+        Gain margin as a factor; infinite if no larger gain makes the loop unstable.
     phase : float
-        By which it may turn at unit gain, either way, rad; infinite where it has no unit gain.
+        Phase margin either way, rad; infinite where the loop has no unit gain.
     delay : float
-        Further delay that it bears, s; infinite where it has no unit gain.
+        Additional delay that the loop tolerates, s; infinite where it has no unit gain.
     """
 
     modulus: float
@@ -171,9 +173,9 @@ def encirclements(curve: ComplexArray) -> int | None:
     Returns
     -------
     int or None
-        Anticlockwise positive for one curve: minus the zeros outside the unit circle, of what
-        has no poles there. None where the curve turns by a right angle or more from point to
-        point: nobody can tell.
+        Anticlockwise positive for one curve: minus the number of zeros outside the unit circle,
+        if there are no poles. None where the curve turns by a right angle or more from point to
+        point, so that the number is not determined.
     """
     whole = np.concatenate([curve[..., ::-1].conj(), curve, curve[..., -1:].conj()], axis=-1)
     if not np.isfinite(whole).all() or not whole.all():
@@ -187,15 +189,15 @@ def encirclements(curve: ComplexArray) -> int | None:
 
 @dataclass(frozen=True)
 class GripOutlook:
-    """What is to be expected of one grip.
+    """Predicted margins and errors of a feedback for one grip.
 
     Attributes
     ----------
     handle : HandleParameters
-        Held so.
+        Handle with this grip.
     margins : Margins
     without, with_feedback : float
-        Error under the spectrum that was designed for, as `Prediction.nrmse_percent`.
+        Errors under the spectrum of the design, as `Prediction.nrmse_percent`.
     """
 
     handle: HandleParameters
@@ -206,7 +208,7 @@ class GripOutlook:
 
 @dataclass(frozen=True)
 class FeedbackDesign:
-    """A feedback, and what it will do.
+    """A feedback, and its predicted margins and errors.
 
     Attributes
     ----------
@@ -222,8 +224,8 @@ class FeedbackDesign:
     margin : float
         Stated distance of the loop from -1.
     share : float
-        Part that is kept of the Q that was found best, so that the margin is exact; 0 where there
-        is no feedback at all.
+        Factor applied to the best Q found, so that the margin is exact; 0 where there is no
+        feedback at all.
     outlooks : tuple of GripOutlook
         Middle first, then the corners of the range.
     """
@@ -301,37 +303,36 @@ def design_feedback(
     each step a Toeplitz system, with a growing penalty on what of S lies outside that disc. A
     last scaling of Q makes the margin exact on the grid.
 
-    What a feedback takes at some frequencies it adds at others (Bode's integral). Beside the
-    spectrum, `UNEXPECTED_DENSITY` up to `FELT_FREQUENCY` is therefore expected of the tool: that
-    costs a twentieth of what is gained on textures as expected, and halves what rougher ones
-    lose. The same, white, in what is measured keeps Q from shouting where the handle hardly
-    answers.
+    The error that a feedback removes at some frequencies it adds at others (Bode's integral).
+    Therefore `UNEXPECTED_DENSITY` up to `FELT_FREQUENCY` is added to the tool's spectrum: that
+    costs a twentieth of the gain on expected textures, and halves the loss on rougher ones. The
+    same density, white, in the measurement keeps Q small where the handle hardly responds.
 
     Parameters
     ----------
     plant : Plant
-        With the grip in the middle.
+        Plant with the grip in the middle of the range.
     rate : float
         Samples per second, more than twice the high-pass' corner.
     feedforward : callable
         Response of the feedforward, from desired acceleration to force.
     foreseen : bool
-        Whether what is compared with the measurement is what the model says the force does, or
-        the desired acceleration after the granted delay.
+        True to compare the measurement with the model's response to the force, False to compare
+        it with the desired acceleration after the granted delay.
     granted_delay : int
         Samples by which the handle may lag behind the tool.
     margin : float
         Smallest distance of the loop from -1 at any grip, above 0 and below 1.
     grips : GripRange, optional
     spectrum : callable
-        Of tool acceleration.
+        Spectrum of the tool acceleration.
     high_pass_frequency : float
         Corner of the compensator's high-pass and of that on the measurement, Hz.
 
     Returns
     -------
     FeedbackDesign
-        Without any gain where no stable feedback is of use.
+        Feedback, with zero gain if no stable feedback reduces the error.
 
     Raises
     ------
@@ -416,7 +417,7 @@ class _Problem:
         self._surprise = passed * late * self._fought
 
     def search(self) -> FloatArray:
-        """Return the Q that is best but for a last scaling."""
+        """Return the best Q, before the last scaling."""
         taps = np.zeros(self._length)
         for penalty in _PENALTIES:
             for _ in range(_STEPS):
@@ -461,7 +462,7 @@ class _Problem:
         return stable and float(np.abs(loops.sensitivity).max()) <= self._limit
 
     def _cost(self, taps: FloatArray, penalty: float) -> float:
-        """Return what is to be least; infinite where a grip is not stable."""
+        """Return the cost to minimise; infinite where a grip is not stable."""
         loops = self._loops(taps)
         if encirclements(loops.turned) != 0:
             return math.inf

@@ -6,7 +6,7 @@ import numpy as np
 
 from haptic_accel.core.model import ApproximateModel, FloatArray
 
-# scipy.signal takes half a second to import: only who designs a filter waits for it.
+# scipy.signal takes half a second to import: only the design of a filter waits for it.
 
 HIGH_PASS_ORDER = 4
 """Order of the Butterworth high-pass (paper, section III)."""
@@ -16,8 +16,8 @@ HIGH_PASS_FREQUENCY = 15.0
 
 
 MOTION_SHARE = 1 / 3
-"""Of the high-pass' corner, below which acceleration is taken for the hand's own: strokes turn in
-less than 4 Hz, and what is desired has lost 38 dB (paper's corner)."""
+"""Fraction of the high-pass' corner below which acceleration counts as the hand's own motion:
+strokes turn below 4 Hz, and the desired acceleration is attenuated by 38 dB (paper's corner)."""
 
 
 class SampleFilter:
@@ -73,11 +73,11 @@ def high_pass(frequency: float, rate: float) -> FloatArray:
 def without_hand_motion(
     acceleration: FloatArray, high_pass_frequency: float, rate: float
 ) -> FloatArray:
-    """Take gravity and the hand's own motion out of a whole signal, and nothing else.
+    """Remove gravity and the hand's own motion from a whole signal, and nothing else.
 
-    The desired acceleration has lost them in the compensator's high-pass. A filter without phase,
-    at a third of its corner, takes them out of the handle's: one that shifts phase, or has much of
-    what is desired, would count as error what the handle did right.
+    The compensator's high-pass removes them from the desired acceleration. A zero-phase filter at
+    a third of its corner removes them from the handle's: a filter that shifts phase, or removes
+    much of the desired motion, would count correct motion of the handle as error.
 
     Parameters
     ----------
@@ -91,7 +91,8 @@ def without_hand_motion(
     Returns
     -------
     ndarray, shape (n,)
-        m/s^2; half of what is at a third of the corner, all but 0.0002 of what is at the corner.
+        Filtered signal, m/s^2: half the amplitude is left at a third of the corner, all but 0.0002
+        at the corner.
     """
     from scipy import signal
 

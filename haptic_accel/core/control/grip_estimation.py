@@ -1,4 +1,4 @@
-"""The user's grip, estimated while the handle is used, from what is measured anyway."""
+"""Online estimation of the user's grip from force and acceleration of the handle."""
 
 from __future__ import annotations
 
@@ -15,39 +15,39 @@ from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, 
 from haptic_accel.core.parameters import Checked, parameter
 
 WINDOW = 0.5
-"""Stretch of signal that one look is at, s: some turns of the slowest mode of handle and grip."""
+"""Length of signal for one evaluation, s: some periods of the slowest mode of handle and grip."""
 
 LOOKS = 4
-"""Looks a window."""
+"""Number of evaluations per window."""
 
 THINNED_RATE = 1000.0
-"""Samples per second that are looked at, of signals that have several times as many, Hz."""
+"""Rate to which faster signals are decimated for evaluation, Hz."""
 
 MOST_MISSING = 0.02
-"""Share of the samples looked at that may be missing; they are given the value before."""
+"""Maximum fraction of missing samples in a window; they repeat the value before."""
 
 LOWEST, HIGHEST = 15.0, 250.0
-"""Band that the grip is looked for in, Hz: above the hand's own motion, below its mount's."""
+"""Frequency band of the estimate, Hz: above the hand's own motion, below the mount's mode."""
 
 SMALLEST = np.array([0.4, 0.1, 0.05])
 LARGEST = np.array([2.5, 6.0, 6.0])
-"""Factors of m_h, b_u and k_u between which a grip is believed: what hands can do, and wider."""
+"""Bounds of the estimate as factors of the assumed m_h, b_u and k_u: wider than hands vary."""
 
 PULL = 1e-3
-"""Weight of the grip that was assumed at first, of the excitation's: decides what a texture of one
-frequency leaves open, as mass and stiffness cannot be told apart at one frequency."""
+"""Weight of the assumed grip relative to the excitation: it decides what a texture of one
+frequency leaves undetermined, as mass and stiffness cannot be distinguished there."""
 
 
 @dataclass(frozen=True)
 class AdaptationParameters(Checked):
-    """How the grip is followed."""
+    """Parameters of the grip estimator."""
 
     memory: float = parameter(
-        0.4, "over which a grip is forgotten, of excited time", unit="s", low=0.05, high=100.0
+        0.4, "time constant of forgetting, in excited time", unit="s", low=0.05, high=100.0
     )
     least_force: float = parameter(
         0.02,
-        "root mean square of the actuator's force within the band below which nothing is learnt",
+        "minimum root mean square of the actuator's force within the band for an update",
         unit="N",
         low=0.0,
         high=10.0,
@@ -61,15 +61,15 @@ class GripEstimator:
     bearing are known, and everything between command and sample (hold, delay, mount, low-pass)
     as the ratio P/H of the plant assumed,
     m_a s^2/A F' - m_a (b_s s + k_s)/A A_h = (m_h + b_u/s + k_u/s^2) A_h,
-    A = m_a s^2 + b_s s + k_s, F' = (P/H) F. All terms pass one band-pass without phase, in which
-    integrations do no harm, and are compared where it is done with.
+    A = m_a s^2 + b_s s + k_s, F' = (P/H) F. All terms pass one zero-phase band-pass, in which
+    integrations do no harm, and are compared behind it.
 
-    What a sample costs is two values kept; all else is done in pieces by `step`.
+    A sample only stores two values; all else is done in pieces by `step`.
 
     Parameters
     ----------
     plant : Plant
-        As assumed; the estimate starts with its grip.
+        Assumed plant; the estimate starts with its grip.
     rate : float
         Samples per second.
     parameters : AdaptationParameters
@@ -77,9 +77,9 @@ class GripEstimator:
     Attributes
     ----------
     grip : ndarray, shape (3,)
-        m_h, b_u and k_u as estimated: kg, N s/m, N/m.
+        Estimated m_h, b_u and k_u: kg, N s/m, N/m.
     looks : int
-        How often there was enough to learn from.
+        Number of evaluations that updated the estimate.
     """
 
     def __init__(self, plant: Plant, rate: float, parameters: AdaptationParameters) -> None:
@@ -94,13 +94,13 @@ class GripEstimator:
         self._kept = math.exp(-self._hop / rate / parameters.memory)
         self._least_force = parameters.least_force
         self._work: Iterator[bool] | None = None
-        # Of the part of the window that is being filled, and of those before.
+        # Missing samples in the part of the window that is being filled, and in those before.
         self._missing: deque[int] = deque(maxlen=LOOKS)
         self._last = 0.0
         self.reset()
 
     def sample(self, actuator_force: float, handle_acceleration: float) -> None:
-        """Keep force (N) and handle acceleration (m/s^2; NaN where unknown) of one sample."""
+        """Store force (N) and handle acceleration (m/s^2; NaN where unknown) of one sample."""
         if not math.isfinite(handle_acceleration):
             self._missing[-1] += 1
             handle_acceleration = self._last
@@ -115,7 +115,7 @@ class GripEstimator:
         self._missing.append(0)
 
     def step(self) -> bool:
-        """Do a piece of what is to be done; true when there is a new estimate."""
+        """Do a piece of the pending work; return True when there is a new estimate."""
         if self._work is None:
             return False
         try:
@@ -125,7 +125,7 @@ class GripEstimator:
             return False
 
     def reset(self) -> None:
-        """Forget all but what was assumed."""
+        """Return to the assumed grip."""
         self.grip = self._assumed.copy()
         self._information = np.zeros((3, 3))
         self._evidence = np.zeros(3)
@@ -138,9 +138,9 @@ class GripEstimator:
         self._acceleration.reset()
 
     def _look(self) -> Iterator[bool]:
-        """Compare the latest stretch; yield between pieces, at last whether it was of use."""
+        """Evaluate the latest window; yield between pieces, at last True if it was updated."""
         lines = self._thinned // 2 + 1
-        # Gravity is no part of it, and would be cut off at the window's ends.
+        # Gravity is not part of the response, and would be cut off at the window's ends.
         measured = self._acceleration.latest()[::-1]
         measured = measured - measured.mean()
         scale = self._thinned / self._length
@@ -166,12 +166,12 @@ class GripEstimator:
             yield True
 
     def _learn(self, felt: FloatArray, driven: FloatArray) -> None:
-        """Solve for the factors of what was assumed."""
+        """Solve for the grip as factors of the assumed one."""
         self._information = self._kept * self._information + felt @ felt.T
         self._evidence = self._kept * self._evidence + felt @ driven
         pull = PULL * float(np.trace(self._information))
         if pull < np.finfo(float).tiny:
-            return  # the handle was not seen to move, as where its accelerometer is not connected
+            return  # the measured acceleration is zero, as without an accelerometer
         factors = np.linalg.solve(
             self._information + pull * np.eye(3), self._evidence + pull * np.ones(3)
         )
@@ -180,7 +180,7 @@ class GripEstimator:
 
 
 def _kernels(plant: Plant, rate: float, length: int, thinned: int) -> ComplexArray:
-    """Return what signals are multiplied by on the lines of a window that are kept.
+    """Return the transfer functions of the regression's terms on the lines of a window.
 
     Impulse responses of half a window, so that the newest half of a circular convolution is that
     of the signal; they look as far ahead as back, by a quarter of a window.
@@ -188,7 +188,7 @@ def _kernels(plant: Plant, rate: float, length: int, thinned: int) -> ComplexArr
     Returns
     -------
     ndarray, shape (5, thinned / 2 + 1)
-        For the force, then the acceleration in eq. (1), then those of m_h, b_u and k_u.
+        Those of the force, of the acceleration in eq. (1), then those of m_h, b_u and k_u.
     """
     fine = 8 * length
     frequency: FloatArray = np.fft.rfftfreq(fine, 1.0 / rate)[1:].astype(np.float64)

@@ -14,23 +14,23 @@ from haptic_accel.core.control.inversion.family import InverseFamily, design_fam
 from haptic_accel.core.parameters import parameter
 
 FADING = 0.02
-"""Over which one grip's filter becomes that of another, s."""
+"""Duration of the crossfade from one grip's filter to another's, s."""
 
 
 @dataclass(frozen=True)
 class AdaptiveParameters(InverseParameters):
-    """Those of the inverse, and how the grip is followed."""
+    """Parameters of the inverse and of the grip estimator."""
 
-    frozen: bool = parameter(False, "whether the grip stays as it is")
+    frozen: bool = parameter(False, "stop the grip estimation and keep the present grip")
     adaptation: AdaptationParameters = field(default_factory=AdaptationParameters)
 
     def family(self, loop: Loop) -> InverseFamily:
-        """Return the inverse for all grips; a fraction of a second."""
+        """Return the inverse for all grips; takes a fraction of a second."""
         return design_family(loop.plant, loop.rate, **self.terms(loop))
 
 
 class AdaptiveController(Controller):
-    """f_a = a_hdes through the inverse for the grip as estimated."""
+    """f_a = a_hdes through the inverse for the estimated grip."""
 
     Parameters = AdaptiveParameters
 
@@ -47,7 +47,7 @@ class AdaptiveController(Controller):
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the force after which the handle moves as desired."""
-        # What was applied one sample ago, and what was measured then.
+        # The force applied one sample ago, and the acceleration measured then.
         self._estimator.sample(self._applied, measured_acceleration)
         if self._fading > 0.0:
             self._fading -= self._step
@@ -57,12 +57,12 @@ class AdaptiveController(Controller):
         return force + self._given
 
     def applied(self, actuator_force: float) -> None:
-        """Keep what the handle answers to: the rest is what friction takes."""
+        """Store the force that drives the handle: the applied one less friction."""
         self._applied = actuator_force - self._given
 
     def adapt(self) -> None:
-        """Do a piece of the estimate; when it is there, begin to change the filter."""
-        # A filter on its way arrives before the next one is set out for.
+        """Do a piece of the estimate; when it is done, begin to change the filter."""
+        # One change of the filter is completed before the next begins.
         if self._fading > 0.0 or self.frozen:
             return
         if self._estimator.step():
@@ -71,7 +71,7 @@ class AdaptiveController(Controller):
             self._fading = 1.0 - self._step / 2
 
     def freeze(self, frozen: bool) -> None:
-        """Keep the filter as it is, or go on following the grip."""
+        """Keep the present filter, or resume following the grip."""
         self.frozen = frozen
 
     def reset(self) -> None:
@@ -84,7 +84,7 @@ class AdaptiveController(Controller):
         self._fading = self._applied = self._given = 0.0
 
     def status(self) -> dict[str, str]:
-        """Return the grip as estimated."""
+        """Return the estimated grip."""
         m_h, b_u, k_u = self._estimator.grip.tolist()
         return {
             "m_h (kg)": f"{m_h:.4g}",

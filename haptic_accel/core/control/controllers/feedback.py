@@ -1,4 +1,4 @@
-"""Feedforward and feedback on the handle's acceleration, Fig. 2 of the paper complete."""
+"""Feedforward with feedback on the handle's acceleration, Fig. 2 of the paper complete."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import parameter
 
 FADING = 5e-3
-"""How long the feedback takes to go and to come back, s: a step of force would be felt."""
+"""Duration of fading the feedback out and in, s: a step of force would be felt."""
 
 REGAINED = 20e-3
-"""How long the handle must be heard without a gap before the feedback comes back, s."""
+"""Time of valid handle samples without a gap before the feedback is faded in again, s."""
 
 INVERSE = "inverse"
-"""The feedforward of which the feedback need only answer what it could not foresee."""
+"""Name of the feedforward whose feedback only acts on deviations from the model."""
 
 
 @dataclass(frozen=True)
 class FeedbackParameters(InverseParameters):
-    """The feedforward, and what the feedback must bear."""
+    """Feedforward, and stability margin and grips of the feedback."""
 
     feedforward: str = parameter(
         INVERSE,
@@ -55,7 +55,7 @@ class FeedbackParameters(InverseParameters):
     grips: GripRange = field(default_factory=GripRange)
 
     def design(self, loop: Loop) -> FeedbackDesign:
-        """Return the feedback for a loop; about a second.
+        """Return the feedback for a loop; takes about a second.
 
         Raises
         ------
@@ -67,28 +67,28 @@ class FeedbackParameters(InverseParameters):
 
 
 class FeedbackController(Controller):
-    """Any feedforward, and Q times what the handle did and was not to do.
+    """Any feedforward, and Q times the deviation of the handle from a reference.
 
-    What is not to be done depends on the feedforward. The inverse is already the best causal
-    filter, its travel and force weighed: what it leaves at the grip it was made for no feedback
-    can take without harm, so that only what the model did not foresee is fed back, and at that
-    grip there is nothing. The paper's controllers leave what a feedback can take: there the
-    desired acceleration, delayed, is compared. (At 4 kHz, with the inverse and a mount that gives
-    at 280 Hz, the prior's error is 46.5 % on average over the range of grips without feedback,
-    44.7 % if the surprise is fed back, and 46.5 % if the desired acceleration is compared; with a
-    rigid mount 32.1 % and twice 25.8 %.)
+    The reference depends on the feedforward. The inverse is already the best causal filter for its
+    grip, with travel and force weighed: no feedback can reduce the error that it leaves there.
+    So the reference is the model's response, and at that grip nothing is fed back. The paper's
+    controllers leave errors that feedback can reduce: there the reference is the desired
+    acceleration, delayed. (At 4 kHz, with the inverse and a mount that resonates at 280 Hz, the
+    error under the prior is 46.5 % on average over the range of grips without feedback, 44.7 %
+    with the model as reference, and 46.5 % with the desired acceleration; with a rigid mount
+    32.1 %, and 25.8 % in both cases.)
 
-    The forces of all sources that were sent, `applied`, go through the model, so that a limit or
-    another controller's force is not mistaken for the handle's doing.
+    The model receives the forces that were finally sent, `applied`, so that a limit or another
+    controller's force does not count as a deviation of the handle.
 
-    Where the measurement is missing the feedback fades out, and its filters are fed what they had
-    last: a zero instead would be a step as large as gravity. It comes back when the measurement
-    has been there for `REGAINED`. For the same reason all begins with the first measurement.
+    While the measurement is missing the feedback fades out, and its filters receive their last
+    input: a zero would be a step as large as gravity. It is faded in again when valid samples have
+    come for `REGAINED`. For the same reason the first measurement is taken as the offset.
 
     Attributes
     ----------
     design : FeedbackDesign
-        Its `summary` is fit to be printed.
+        Design of the feedback; its `summary` gives lines to print.
     """
 
     Parameters = FeedbackParameters
@@ -118,7 +118,7 @@ class FeedbackController(Controller):
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the feedforward's force and the feedback's."""
         force = self._feedforward.force(desired_acceleration, measured_acceleration)
-        # The force of the last tick is seen at this one, whose sample is heard at the next.
+        # The force of the last tick is seen at this one, whose sample is received at the next.
         expected, self._expected = self._expected, self._model.sample(self._surplus)
         if not self._foreseen:
             self._wanted.append(desired_acceleration)
@@ -139,14 +139,14 @@ class FeedbackController(Controller):
         return force
 
     def applied(self, actuator_force: float) -> None:
-        """Hear what was sent in the end: what friction leaves of it, the model is given."""
+        """Give the model the force that was finally sent, less friction."""
         taken = 0.0
         if isinstance(self._feedforward, InverseController):
             taken = self._feedforward.friction_force
         self._surplus = actuator_force - taken - self._known
 
     def status(self) -> dict[str, str]:
-        """Return the feedback's gain, its margin, and how often it had to be switched off."""
+        """Return the feedback's gain and margin, and the number of times it was switched off."""
         return {
             "feedback gain (N per m/s^2)": f"{self._share * self._gain:.3f}",
             "feedback margin": f"{self.design.tightest.margins.modulus:.2f}",
@@ -155,13 +155,13 @@ class FeedbackController(Controller):
 
     @property
     def warning(self) -> str:
-        """Say so while the handle is not heard."""
+        """Warning while the handle's acceleration is missing or saturated; otherwise empty."""
         if self._heard < self._regained:
             return "feedback off: handle acceleration stale or saturated"
         return ""
 
     def reset(self) -> None:
-        """Clear all filters, and take the handle for heard."""
+        """Clear all filters, and assume valid handle samples."""
         self._feedforward.reset()
         for part in (self._high_pass, self._model, self._answer):
             part.reset()
@@ -193,7 +193,7 @@ def _designed(parameters: FeedbackParameters, loop: Loop, response: Response) ->
 
 
 def _feedforward(parameters: FeedbackParameters, loop: Loop) -> tuple[Controller, Response]:
-    """Return the feedforward for the handle as identified, and its response."""
+    """Return the feedforward for the identified handle, and its response."""
     handle = loop.plant.handle
     if parameters.feedforward == "none":
         return NoController(NoParameters(), loop), lambda frequency: _flat(0.0, frequency)

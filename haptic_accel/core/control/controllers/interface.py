@@ -1,4 +1,4 @@
-"""What every controller has: parameters, one sample in and out, slow work between, a reset."""
+"""Interface of controllers: parameters, one sample in and out, slow work between, a reset."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from haptic_accel.core.parameters import Checked
 
 @dataclass(frozen=True)
 class Loop:
-    """What surrounds a controller.
+    """Control loop that a controller is built for.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class Loop:
     high_pass_frequency : float
         Corner of the high-pass that the desired acceleration has passed, Hz.
     plant : Plant
-        The handle as identified, and all between a command and a sample.
+        Identified handle with everything between a command and a sample.
     """
 
     rate: float
@@ -55,7 +55,7 @@ class Controller(ABC):
 
     @abstractmethod
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Take one sample of desired and measured handle acceleration, give one force.
+        """Take one sample of desired and measured handle acceleration, return one force.
 
         Parameters
         ----------
@@ -72,21 +72,21 @@ class Controller(ABC):
         """
 
     def applied(self, actuator_force: float) -> None:  # noqa: B027 - most need not know
-        """Hear which force, N, was sent at this sample in the end: limited, or another's."""
+        """Receive the force, N, finally sent at this sample: limited, or another controller's."""
 
     def adapt(self) -> None:  # noqa: B027 - most have none
-        """Do a piece of slow work, in time that no force waits for: tens of microseconds."""
+        """Do a piece of slow work, some tens of microseconds, while no force is due."""
 
     def freeze(self, frozen: bool) -> None:  # noqa: B027 - most have nothing to
-        """Stop adapting, or go on."""
+        """Stop or resume adaptation."""
 
     def status(self) -> dict[str, str]:
-        """Return what is worth showing in diagnostics, by name with unit."""
+        """Return values for diagnostics, by name with unit."""
         return {}
 
     @property
     def warning(self) -> str:
-        """What is wrong, empty if all is well."""
+        """Present fault in words; empty for none."""
         return ""
 
     @abstractmethod

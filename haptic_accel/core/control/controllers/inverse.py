@@ -32,7 +32,7 @@ class DesignTerms(TypedDict):
 
 @dataclass(frozen=True)
 class InverseParameters(Checked):
-    """What the inverse may take, and what it may expect."""
+    """Delay, travel and texture for which the inverse is designed."""
 
     granted_delay: int = parameter(
         1,
@@ -42,7 +42,7 @@ class InverseParameters(Checked):
     )
     travel_limit: float = parameter(
         TRAVEL_LIMIT,
-        "travel that a landing of the tool may take of the actuator's",
+        "maximum travel of the actuator as the tool lands on a surface",
         unit="m",
         low=1e-5,
         high=0.1,
@@ -53,7 +53,7 @@ class InverseParameters(Checked):
     )
 
     def filter(self, loop: Loop) -> InverseFilter:
-        """Return the inverse for a loop; a fraction of a second.
+        """Return the inverse for a loop; takes a fraction of a second.
 
         Raises
         ------
@@ -63,7 +63,7 @@ class InverseParameters(Checked):
         return design_inverse(loop.plant, loop.rate, **self.terms(loop))
 
     def terms(self, loop: Loop) -> DesignTerms:
-        """Return what a design of the inverse, or of a family of them, is asked for."""
+        """Return the arguments of the design of the inverse, or of a family of inverses."""
         return {
             "granted_delay": self.granted_delay,
             "memory": self.memory,
@@ -74,12 +74,12 @@ class InverseParameters(Checked):
 
 
 class InverseController(Controller):
-    """f_a = a_hdes through the causal inverse of eq. (3) and all around it.
+    """f_a = a_hdes through the causal inverse of eq. (3), hold, delay, mount and sensor.
 
     Attributes
     ----------
     friction_force : float
-        What of the last force dry friction takes, N.
+        Part of the last force that compensates dry friction, N.
     """
 
     Parameters = InverseParameters

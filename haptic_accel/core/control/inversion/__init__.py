@@ -1,7 +1,7 @@
 """The exact inverse of an identified handle as one causal filter, its prediction and its bound.
 
-`design_inverse` and `design_basis` make the filter, `predict` says what it will do, and
-`causal_bound` what no causal filter can do better.
+`design_inverse` and `design_basis` make the filter, `predict` gives its error, force and travel,
+and `causal_bound` the smallest error of any causal filter.
 """
 
 from __future__ import annotations

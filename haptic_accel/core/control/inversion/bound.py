@@ -1,4 +1,4 @@
-"""What no causal linear filter can do better on a known plant."""
+"""Smallest error of any causal linear filter on a known plant."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def causal_bound(
 
     The Wiener filter without limits of memory, force and travel: with the spectral factor Q of
     the desired acceleration, and the plant P as an all-pass A times a minimum phase, the error
-    is what of A* z^-granted_delay Q lies before time zero (Wiener 1949; Doyle, Francis and
+    is the part of A* z^-granted_delay Q before time zero (Wiener 1949; Doyle, Francis and
     Tannenbaum, Feedback Control Theory, 1992). It is an infimum: coming near it may take
-    more travel than there is. What is left within a travel, `design_inverse` for the same
-    spectrum and `predict` say.
+    more travel than there is. `design_inverse` for the same spectrum and `predict` give the
+    error within a limit of travel.
 
     Parameters
     ----------
@@ -43,9 +43,9 @@ def causal_bound(
     rate : float
         Samples per second.
     spectrum : callable
-        Of the tool's acceleration; `measured_spectrum` makes it from a signal.
+        Spectrum of the tool's acceleration; `measured_spectrum` makes it from a signal.
     granted_delay : int
-        Samples by which the handle may lag.
+        Number of samples by which the handle may lag.
     noise : float
         Standard deviation of a sample of the handle's accelerometer, m/s^2: all of it counts as
         error, whatever the filter.

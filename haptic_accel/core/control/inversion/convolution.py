@@ -13,7 +13,7 @@ class SampleWindow:
     Parameters
     ----------
     length : int
-        How many; at least one.
+        Number of samples; at least one.
     """
 
     # Every sample is written twice, a length apart: the latest ones then always lie side by

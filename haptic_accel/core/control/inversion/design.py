@@ -22,28 +22,29 @@ from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import ParameterError
 
-# scipy.signal and scipy.linalg take a while to import: only who designs a filter waits for them.
+# scipy.signal and scipy.linalg are slow to import: only the design of a filter waits for them.
 
 EXTENDED_CORNER = 1.0
-"""Corner that the extension leaves of the high-pass, Hz: below all that is to be felt, above
-drift and tilt."""
+"""Corner of the high-pass behind the extension, Hz: below all felt vibration, above drift and
+tilt."""
 
 MEMORY = 0.2
 """Length of the convolution, s: twice it lowers the error by less than a fiftieth of itself."""
 
 TRAVEL_LIMIT = 3.5e-3
-"""Travel that a landing may take, m: of the paper's 3.8 mm, so that what texture adds, and gravity
-where the actuator stands upright, is left to the cushion before the stops."""
+"""Maximum travel after a landing, m, of the paper's 3.8 mm: the rest is for texture, and for
+gravity where the actuator stands upright; the cushion before the stops limits both."""
 
 LANDING_VELOCITY = 0.05
 """Change of the tool's velocity as it meets a surface, m/s: the hand's own 15 mm in 0.6 s."""
 
 FORCE_COST = 0.1
-"""Error that is as bad as a newton of force, m/s^2 per N: a hundredth of what a newton does."""
+"""Error that has the same cost as a newton of force, m/s^2 per N: about a hundredth of the
+acceleration that a newton causes."""
 
 UNEXPECTED_DENSITY = 0.03
-"""White tool acceleration that force must not be wasted on, m/s^2/sqrt(Hz). It keeps the inverse
-from shouting at frequencies where the plant hardly hears and little is expected."""
+"""White tool acceleration that only counts in the cost of force, m/s^2/sqrt(Hz). It keeps the gain
+of the inverse small at frequencies where the plant hardly responds and little is expected."""
 
 LONGEST_GRANTED_DELAY = 100
 """Largest delay that is granted, samples."""
@@ -90,7 +91,7 @@ class InverseFilter:
 
 @dataclass(frozen=True)
 class InverseBasis:
-    """The inverse for every grip: its taps are linear in mass, damping and stiffness.
+    """Inverse for every grip: its taps are linear in mass, damping and stiffness.
 
     Attributes
     ----------
@@ -101,9 +102,9 @@ class InverseBasis:
     rate : float
         Samples per second.
     high_pass_frequency : float
-        Of the desired acceleration, Hz.
+        Corner of the high-pass that the desired acceleration has passed, Hz.
     granted_delay : int
-        In samples.
+        Number of samples by which the handle may lag behind the tool.
     """
 
     sections: FloatArray
@@ -162,7 +163,7 @@ def design_inverse(
     spectrum: ToolSpectrum = PRIOR,
     high_pass_frequency: float = HIGH_PASS_FREQUENCY,
 ) -> InverseFilter:
-    """Design the causal filter after which the handle moves as is desired.
+    """Design the causal filter that makes the handle move as desired.
 
     With the tool's spectrum S, the high-pass B, the plant P, the travel D per force, and the
     filter C, this is the least integral over frequency of
@@ -189,7 +190,7 @@ def design_inverse(
     travel_limit : float
         Largest displacement of the actuator after a landing, m.
     spectrum : callable
-        Of tool acceleration.
+        Spectrum of the tool acceleration.
     high_pass_frequency : float
         Corner of the compensator's high-pass, Hz.
 
@@ -261,7 +262,7 @@ def check_design(
     travel_limit: float,
     high_pass_frequency: float,
 ) -> None:
-    """Refuse what no filter can be designed for.
+    """Refuse numbers for which no filter can be designed.
 
     Raises
     ------

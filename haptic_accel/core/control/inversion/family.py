@@ -24,20 +24,20 @@ from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
 from haptic_accel.core.model import FloatArray
 
 CAUTION = 0.5
-"""Share of the travel that the second basis is designed for: what a soft grip takes more of."""
+"""Fraction of the travel that the second basis is designed for: soft grips take more travel."""
 
 LANDING = 0.3
-"""How long the travel after a landing is looked at, s: its swing is over."""
+"""Time after a landing in which the travel is computed, s: its oscillation has decayed by then."""
 
 LANDING_RATE = 1000.0
-"""Samples per second that it is looked at with, Hz."""
+"""Sampling rate of that travel, Hz."""
 
 _HALVINGS = 6
 
 
 @dataclass(frozen=True)
 class InverseFamily:
-    """Two bases, of which as much of the cautious one is taken as the travel needs.
+    """Two bases of the inverse, mixed so that a landing keeps the travel limit.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class InverseFamily:
     landing_handle : ndarray, shape (n,)
         The part of it that the handle's own motion causes, m.
     travel_limit : float
-        m.
+        Maximum travel after a landing, m.
     """
 
     free: InverseBasis
@@ -77,7 +77,7 @@ class InverseFamily:
         )
 
     def _caution(self, factors: FloatArray) -> float:
-        """Return the least share of the cautious basis that keeps the travel."""
+        """Return the smallest fraction of the cautious basis that keeps the travel limit."""
         travel = factors @ self.landing_free + self.landing_handle
         change = factors @ (self.landing_cautious - self.landing_free)
         low, high = 0.0, 1.0
@@ -105,7 +105,7 @@ def design_family(
     """Design the inverse for all grips of one actuator, such that a landing keeps the travel.
 
     Parameters, errors
-        As of `design_inverse`; the plant is that of the grip in the middle of those to come.
+        Those of `design_inverse`; the plant has the grip in the middle of those expected.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""From a force at one tick to the handle's acceleration at later ones: what is inverted."""
+"""Plant to be inverted: from a force at one tick to the handle's acceleration at later ones."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
 
 class Dynamics(Protocol):
-    """What a design has to know of a plant."""
+    """Properties of a plant that a design needs."""
 
     @property
     def handle(self) -> HandleParameters:
-        """Of the handle, as far as known: for the actuator's travel."""
+        """Parameters of the handle, as far as known: for the actuator's travel."""
 
     def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
         """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz."""
@@ -36,13 +36,13 @@ class Dynamics(Protocol):
 
 @dataclass(frozen=True)
 class Plant(Checked):
-    """The handle of eq. (3) with all that lies between a command and a sample."""
+    """The handle of eq. (3) with everything between a command and a sample."""
 
     handle: HandleParameters = field(default_factory=HandleParameters)
     mount: MountParameters = field(default_factory=MountParameters)
     delay: float = parameter(
         0.0,
-        "from the command to the force beside the hold: converter, amplifier, transport",
+        "delay from command to force in addition to the hold: converter, amplifier, transport",
         unit="s",
         low=0.0,
         high=0.02,
@@ -56,21 +56,21 @@ class Plant(Checked):
     )
     friction: float = parameter(
         0.0,
-        "dry friction of the actuator's bearing, which no linear model has",
+        "dry friction of the actuator's bearing",
         unit="N",
         low=0.0,
         high=1.0,
     )
     coupling: float = parameter(
         250.0,
-        "stiffness of the coupling to the slave (paper), which holds the handle as the grip does",
+        "stiffness of the coupling to the slave, which adds to that of the grip (paper)",
         unit="N/m",
         low=0.0,
         high=1e5,
     )
     model: str = parameter(
         "",
-        "figures of an identification (JSON), whose discrete model tells the response in place of"
+        "JSON file of an identification, whose discrete model gives the response in place of"
         " mount, delay and bandwidth; empty for none",
     )
 
@@ -112,9 +112,9 @@ class IdentifiedPlant:
     Attributes
     ----------
     model : DiscreteModel
-        At the rate of the design.
+        Discrete model at the rate of the design.
     handle : HandleParameters
-        For the actuator's travel only, which the model does not know.
+        Handle parameters, for the actuator's travel only, which the model does not contain.
     """
 
     model: DiscreteModel
@@ -168,7 +168,7 @@ def inverse_terms(handle: HandleParameters, frequency: FloatArray) -> ComplexArr
     Returns
     -------
     ndarray, shape (4, n)
-        What to multiply by m_h, b_u, k_u and 1; the sum is 1/H in N per m/s^2.
+        Factors of m_h, b_u, k_u and 1; the sum of the products is 1/H in N per m/s^2.
     """
     s = 2j * np.pi * frequency
     bearing = handle.b_s * s + handle.k_s
@@ -192,7 +192,7 @@ class Grid:
     rate : float
         Samples per second.
     points : int
-        How many, evenly spaced up to half the rate.
+        Number of frequencies, evenly spaced up to half the rate.
     """
 
     rate: float
@@ -200,7 +200,7 @@ class Grid:
 
     @property
     def frequency(self) -> FloatArray:
-        """Hz, shape (points,)."""
+        """Frequencies, Hz, shape (points,)."""
         return np.asarray((np.arange(self.points) + 0.5) * self.step, dtype=np.float64)
 
     @property

@@ -1,4 +1,4 @@
-"""What a filter will do on a plant, from the spectrum of the tool's acceleration."""
+"""Prediction of a filter's error, force and travel from the tool's spectrum."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from haptic_accel.core.model import ComplexArray, FloatArray
 
 @dataclass(frozen=True)
 class Prediction:
-    """What is to be expected of a filter, and how well the handle follows by frequency.
+    """Predicted error, force and travel of a filter, and its tracking by frequency.
 
     Attributes
     ----------
     nrmse_percent : float
-        As `Evaluation` has it after the granted delay.
+        Error after the granted delay, as in `Evaluation`.
     force_rms : float
-        N.
+        Root mean square of the force, N.
     travel_rms : float
-        Of the actuator's displacement from the handle, m.
+        Root mean square of the actuator's displacement from the handle, m.
     landing_travel : float
-        Its largest after a change of the tool's velocity by `LANDING_VELOCITY`, m.
+        Its maximum after a change of the tool's velocity by `LANDING_VELOCITY`, m.
     frequency : ndarray, shape (n,)
         Hz, evenly spaced, without 0.
     tracking : ndarray, shape (n,)
@@ -73,9 +73,9 @@ def predict(
     ----------
     inverse : InverseFilter
     plant : Plant or IdentifiedPlant
-        The true one, which need not be the one it was designed for.
+        True plant, which need not be the one of the design.
     spectrum : callable
-        Of the tool's acceleration as measured.
+        Spectrum of the measured tool acceleration.
     noise : float
         Standard deviation of a sample of the handle's accelerometer, m/s^2: all of it counts as
         error.

@@ -1,4 +1,4 @@
-"""What tools feel: the spectrum of acceleration that a filter is designed for."""
+"""Spectrum of tool acceleration that a filter is designed for."""
 
 from __future__ import annotations
 
@@ -10,43 +10,45 @@ import numpy as np
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, parameter
 
-# scipy.signal takes half a second to import: only who measures a spectrum waits for it.
+# scipy.signal takes half a second to import: only the measurement of a spectrum waits for it.
 
 ToolSpectrum = Callable[[FloatArray], FloatArray]
 """One-sided power spectral density of tool acceleration, (m/s^2)^2/Hz, at frequencies in Hz."""
 
 TEXTURE_DENSITY = 0.15
-"""Of the middle of the texture, m/s^2/sqrt(Hz): 1.0 m/s^2 RMS in all, about as wood has."""
+"""Density in the middle of the texture, m/s^2/sqrt(Hz): 1.0 m/s^2 RMS in all, about that of
+wood."""
 
 HAND_DENSITY = 0.02
-"""Of slow motion of hand and arm below that, m/s^2/sqrt(Hz)."""
+"""Density of slow motion of hand and arm below the texture, m/s^2/sqrt(Hz)."""
 
 SENSOR_DENSITY = 0.0025
-"""Of the tool's accelerometer, m/s^2/sqrt(Hz) (ADXL320 data sheet: 250 ug/sqrt(Hz))."""
+"""Noise density of the tool's accelerometer, m/s^2/sqrt(Hz) (ADXL320 data sheet: 250
+ug/sqrt(Hz))."""
 
 SEGMENT_SECONDS = 0.5
-"""Stretch of signal that a measured spectrum is taken of, s: lines 2 Hz apart."""
+"""Length of the segments of a measured spectrum, s: lines 2 Hz apart."""
 
 
 @dataclass(frozen=True)
 class TexturePrior(Checked):
     """Spectrum of an unknown surface: broad texture over slow motion and noise.
 
-    Its power rises with the fourth power of frequency and falls with the sixth. What a
-    filter need not expect it can neglect: the narrower the prior, the less the error on what
-    lies within, and the more on all else.
+    Its power rises with the fourth power of frequency and falls with the sixth. The narrower the
+    prior, the smaller the error on textures within it, and the larger on all others.
     """
 
     rise: float = parameter(
         60.0,
-        "where texture comes up: waves of 2 mm stroked at 0.1 m/s make 50 Hz",
+        "lower corner of the expected texture: waves of 2 mm stroked at 0.1 m/s give 50 Hz",
         unit="Hz",
         low=1.0,
         high=1000.0,
     )
     fall: float = parameter(
         200.0,
-        "where it falls off: a tip's width filters waves of 0.5 mm stroked at 0.1 m/s",
+        "upper corner of the expected texture: a tip's width filters waves of 0.5 mm, which give"
+        " 200 Hz at 0.1 m/s",
         unit="Hz",
         low=10.0,
         high=10e3,
@@ -61,7 +63,7 @@ class TexturePrior(Checked):
 
 
 PRIOR = TexturePrior()
-"""Of a surface of which nothing is known."""
+"""Spectrum of an unknown surface."""
 
 
 def measured_spectrum(acceleration: FloatArray, rate: float) -> ToolSpectrum:
@@ -86,7 +88,7 @@ def measured_spectrum(acceleration: FloatArray, rate: float) -> ToolSpectrum:
     floor = SENSOR_DENSITY**2
 
     def spectrum(frequency: FloatArray) -> FloatArray:
-        # The mean is removed before, so that the line at 0 Hz says nothing.
+        # The mean was removed, so that the line at 0 Hz has no meaning.
         return np.maximum(np.interp(frequency, lines[1:], power[1:]), floor)
 
     return spectrum
