@@ -73,7 +73,7 @@ class PositionPositionCoupling:
             return ZERO, ZERO
         p = self._parameters
         master_origin, slave_origin = self._origins
-        # How far the slave is behind the master, in the master's measure.
+        # Lag of the slave behind the master, in the master's scale.
         lag = tuple(
             (m - m0) - (s - s0) / p.scale
             for m, m0, s, s0 in zip(master, master_origin, slave, slave_origin, strict=True)

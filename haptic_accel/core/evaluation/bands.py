@@ -20,8 +20,8 @@ ones are where fingers feel vibration best; the paper's spectra are alike up to 
 assert BAND_EDGES[0] == HIGH_PASS_FREQUENCY
 
 QUIET_SHARE = 1e-6
-"""Share of the desired signal's power below which a band has too little of it for an error
-relative to it: a thousandth of the amplitude, which a sensor's noise hides."""
+"""Fraction of the desired signal's power below which a band has no relative error: a thousandth of
+the amplitude, which is hidden by the sensor's noise."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Band:
 
     @property
     def name(self) -> str:
-        """As ``30-60 Hz``."""
+        """Name of the band, as ``30-60 Hz``."""
         return f"{self.low:g}-{self.high:g} Hz"
 
 
@@ -51,8 +51,8 @@ def band_nrmse(
     """Return the error within bands of frequency.
 
     In each band it is the root of the power of (actual - desired) over the power of desired, both
-    from the spectra of `metrics.spectra`: by Parseval's theorem what `metrics.nrmse` has of the
-    signals, had both passed an ideal filter of that band without phase.
+    from the spectra of `metrics.spectra`: by Parseval's theorem equal to `metrics.nrmse` of both
+    signals behind an ideal zero-phase filter of that band.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def band_nrmse(
     Returns
     -------
     dict
-        Ratio by the band's name; NaN where the desired signal has next to nothing, or the
+        Ratio by the band's name; NaN where the desired signal is below `QUIET_SHARE`, or the
         spectrum has no line.
 
     Raises

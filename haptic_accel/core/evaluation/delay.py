@@ -1,4 +1,4 @@
-"""By how much one signal lags another, to a fraction of a sample, and how to take it back."""
+"""Delay between two signals to a fraction of a sample, and its compensation."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from haptic_accel.core.evaluation.metrics import align
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 LONGEST_DELAY = 20e-3
-"""Lags looked at, either way, s: twenty times the paper's, one period of 50 Hz."""
+"""Maximum lag searched, either way, s: twenty times the paper's, one period of 50 Hz."""
 
 FRACTION_EDGE = 32
-"""Samples dropped at both ends after a shift by a fraction of one: it is made of its neighbours,
-which the ends lack."""
+"""Samples dropped at both ends after a shift by a fraction of a sample: interpolation needs
+neighbours, which the ends lack."""
 
 ALIKE = 0.3
-"""Correlation below which no delay is told: less than a tenth of the power is in common then, and
-what correlates may be hand, sensor or chance."""
+"""Minimum correlation for a delay: below it less than a tenth of the power is in common, which may
+be due to the hand, the sensor or chance."""
 
 WHOLE = 1e-6
-"""How near to a whole number of samples a shift counts as one."""
+"""Distance from a whole number of samples below which a shift counts as whole."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ def estimate_delay(desired: FloatArray, actual: FloatArray, rate: float) -> Dela
     The peak is refined between samples on the band-limited cross-correlation itself, not by a
     parabola, which is biased by up to a twentieth of a sample. It is the generalised correlation
     method without weights (Knapp and Carter, IEEE Trans. ASSP 24(4), 1976): the lag at which a
-    pure delay leaves the least error. Of a response that is no pure delay it is the lag of where
-    most of the common power is.
+    pure delay leaves the least error. For a response that is not a pure delay it is the lag at the
+    frequencies with most of the common power.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def estimate_delay(desired: FloatArray, actual: FloatArray, rate: float) -> Dela
 
 
 def _between_samples(cross: ComplexArray, length: int, peak: int) -> tuple[float, float]:
-    """Return where between its neighbours a cross-correlation is largest, and how large."""
+    """Return lag and value of a cross-correlation's maximum between the peak's neighbours."""
     from scipy import optimize
 
     turns = 2j * np.pi * np.arange(cross.size) / length
@@ -106,7 +106,7 @@ def _between_samples(cross: ComplexArray, length: int, peak: int) -> tuple[float
 def shift_back(
     desired: FloatArray, actual: FloatArray, rate: float, delay: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Take a delay back, so that a response meets what caused it.
+    """Compensate a delay, so that a response coincides with its cause.
 
     Parameters
     ----------
@@ -115,13 +115,13 @@ def shift_back(
     rate : float
         Samples per second.
     delay : float
-        How much `actual` lags, s; negative where it leads. A whole number of samples moves the
-        signals as they are; of a fraction, `actual` is interpolated as a band-limited signal is.
+        Lag of `actual`, s; negative where it leads. A whole number of samples only moves the
+        signals; for a fraction, `actual` is interpolated as a band-limited signal.
 
     Returns
     -------
     tuple of ndarray, each of the same length
-        Desired and actual where both are there.
+        Desired and actual signal where both exist.
 
     Raises
     ------

@@ -11,7 +11,7 @@ LONGEST = 100.0
 """Durations from about this, s, are counted together."""
 
 QUANTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99_9": 0.999}
-"""Which quantiles are reported, by label; the maximum goes with them as ``max``."""
+"""Reported quantiles by label; the maximum is added as ``max``."""
 
 _BINS_PER_NEPER = 1.0 / math.log(1.01)  # each bin is 1 % wider than the one before
 _BINS = math.ceil(math.log(LONGEST / SHORTEST) * _BINS_PER_NEPER)
@@ -67,7 +67,7 @@ class DurationHistogram:
 
     @property
     def count(self) -> int:
-        """How many durations were added since the last reset."""
+        """Number of durations added since the last reset."""
         return sum(self._counts)
 
     @property

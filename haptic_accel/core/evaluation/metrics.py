@@ -1,4 +1,4 @@
-"""How well an actual acceleration follows the desired one, as the paper measures it.
+"""Metrics of the paper: how closely an actual acceleration follows the desired one.
 
 The paper is McMahan and Kuchenbecker, "Haptic display of realistic tool contact via dynamically
 compensated control of a dedicated actuator", IROS 2009.
@@ -52,7 +52,7 @@ NRMSE^2 = 1 - 2 b + b^2 / R^2 with b = R^2 / slope of actual on desired.
 """
 
 SEGMENT_SECONDS = 0.25
-"""Longest stretch of signal that one spectrum is taken of, s: lines 4 Hz apart."""
+"""Maximum length of the segments of a spectrum, s: lines 4 Hz apart."""
 
 _LARGEST = 1.0e100  # a rig that diverges reaches this on its way to infinity
 _SMALLEST = 1.0e-100  # root sum of squares; together these keep every ratio finite
@@ -106,7 +106,7 @@ class Spectra:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The paper's figures for one condition; all are finite.
+    """Metrics of the paper for one condition; all are finite.
 
     Attributes
     ----------
@@ -124,14 +124,14 @@ class Evaluation:
 
 
 def align(desired: FloatArray, actual: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
-    """Shift the actual signal back, so that a response meets what caused it.
+    """Shift the actual signal back, so that a response coincides with its cause.
 
     Parameters
     ----------
     desired, actual : ndarray, shape (n,)
         Signals sampled at the same times.
     samples : int
-        How many samples `actual` lags; not negative, less than n.
+        Number of samples by which `actual` lags; not negative, less than n.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""How sure a figure is, and whether two conditions differ: intervals and paired tests.
+"""Confidence intervals of metrics, and paired tests of differences between conditions.
 
 Student (1908) for means, Efron (1979) for the bootstrap, Wilcoxon (1945) for signed ranks; the
 distributions are those of `scipy.stats`.
@@ -15,40 +15,41 @@ import numpy as np
 from haptic_accel.core.model import FloatArray
 
 CONFIDENCE = 0.95
-"""Of every interval."""
+"""Confidence level of every interval."""
 
 SEGMENT = 1.0
-"""Length of the pieces of a trial that are taken for independent, s: some strokes of a hand, and
-many times as long as handle and texture remember."""
+"""Length of the pieces of a trial that are treated as independent, s: some strokes of a hand, and
+many times the correlation time of handle and texture."""
 
 FEWEST_SEGMENTS = 5
-"""From which a trial's own interval is given."""
+"""Minimum number of pieces for a trial's own interval."""
 
 RESAMPLES = 2000
-"""Of the bootstrap: its quantiles are then sure to about a tenth of the interval."""
+"""Number of bootstrap draws: quantiles are then exact to about a tenth of the interval."""
 
 FEWEST_TESTED = 3
-"""Pairs from which a difference is tested."""
+"""Minimum number of pairs for a test."""
 
 FEWEST_RANKED = 6
-"""Pairs from which Wilcoxon's test can give less than 5 % at all: 2 / 2^6 is 3 %."""
+"""Minimum number of pairs with which Wilcoxon's test can give less than 5 %: 2 / 2^6 is 3 %."""
 
 _SEED = 0  # the same interval for the same trial, every time
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure and how sure it is.
+    """A value with its confidence interval.
 
     Attributes
     ----------
     value : float
+        Estimate.
     low, high : float
         Ends of the interval of `CONFIDENCE`; NaN where there is none.
     n : int
-        Of how many values.
+        Number of values or pieces that the interval is computed from.
     method : str
-        How it was found, in words.
+        Method of the interval, in words.
     """
 
     value: float
@@ -60,12 +61,12 @@ class Interval:
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """Whether the second of two conditions differs from the first, pair by pair.
+    """Test of the difference between two conditions, pair by pair.
 
     Attributes
     ----------
     n : int
-        Pairs.
+        Number of pairs.
     mean : Interval
         Mean of second minus first, with Student's interval.
     effect : float
@@ -75,7 +76,7 @@ class PairedDifference:
     p_wilcoxon : float
         Two-sided probability of Wilcoxon's signed-rank test; NaN where not tested.
     verdict : str
-        The same in words, with what could not be tested and why.
+        Result in words, including tests that were not possible and the reason.
     """
 
     n: int
@@ -88,9 +89,9 @@ class PairedDifference:
 
 
 def mean_interval(values: Sequence[float]) -> Interval:
-    """Return the mean of independent values with Student's interval; of one, only the value.
+    """Return the mean of independent values with Student's interval.
 
-    Values that are not finite are left out; NaN where none is left.
+    Values that are not finite are left out. A single value has no interval; NaN if none is left.
     """
     finite = np.array([value for value in values if math.isfinite(value)])
     n = len(finite)
@@ -107,11 +108,11 @@ def mean_interval(values: Sequence[float]) -> Interval:
 
 
 def nrmse_interval(desired: FloatArray, actual: FloatArray, rate: float) -> Interval:
-    """Return a trial's NRMSE with the interval that its own pieces give.
+    """Return a trial's NRMSE with a bootstrap interval from its pieces.
 
     The trial is cut into pieces of `SEGMENT`, which are drawn with replacement `RESAMPLES` times;
-    the interval is between quantiles of the NRMSE of the draws. It says what another piece of the
-    same trial might have given, not what another trial might.
+    the interval is between quantiles of the NRMSE of the draws. It covers the variation within the
+    trial, not that between trials.
 
     Parameters
     ----------

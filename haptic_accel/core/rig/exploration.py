@@ -1,4 +1,4 @@
-"""The scripted hand: where the user wants the handle to be while exploring a surface."""
+"""The scripted hand: set-points of its motion while it explores a surface."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ExplorationParameters(Checked):
     )
     press_depth: float = parameter(
         0.0047,
-        "how far below the surface the hand wants to be: about 1 N through the coupling's"
+        "depth of the hand's set-point below the surface: about 1 N through the coupling's"
         " 250 N/m and the grip's 1500 N/m in series",
         unit="m",
         low=0.0,
@@ -44,7 +44,7 @@ class Exploration:
     """Position and velocity of the hand along the surface (x) and its normal (z).
 
     The velocity is tabulated and linear between the table's points, and the position is its
-    exact integral: what a mechanics with piecewise constant hand acceleration needs.
+    exact integral, as required by mechanics with piecewise constant hand acceleration.
     """
 
     def __init__(self, parameters: ExplorationParameters) -> None:

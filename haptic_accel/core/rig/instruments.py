@@ -19,7 +19,7 @@ class Quantizer:
     Attributes
     ----------
     saturated : int
-        How often the range was exceeded.
+        Number of values beyond the range.
     """
 
     def __init__(self, full_scale: float, bits: int) -> None:
@@ -42,9 +42,9 @@ class Accelerometer:
     ----------
     parameters : AccelerometerParameters
     seed : int
-        Of the noise.
+        Seed of the noise.
     stream : int
-        Tells accelerometers of the same seed apart: their noise is independent.
+        Number of the random stream: accelerometers of the same seed have independent noise.
     """
 
     def __init__(self, parameters: AccelerometerParameters, seed: int, stream: int = 0) -> None:
@@ -56,19 +56,19 @@ class Accelerometer:
     def measure(self, low_passed: float) -> float:
         """Return a sample of the acceleration behind the sensor's low-pass, m/s^2."""
         if not self._noise:
-            # Drawn in blocks: one call a sample would cost more than the rest together.
+            # Drawn in blocks: one call per sample would take longer than the rest together.
             self._noise = self._random.normal(0.0, self._deviation, _NOISE_BLOCK).tolist()
         return self._converter.convert(low_passed + self._noise.pop())
 
     @property
     def saturated(self) -> int:
-        """How many samples exceeded the range."""
+        """Number of samples beyond the range."""
         return self._converter.saturated
 
 
 @dataclass(frozen=True)
 class ArmParameters(Checked):
-    """What a Phantom Omni's motors and encoders can do (its data sheet)."""
+    """Limits of an arm's motors and encoders; defaults from the Phantom Omni's data sheet."""
 
     max_force: float = parameter(3.3, "limit of the motors' force", unit="N", low=0)
     position_resolution: float = parameter(
@@ -76,13 +76,13 @@ class ArmParameters(Checked):
     )
 
     def motor_force(self, force: float) -> float:
-        """Return a force along one axis as the motors can give it, N; none for NaN."""
+        """Return a force along one axis limited to that of the motors, N; zero for NaN."""
         if math.isnan(force):  # which min and max would turn into the full force
             return 0.0
         return min(self.max_force, max(-self.max_force, force))
 
     def encoded(self, position: float) -> float:
-        """Return a position as the encoders give it, m."""
+        """Return a position rounded to the encoders' resolution, m."""
         if self.position_resolution == 0:
             return position
         return round(position / self.position_resolution) * self.position_resolution

@@ -1,4 +1,4 @@
-"""What both rigs have in common."""
+"""Interface of both sides of the virtual rig."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Rig(Protocol):
         """Let physics run until a time; one that has passed changes nothing."""
 
     def measure(self) -> Sample:
-        """Return what encoders and accelerometer say now."""
+        """Return the present readings of encoders and accelerometer."""
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N."""
@@ -29,4 +29,4 @@ class Rig(Protocol):
         """Take all forces off."""
 
     def status(self) -> dict[str, int]:
-        """Return counts of what went beyond a range, by name."""
+        """Return counts of values beyond a range, by name."""

@@ -24,7 +24,7 @@ class LinearSystem:
     """
 
     def __init__(self, a: FloatArray, b: FloatArray, step: float, longest: int) -> None:
-        # Here and not above: it takes a while to import, and most nodes have no rig.
+        # Not at the top: scipy.linalg is slow to import, and most nodes have no rig.
         from scipy.linalg import expm
 
         states, inputs = b.shape

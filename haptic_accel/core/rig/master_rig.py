@@ -26,16 +26,16 @@ from haptic_accel.core.rig.interface import LONGEST_ADVANCE
 from haptic_accel.core.rig.linear_system import LinearSystem
 
 RESOLUTION = 10e-6
-"""Steps of time in which commands take effect, s; the linear mechanics has no step error."""
+"""Time resolution of commands, s; the linear mechanics has no step error."""
 
 STOP_STEPS = 5
-"""Steps between looks at the travel stops when one is near (50 us)."""
+"""Steps between updates of the travel stops' force when a stop is near (50 us)."""
 
 FRICTION_STEPS = 25
-"""Steps between looks at dry friction, where there is any (250 us)."""
+"""Steps between updates of dry friction, if there is any (250 us)."""
 
 NOISE_STREAM = 1
-"""Random stream of the handle's accelerometer, apart from the slave's of the same seed."""
+"""Random stream of the handle's accelerometer, independent of the slave's of the same seed."""
 
 
 # Order of states and inputs of the linear mechanics.
@@ -50,7 +50,7 @@ ACTUATOR_AND_HANDLE, HAND, HAND_ACCELERATION = slice(Y_A, X_U), slice(X_U, MEASU
 class DriveParameters(Checked):
     """The simulated actuator's converter, amplifier, bearing and travel stops."""
 
-    bits: int = parameter(14, "resolution of the command", low=4, high=32)
+    bits: int = parameter(14, "resolution of the command's converter", low=4, high=32)
     stop_stiffness: float = parameter(
         3e4, "stiffness of the travel stops (assumed: rubber)", unit="N/m", low=0, high=1e5
     )
@@ -59,16 +59,20 @@ class DriveParameters(Checked):
     )
     delay: float = parameter(
         0.0,
-        "from the command to the force beside the hold: converter, amplifier, computation",
+        "delay from command to force in addition to the hold: converter, amplifier, computation",
         unit="s",
         low=0,
         high=0.02,
     )
     coulomb_friction: float = parameter(
-        0.0, "dry friction of its bearing", unit="N", low=0, high=1.0
+        0.0, "dry friction of the actuator's bearing", unit="N", low=0, high=1.0
     )
     slip_velocity: float = parameter(
-        2e-3, "speed at which that has 0.76 of its force", unit="m/s", low=2e-3, high=1.0
+        2e-3,
+        "slip velocity at which dry friction has 0.76 of its force",
+        unit="m/s",
+        low=2e-3,
+        high=1.0,
     )
 
 
@@ -90,9 +94,9 @@ class MasterRig:
     """Eq. (1) and (2) of the paper along the actuator's axis (z), a mass along x.
 
     Linear between commands and advanced exactly; only the travel stops and dry friction are
-    not linear. The stops are looked at every 50 us when one is within reach, friction every
-    250 us where there is any. The hand rests until the arm gets its first force (the coupling
-    is alive), then starts to explore.
+    not linear. The stops' force is updated every 50 us when one is within reach, friction every
+    250 us if there is any. The hand rests until the arm receives its first force (the coupling
+    has engaged), then starts to explore.
 
     Parameters
     ----------
@@ -100,12 +104,12 @@ class MasterRig:
     rate : float
         Samples per second at which it is read.
     seed : int
-        Of the accelerometer's noise and of the user's grip.
+        Seed of the accelerometer's noise and of the user's grip.
 
     Attributes
     ----------
     handle : HandleParameters
-        As this user holds it.
+        Handle with this user's grip.
     """
 
     def __init__(self, parameters: MasterRigParameters, rate: float, seed: int = 0) -> None:
@@ -124,7 +128,7 @@ class MasterRig:
         self._commands: deque[tuple[int, float]] = deque()
         self._now = 0
         self._explored_since: int | None = None
-        # Where the hand will be at the end of a step is where it is at the start of the next.
+        # The hand's state at the end of a step is that at the start of the next.
         self._hand_ahead: tuple[int, tuple[float, float, float, float]] = (
             -1,
             (0.0, 0.0, 0.0, 0.0),
@@ -135,7 +139,7 @@ class MasterRig:
 
     @property
     def travel(self) -> float:
-        """Where the actuator is between its stops, m."""
+        """Displacement of the actuator between its stops, m."""
         state = self._system.state
         return float(state[Y_A] - state[Y_H])
 
@@ -153,13 +157,13 @@ class MasterRig:
         self._take_commands()
 
     def measure(self) -> Sample:
-        """Return what encoders and accelerometer say now."""
+        """Return the present readings of encoders and accelerometer."""
         state = self._system.state
         encoded = self._p.arm.encoded
         return Sample(
             position=(encoded(float(state[X_H])), 0.0, encoded(float(state[Y_H]))),
             velocity=(float(state[VX_H]), 0.0, float(state[V_H])),
-            # Held against gravity, the sensor tells as much upwards.
+            # Held against gravity, the sensor reads as much upwards.
             acceleration=self._accelerometer.measure(
                 float(state[MEASURED]) + self._p.grip.gravity
             ),
@@ -173,7 +177,7 @@ class MasterRig:
         inputs[F_X], inputs[F_Z] = motor_force(force[0]), motor_force(force[2])
 
     def apply_actuator_force(self, force: float) -> None:
-        """Set the voice coil's force, N, as its converter and amplifier can give it.
+        """Set the voice coil's force, N, rounded and limited by its converter and amplifier.
 
         NaN takes the force off.
         """
@@ -182,14 +186,14 @@ class MasterRig:
         self._take_commands()
 
     def change_grip(self, handle: HandleParameters) -> None:
-        """Let the hand hold otherwise from now on; nothing moves at that moment."""
+        """Change the parameters of the handle from now on; nothing moves at that moment."""
         before = self._system
         self.handle = handle
         self._system = self._mechanics()
         self._system.state[:], self._system.inputs[:] = before.state, before.inputs
 
     def hold(self, grip: GripParameters) -> None:
-        """Let the same user hold the handle in another way from now on."""
+        """Change the grip of the same user from now on."""
         self._p = replace(self._p, grip=grip)
         self.change_grip(held(self._p.handle, grip, self._seed))
         self._system.inputs[G] = -grip.gravity
@@ -223,11 +227,11 @@ class MasterRig:
         self._system.state[V_A] = actuator_velocity
 
     def _mechanics(self) -> LinearSystem:
-        """Return the mechanics of the handle as it is held."""
+        """Return the mechanics of the handle with its present grip."""
         return LinearSystem(*_mechanics(self._p, self.handle), self._step, self._longest)
 
     def _advance(self, due: int) -> int:
-        """Advance by as many of the steps due as nothing changes in; return how many."""
+        """Advance by due steps until an input may change; return their number."""
         system = self._system
         self._take_commands()
         y_a, v_a, y_h, v_h = system.state[ACTUATOR_AND_HANDLE].tolist()
@@ -251,7 +255,7 @@ class MasterRig:
         return steps
 
     def _step_limit(self, due: int, offset: float, slip: float) -> int:
-        """How many steps may pass before commands, stops and friction must be looked at again."""
+        """Return the number of steps until commands, stops and friction must be updated."""
         steps = min(due, self._longest)
         if self._commands:
             steps = min(steps, max(1, self._commands[0][0] - self._now))
@@ -261,12 +265,12 @@ class MasterRig:
         return min(steps, STOP_STEPS) if reach > self._p.actuator.travel / 2 else steps
 
     def _take_commands(self) -> None:
-        """Let commands act whose delay is over."""
+        """Apply the commands whose delay is over."""
         while self._commands and self._commands[0][0] <= self._now:
             self._system.inputs[F_A] = self._commands.popleft()[1]
 
     def _rest(self) -> None:
-        """Put everything where hand, spring and gravity balance."""
+        """Set the state in which hand, spring and gravity balance."""
         h, gravity, state = self.handle, self._p.grip.gravity, self._system.state
         state[HAND] = self._hand(self._now)
         self._system.inputs[G] = -gravity
@@ -291,7 +295,7 @@ class MasterRig:
         if not touching:
             return 0.0
         outward = math.copysign(1.0, offset) * slip
-        # The force is held for a while: that of its middle gives back no more than it took.
+        # The force is held for some steps: that of their middle returns no more energy than taken.
         held = STOP_STEPS * self._step
         push = p.stop_stiffness * (overrun + outward * held / 2) + p.stop_damping * outward
         push = max(0.0, push)
@@ -303,7 +307,7 @@ class MasterRig:
         if not p.coulomb_friction:
             return 0.0
         force = p.coulomb_friction * math.tanh(abs(slip) / p.slip_velocity)
-        # Held until it is looked at again, it may at most stop the slip, never turn it round.
+        # Held until the next update, it may at most stop the slip, never reverse it.
         reduced_mass = 1 / (1 / self.handle.m_a + 1 / self.handle.m_h)
         stopping = reduced_mass / (FRICTION_STEPS * self._step)
         return -math.copysign(min(force, stopping * abs(slip)), slip)
@@ -344,7 +348,7 @@ def _mount(mount: MountParameters, a: FloatArray, b: FloatArray) -> int:
     if not mount.frequency:
         return V_H
     omega = 2 * np.pi * mount.frequency
-    # So light that the handle does not feel it.
+    # The mount's mass is neglected: it exerts no force on the handle.
     a[Y_M, V_M] = 1.0
     a[V_M, [Y_H, Y_M]] = omega**2, -(omega**2)
     a[V_M, [V_H, V_M]] = 2 * mount.damping * omega, -2 * mount.damping * omega

@@ -21,7 +21,7 @@ PHYSICS_STEP = 100e-6
 
 
 NOISE_STREAM = 2
-"""Keeps this accelerometer's noise apart from the master's, which may have the same seed."""
+"""Random stream of the tool's accelerometer, independent of the master's of the same seed."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ class SlaveRigParameters:
 class SlaveRig:
     """A point mass with friction, driven by the arm's motors, touching a textured surface.
 
-    The surface can only push (Hertz contact with Hunt-Crossley damping), so that harder
-    pressing makes it stiffer and passes more of the texture on; the tip's height follows the
-    profile at the speed of the stroke.
+    The surface can only push (Hertz contact with Hunt-Crossley damping); harder pressing makes it
+    stiffer and transmits more of the texture. The tip's height follows the profile at the speed
+    of the stroke.
 
     Parameters
     ----------
@@ -76,10 +76,10 @@ class SlaveRig:
     rate : float
         Samples per second at which it is read.
     seed : int
-        Of the texture and the accelerometer's noise.
+        Seed of the texture and the accelerometer's noise.
     recording : ndarray, optional
-        Tool acceleration in m/s^2 at `rate`, played over and over in place of the
-        simulated one, from the first sample after the arm got its first force.
+        Tool acceleration in m/s^2 at `rate`, played in a loop in place of the simulated one, from
+        the first sample after the arm received its first force.
     physics_step : float
         Longest step of integration, s.
     """
@@ -139,7 +139,7 @@ class SlaveRig:
             )
 
     def measure(self) -> Sample:
-        """Return what encoders and accelerometer say now."""
+        """Return the present readings of encoders and accelerometer."""
         encoded = self._p.arm.encoded
         return Sample(
             position=(encoded(self._x), 0.0, encoded(self._z)),
@@ -159,8 +159,8 @@ class SlaveRig:
     def change_surface(self, surface: SurfaceParameters) -> None:
         """Put another surface under the tip; nothing moves at that moment.
 
-        It lies as high as it must for the tip to be pressed as before, and not higher than
-        the tip where there was no contact.
+        Its height is such that the contact force stays the same, or that it is not above the tip
+        if there was no contact.
         """
         pressed = max(0.0, self._penetration())
         # The same elastic force out of another stiffness (Hertz).
@@ -242,7 +242,7 @@ class SlaveRig:
         return max(0.0, elastic * (1 + surface.contact_damping * approach)), slope
 
     def _penetration(self) -> float:
-        """How deep the tip is in the surface, m; negative above it."""
+        """Depth of the tip in the surface, m; negative above it."""
         return float(self._height()[0] - self._z)
 
     def _height(self) -> tuple[float, float]:

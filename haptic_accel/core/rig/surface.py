@@ -23,7 +23,7 @@ class SurfaceParameters(Checked):
     name: str = parameter("plain", "name shown in results")
     stiffness: float = parameter(
         3e6,
-        "contact force is stiffness times penetration^1.5 (Hertz)",
+        "contact force over penetration^1.5 (Hertz)",
         unit="N/m^1.5",
         low=1e3,
         high=1e8,
@@ -41,16 +41,16 @@ class SurfaceParameters(Checked):
     )
     shortest_wavelength: float = parameter(
         0.4e-3,
-        "of the irregular texture; the tip's radius cannot feel much shorter ones",
+        "shortest wavelength of the irregular texture; the tip's radius filters shorter ones",
         unit="m",
         low=0.3e-3,
         high=0.1,
     )
     longest_wavelength: float = parameter(
-        4e-3, "of the irregular texture", unit="m", low=0.3e-3, high=0.1
+        4e-3, "longest wavelength of the irregular texture", unit="m", low=0.3e-3, high=0.1
     )
     roughness_exponent: float = parameter(
-        1.0, "height power falls with spatial frequency to this power", low=0.0, high=6.0
+        1.0, "exponent of the fall of height power with spatial frequency", low=0.0, high=6.0
     )
     bump_height: float = parameter(
         0.0, "height of raised features; 0 for none", unit="m", low=0.0, high=1e-3
@@ -62,7 +62,7 @@ class SurfaceParameters(Checked):
         2e-3, "mean distance of raised features", unit="m", low=0.2e-3, high=0.1
     )
     bump_irregularity: float = parameter(
-        0.0, "standard deviation of that distance over its mean", low=0.0, high=1.0
+        0.0, "standard deviation of the features' distance over its mean", low=0.0, high=1.0
     )
 
 
@@ -73,7 +73,7 @@ def height_profile(surface: SurfaceParameters, seed: int) -> FloatArray:
     ----------
     surface : SurfaceParameters
     seed : int
-        Another seed is another piece of the same material.
+        Seed of the texture: another seed is another piece of the same material.
     """
     random = np.random.default_rng(seed)
     return _roughness(surface, random) + _bumps(surface, random)
