@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -108,10 +108,10 @@ def write_identification_report(
         notes=notes,
         grips=_grip_rows(found.grips),
         first_grip=grip,
-        columns=[name for name, _ in _fits(found)],
-        parameters=_parameter_rows(found, truth),
+        columns=[name for name, _ in fits_by_column(found)],
+        parameters=parameter_rows(found, truth),
         simulated=truth is not None,
-        explained=_explained(found),
+        explained=explained(found),
         mount="mount_frequency" in found.fit.standard_errors,
         approximate=_pair_rows(found.approximate),
         order=_order(found.discrete),
@@ -136,7 +136,7 @@ _ERROR_DIGITS = 2  # of a standard error
 
 
 def _picture(figure: Figure, path: Path) -> dict[str, Any]:
-    """Write a figure, and return what shows it in a page: its address and size in pixels."""
+    """Write a figure, and return its address for a page and its size in pixels."""
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=_DPI)
     path.write_bytes(file.getvalue())
@@ -145,12 +145,12 @@ def _picture(figure: Figure, path: Path) -> dict[str, Any]:
     return {"source": f"data:image/png;base64,{encoded}", "width": width, "height": height}
 
 
-# What the page shows
+# Contents of the page
 
 
 @dataclass(frozen=True)
-class _Row:
-    """A line of a table: name, description, unit, true value, and cells."""
+class Row:
+    """A line of the table of parameters: true value, and of each fit its value and error."""
 
     name: str
     text: str
@@ -159,47 +159,54 @@ class _Row:
     cells: list[tuple[str, str]]
 
 
-def _fits(found: Identification) -> list[tuple[str, HandleFit]]:
+def fits_by_column(found: Identification) -> list[tuple[str, HandleFit]]:
     """Return the fit of each grip and, where there are several, of all of them."""
     fits = [(name, grip.fit) for name, grip in found.grips.items()]
     return fits if len(fits) == 1 else [*fits, (POOLED, found.fit)]
 
 
-def _parameter_rows(found: Identification, truth: HandleParameters | None) -> list[_Row]:
-    """Return what was fitted or known, each cell with its standard error."""
-    fits = [fit for _, fit in _fits(found)]
-    rows: list[_Row] = []
+def _quantities() -> Iterator[tuple[str, str, str, float]]:
+    """Yield name, text, unit, and the factor to that unit, of all that a fit may find."""
     for name, (_, given) in own_schema(HandleParameters).items():
-        true = None if truth is None else getattr(truth, name)
-        cells = [_cell(getattr(fit.handle, name), fit.standard_errors.get(name)) for fit in fits]
-        rows.append(_Row(name, given.text, given.unit, _number(true), cells))
-    if any("delay" in fit.standard_errors for fit in fits):
-        rows.append(_delay_row(fits))
+        yield name, given.text, given.unit, 1.0
+    yield "delay", "beside the loop's own sample and the hold", "µs", MICROSECONDS
     for name, (_, given) in own_schema(MountParameters).items():
-        errors = [fit.standard_errors.get(f"mount_{name}") for fit in fits]
-        if any(error is not None for error in errors):
+        yield f"mount_{name}", "mount of the accelerometer", given.unit or "1", 1.0
+
+
+def parameter_rows(found: Identification, truth: HandleParameters | None) -> list[Row]:
+    """Return the table of the fitted and known parameters.
+
+    Parameters
+    ----------
+    found : Identification
+        Result of the identification; a row has a cell for each of `fits_by_column`.
+    truth : HandleParameters or None
+        Parameters of a simulated handle, if known.
+    """
+    fits = [fit for _, fit in fits_by_column(found)]
+    of_handle = own_schema(HandleParameters)
+    rows = []
+    for name, text, unit, factor in _quantities():
+        fitted = any(name in fit.standard_errors for fit in fits)
+        if fitted or name in of_handle:
             cells = [
-                (DASH, DASH) if error is None else _cell(getattr(fit.mount, name), error)
-                for fit, error in zip(fits, errors, strict=True)
+                _cell(fit.value(name), fit.standard_errors.get(name), factor)
+                if name in fit.standard_errors or name in of_handle
+                else (DASH, DASH)
+                for fit in fits
             ]
-            text = "mount of the accelerometer"
-            rows.append(_Row(f"mount {name}", text, given.unit or "1", DASH, cells))
+            label = name if name in of_handle else name.replace("_", " ")
+            rows.append(Row(label, text, unit, _number(getattr(truth, name, None)), cells))
     return rows
 
 
-def _delay_row(fits: Sequence[HandleFit]) -> _Row:
-    cells = []
-    for fit in fits:
-        error = fit.standard_errors.get("delay")
-        in_microseconds = None if error is None else error * MICROSECONDS
-        cells.append(_cell(fit.delay * MICROSECONDS, in_microseconds))
-    return _Row("delay", "beside the loop's own sample and the hold", "µs", DASH, cells)
-
-
-def _cell(value: float, error: float | None) -> tuple[str, str]:
+def _cell(value: float, error: float | None, factor: float) -> tuple[str, str]:
     """Return a value, to the last digit of its standard error, and that error."""
+    value *= factor
     if error is None:
         return _number(value), KNOWN
+    error *= factor
     if not (math.isfinite(value) and math.isfinite(error) and error > 0.0):
         return _number(value), _number(error)
     decimals = _decimals(error, _ERROR_DIGITS)
@@ -220,8 +227,8 @@ def _number(value: float | None) -> str:
     return f"{value:.{_DIGITS}g}".replace("-", "\N{MINUS SIGN}")
 
 
-def _explained(found: Identification) -> str:
-    """Return a sentence on the residual of the fit, and its meaning."""
+def explained(found: Identification) -> str:
+    """Explain the residual of the fit in a sentence."""
     residual = found.fit.residual
     if len(found.grips) > 1:
         return (

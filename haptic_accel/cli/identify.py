@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from statistics import fmean
@@ -17,8 +16,15 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from haptic_accel.analysis.identification_report import ModelError, write_identification_report
+from haptic_accel.analysis.identification_report import (
+    ModelError,
+    explained,
+    fits_by_column,
+    parameter_rows,
+    write_identification_report,
+)
 from haptic_accel.bags.excitation import read_excited, read_force_age
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import (
     Verb,
     json_option,
@@ -28,16 +34,11 @@ from haptic_accel.cli.options import (
     word_options,
     words,
 )
-from haptic_accel.cli.output import results_folder
+from haptic_accel.cli.output import results_folder, save
 from haptic_accel.cli.running import StopOnSignal, conclude, progress_bar
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.identification.estimate import FrequencyResponse, RecordingError, dft_ratio
-from haptic_accel.core.identification.evaluation import (
-    UNEXPLAINED,
-    Identification,
-    centred,
-    identify_handle,
-)
+from haptic_accel.core.identification.estimate import RecordingError, dft_ratio
+from haptic_accel.core.identification.evaluation import Identification, centred, identify_handle
 from haptic_accel.core.identification.fit import DEFAULT_FREE, HandleFit
 from haptic_accel.core.identification.sweep import (
     SAMPLES_MISSING,
@@ -49,7 +50,6 @@ from haptic_accel.core.identification.sweep import (
 from haptic_accel.core.model import (
     ACTUATOR,
     POSTURES,
-    AccelerometerParameters,
     ComplexArray,
     HandleParameters,
     Suspension,
@@ -66,29 +66,19 @@ from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.graph.words import parse_words
 
 LOWEST_COMPARED = 15.0
-"""Below it the compensator's high-pass lets nothing through (paper), Hz."""
+"""Frequency below which the compensator's high-pass passes nothing (paper), Hz."""
 
 HIGHEST_COMPARED = 400.0
-"""Above it the true response lies in the accelerometer's noise, Hz."""
+"""Frequency above which the true response lies in the accelerometer's noise, Hz."""
 
 MOST_MISSING = 0.01
-"""Share of its samples that a trial can do without (assumed)."""
+"""Largest share of missing samples with which a trial is evaluated (assumed)."""
 
 COLUMNS = ("actuator_force", "handle_acceleration")
 """Columns of a CSV file, N and m/s^2."""
 
-DEGREES = 180 / math.pi
-
 Recorded = dict[str, list[IdentificationTrial]]
 """Trials by the name of the grip."""
-
-
-class _StoppedError(Exception):
-    """The procedure did not come to its end, which has been shown; the exit status."""
-
-    def __init__(self, status: int) -> None:
-        super().__init__(f"status {status}")
-        self.status = status
 
 
 @click.command(
@@ -158,14 +148,14 @@ def identify(
     for grip in grips:
         identification_graph(replace(arguments, grip=grip))  # everything wrong is found first
     folder = results_folder(out, "identify_")
+    _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
+    actuator, sensor = known[ACTUATOR], known["accelerometer"]
     try:
-        if sources:
-            recorded = _read(sources, arguments, recording_rate)
-        elif lockstep:
-            recorded = _run_lockstep(arguments, grips)
+        if lockstep:
+            recorded, age = _run_lockstep(arguments, grips), 0.0
         else:
-            recorded = _run_live(arguments, grips, folder)
-        actuator, sensor = _bench(arguments)
+            places = _named(sources, arguments) if sources else _run_live(arguments, grips, folder)
+            recorded, age = _read(places, arguments, recording_rate)
         found = identify_handle(
             recorded,
             arguments.sweep,
@@ -177,16 +167,40 @@ def identify(
             free=free,
         )
     except RecordingError as reason:
-        print(f"haptic-accel: {reason}", file=sys.stderr)
-        return FAILED
-    except _StoppedError as stopped:
-        return stopped.status
-    paths = [Path(source.rpartition("=")[2]) for source in sources]
-    if not (lockstep or sources):
-        paths = [_bag(arguments, grip, grips, folder) for grip in grips]
-    ages = [read_force_age(path) for path in paths if path.is_dir()]
-    age = fmean(ages) if ages else 0.0
-    _conclude(found, actuator, arguments, lockstep, sources, age, folder, json_file)
+        raise StoppedError(FAILED, str(reason)) from None
+    truth, errors = None, {}
+    band = (
+        max(LOWEST_COMPARED, arguments.sweep.start_frequency),
+        min(0.9 * arguments.sweep.end_frequency, HIGHEST_COMPARED),
+    )
+    if arguments.master == SIMULATED and not sources and len(grips) == 1:
+        rig = _rig(replace(arguments, grip=grips[0]))
+        truth, errors = rig.master.handle, _errors(found, rig, arguments.sweep, band, lockstep)
+    run = "lockstep" if lockstep else "live graph"
+    if sources:
+        run = "recordings: " + ", ".join(sources)
+    notes = _notes(found)
+    parameters = folder / "handle.yaml"
+    parameters.write_text(parameter_file(found, actuator, age), encoding="utf-8")
+    page = write_identification_report(
+        found,
+        arguments.sweep,
+        folder,
+        settings={"run": run}
+        | {name: str(value) for name, value in asdict(arguments).items() if value != ""},
+        truth=truth,
+        errors=errors,
+        band=band,
+        notes=notes,
+    )
+    save(_metrics(found, errors, band), json_file)
+    Console().print(_table(found, truth))
+    for name, error in errors.items():
+        print(
+            f"{name} model against the true response, {band[0]:g} to {band[1]:g} Hz: at most"
+            f" {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
+        )
+    print(*notes, explained(found), f"parameters: {parameters}", f"report: {page}", sep="\n")
     return DONE
 
 
@@ -197,14 +211,6 @@ def _checked_grips(grips: Sequence[str], arguments: IdentifyArguments) -> list[s
     if len(set(grips)) < len(grips):
         raise ParameterError(f"grips = {', '.join(grips)}: must hold each grip once")
     return list(grips) or [arguments.grip]
-
-
-def _bench(
-    arguments: IdentifyArguments,
-) -> tuple[ActuatorParameters, AccelerometerParameters]:
-    """Return what is known of actuator and accelerometer."""
-    _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
-    return known[ACTUATOR], known["accelerometer"]
 
 
 # Recordings
@@ -223,24 +229,89 @@ def _run_lockstep(arguments: IdentifyArguments, grips: Sequence[str]) -> Recorde
     }
 
 
-def _run_live(arguments: IdentifyArguments, grips: Sequence[str], folder: Path) -> Recorded:
-    """Run the graph once for each grip, and read its bags."""
-    recorded: Recorded = {}
-    bags = {grip: _bag(arguments, grip, grips, folder) for grip in grips}
-    for grip, bag in bags.items():
-        _ask_for(grip, arguments, len(grips))
+def _run_live(
+    arguments: IdentifyArguments, grips: Sequence[str], folder: Path
+) -> Iterator[tuple[str, Path]]:
+    """Run the graph once for each grip; yield each grip and its bag."""
+    bags = Path(arguments.bag) if arguments.bag else folder / "bags"
+    for grip in grips:
+        bag = bags if arguments.bag and len(grips) == 1 else bags / grip
+        if arguments.master != SIMULATED and len(grips) > 1 and sys.stdin.isatty():
+            input(f"hold the handle with the {grip} grip, then press Enter")
         _run_graph(replace(arguments, grip=grip, bag=str(bag)))
-        recorded[grip] = _trials(bag, arguments)
-    return recorded
+        yield grip, bag
+
+
+def _run_graph(arguments: IdentifyArguments) -> None:
+    repeats = arguments.sweep.repeats
+    with StopOnSignal() as stop, progress_bar() as progress:
+        task = progress.add_task(
+            f"{arguments.grip} grip: starting", total=arguments.trials * repeats
+        )
+
+        def follow(executable: str, line: str) -> None:
+            if executable == "identifier" and "trial " in line:
+                # The node's line ends with "trial 2 of 4, repeat 3 of 3".
+                place = line[line.rindex("trial ") :]
+                trial, repeat = int(place.split()[1]), int(place.split()[5])
+                done = (trial - 1) * repeats + repeat - 1
+                progress.update(
+                    task, description=f"{arguments.grip} grip: {place}", completed=done
+                )
+                if not progress.console.is_terminal:
+                    progress.console.print(f"{arguments.grip} grip: {place}", highlight=False)
+
+        outcome = Supervisor(identification_graph(arguments), on_line=follow).run(stop)
+        if outcome.first and outcome.status == 0:
+            progress.update(
+                task,
+                completed=arguments.trials * repeats,
+                description=f"{arguments.grip} grip: done",
+            )
+    if not outcome.first:
+        raise StoppedError(INTERRUPTED, f"interrupted; recorded so far: {arguments.bag}")
+    status = conclude(outcome)
+    if status != DONE:
+        raise StoppedError(status)
+
+
+def _named(sources: Sequence[str], arguments: IdentifyArguments) -> Iterator[tuple[str, Path]]:
+    """Yield grip and path of each source, ``GRIP=PATH`` or ``PATH``."""
+    for source in sources:
+        grip, separator, path = source.partition("=")
+        yield (grip, Path(path)) if separator else (arguments.grip, Path(source))
+
+
+def _read(
+    places: Iterable[tuple[str, Path]], arguments: IdentifyArguments, recording_rate: float
+) -> tuple[Recorded, float]:
+    """Read trials from bags and CSV files, and the mean age of the forces in the bags, s."""
+    recorded: Recorded = {}
+    ages = []
+    for grip, path in places:
+        if path.is_dir():
+            trials = _trials(path, arguments)
+            ages.append(read_force_age(path))
+        else:
+            rate = recording_rate or arguments.rate
+            force, acceleration = (
+                read_recording(str(path), rate, rate, column=column) for column in COLUMNS
+            )
+            trials = find_trials(force, acceleration, arguments.sweep, rate)
+        recorded.setdefault(grip, []).extend(trials)
+    rates = {trial.rate for trials in recorded.values() for trial in trials}
+    if len(rates) > 1:
+        raise ParameterError(f"from: recordings of {len(rates)} rates, must be of one")
+    return recorded, fmean(ages) if ages else 0.0
 
 
 def _trials(bag: Path, arguments: IdentifyArguments) -> list[IdentificationTrial]:
-    """Return a bag's trials, without those of which too much is missing.
+    """Return the trials of a bag, without those that miss too many samples.
 
     Raises
     ------
     RecordingError
-        None is left.
+        No trial is left.
     """
     force, acceleration, missing = read_excited(bag, arguments.rate)
     found = find_trials(force, acceleration, arguments.sweep, arguments.rate, missing)
@@ -258,72 +329,8 @@ def _trials(bag: Path, arguments: IdentifyArguments) -> list[IdentificationTrial
     return whole
 
 
-def _bag(arguments: IdentifyArguments, grip: str, grips: Sequence[str], folder: Path) -> Path:
-    if arguments.bag:
-        return Path(arguments.bag) / grip if len(grips) > 1 else Path(arguments.bag)
-    return folder / "bags" / grip
-
-
-def _ask_for(grip: str, arguments: IdentifyArguments, count: int) -> None:
-    """Let a person take the handle; a simulated hand needs no time."""
-    if arguments.master != SIMULATED and count > 1 and sys.stdin.isatty():
-        input(f"hold the handle with the {grip} grip, then press Enter")
-
-
-def _run_graph(arguments: IdentifyArguments) -> None:
-    sweep = arguments.sweep
-    repeats = arguments.trials * sweep.repeats
-    with (
-        StopOnSignal() as stop,
-        progress_bar() as progress,
-    ):
-        task = progress.add_task(f"{arguments.grip} grip: starting", total=repeats)
-
-        def follow(executable: str, line: str) -> None:
-            if executable == "identifier" and "trial " in line:
-                # As the node says it: "trial 2 of 4, repeat 3 of 3".
-                told = line[line.rindex("trial ") :]
-                trial, repeat = int(told.split()[1]), int(told.split()[5])
-                done = (trial - 1) * sweep.repeats + repeat - 1
-                progress.update(task, description=f"{arguments.grip} grip: {told}", completed=done)
-                if not progress.console.is_terminal:
-                    progress.console.print(f"{arguments.grip} grip: {told}", highlight=False)
-
-        outcome = Supervisor(identification_graph(arguments), on_line=follow).run(stop)
-        if outcome.first and outcome.status == 0:
-            progress.update(task, completed=repeats, description=f"{arguments.grip} grip: done")
-    if not outcome.first:
-        print(f"interrupted; recorded so far: {arguments.bag}", file=sys.stderr)
-        raise _StoppedError(INTERRUPTED)
-    status = conclude(outcome)
-    if status != DONE:
-        raise _StoppedError(status)
-
-
-def _read(sources: Sequence[str], arguments: IdentifyArguments, recording_rate: float) -> Recorded:
-    """Read trials from bags and CSV files."""
-    recorded: Recorded = {}
-    for source in sources:
-        grip, separator, path = source.partition("=")
-        if not separator:
-            grip, path = arguments.grip, source
-        if Path(path).is_dir():
-            trials = _trials(Path(path), arguments)
-        else:
-            rate = recording_rate or arguments.rate
-            force, acceleration = (
-                read_recording(path, rate, rate, column=column) for column in COLUMNS
-            )
-            trials = find_trials(force, acceleration, arguments.sweep, rate)
-        recorded.setdefault(grip, []).extend(trials)
-    rates = {trial.rate for trials in recorded.values() for trial in trials}
-    if len(rates) > 1:
-        raise ParameterError(f"from: recordings of {len(rates)} rates, must be of one")
-    return recorded
-
-
 def _rig(arguments: IdentifyArguments) -> RigParameters:
-    """Return the simulated master as one user holds it, whatever the seeds of the noise."""
+    """Return the simulated rig with its master as one user holds it, for any seed of the noise."""
     _, devices = node_parameters("master_device", graph_parameters(arguments)["master_device"])
     master = RigParameters(devices[SIMULATED]).master
     handle = held(master.handle, master.grip, arguments.seed)
@@ -334,69 +341,8 @@ def _rig(arguments: IdentifyArguments) -> RigParameters:
 # Results
 
 
-def _conclude(
-    found: Identification,
-    actuator: ActuatorParameters,
-    arguments: IdentifyArguments,
-    lockstep: bool,
-    sources: Sequence[str],
-    age: float,
-    folder: Path,
-    json_file: Path | None,
-) -> None:
-    sweep, rate = arguments.sweep, found.discrete.rate
-    band = (
-        max(LOWEST_COMPARED, sweep.start_frequency),
-        min(0.9 * sweep.end_frequency, HIGHEST_COMPARED),
-    )
-    truth, errors = None, {}
-    grips = list(found.grips)
-    if arguments.master == SIMULATED and not sources and len(grips) == 1:
-        rig = _rig(replace(arguments, grip=grips[0]))
-        truth, errors = rig.master.handle, _errors(found, rig, sweep, rate, band, lockstep)
-    notes = _notes(found)
-    (folder / "handle.yaml").write_text(parameter_file(found, actuator, age), encoding="utf-8")
-    index = write_identification_report(
-        found,
-        sweep,
-        folder,
-        settings=_settings(arguments, lockstep, sources),
-        truth=truth,
-        errors=errors,
-        band=band,
-        notes=notes,
-    )
-    if json_file:
-        figures = _figures(found, errors, band)
-        json_file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    console = Console()
-    console.print(_table(found, truth))
-    for name, error in errors.items():
-        print(
-            f"{name} model against the true response, {band[0]:g} to {band[1]:g} Hz: at most"
-            f" {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
-        )
-    for note in notes:
-        print(note)
-    if found.fit.residual > UNEXPLAINED:
-        print(
-            f"the physical model leaves {found.fit.residual:.1f} times the noise unexplained, of"
-            " which its standard errors know nothing"
-        )
-    print(f"parameters: {folder / 'handle.yaml'}")
-    print(f"report: {index}")
-
-
-def _settings(
-    arguments: IdentifyArguments, lockstep: bool, sources: Sequence[str]
-) -> dict[str, str]:
-    run = "lockstep" if lockstep else "live graph"
-    given = {name: str(value) for name, value in asdict(arguments).items() if value != ""}
-    return {"run": "recordings: " + ", ".join(sources) if sources else run, **given}
-
-
 def _notes(found: Identification) -> list[str]:
-    """Return what the reader of the figures must know."""
+    """Return warnings to the reader of the metrics."""
     notes = []
     stopped = [
         name
@@ -423,7 +369,7 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
     ----------
     found : Identification
     actuator : ActuatorParameters
-        As far as it is known without the identification.
+        Actuator as known without the identification.
     age : float
         Age of the forces that came through the live graph, s. It is part of the delay that a
         controller compensates, but not of the simulated handle's own delay.
@@ -472,16 +418,15 @@ def _errors(
     found: Identification,
     rig: RigParameters,
     sweep: SweepParameters,
-    rate: float,
     band: tuple[float, float],
     lockstep: bool,
 ) -> dict[str, ModelError]:
-    """Compare models with what the rig does without noise, friction and converters.
+    """Compare models with the response of the rig without noise, friction and converters.
 
-    In the live graph the age of the forces adds to the rig's own delay, and the models have it
-    rightly: there the delay that was found is taken for the true one.
+    In the live graph the age of the forces adds to the rig's own delay, and belongs into the
+    models: there the delay that was found is taken for the true one.
     """
-    master = rig.master
+    master, rate = rig.master, found.discrete.rate
     delay = master.drive.delay if lockstep else max(0.0, found.fit.delay)
     clean = replace(
         master,
@@ -489,42 +434,36 @@ def _errors(
         accelerometer=replace(master.accelerometer, noise_density=0.0, bits=32),
     )
     (trial,) = run_identification(clean, sweep, rate)
-    truth = _ratio(trial, sweep, band)
-    models: dict[str, Callable[[FrequencyResponse], ComplexArray]] = {
-        "discrete": lambda at: found.discrete.response(at.frequency),
-        "physical": lambda at: found.fit.response(at.frequency, rate),
+    force, acceleration = (
+        kept_repeats(values, sweep, rate)
+        for values in (trial.actuator_force, centred(trial.handle_acceleration))
+    )
+    true = dft_ratio(force, acceleration, rate, band, sweep.repeats - 1)
+    return {
+        "discrete": _error(found.discrete.response(true.frequency) / true.response),
+        "physical": _error(found.fit.response(true.frequency, rate) / true.response),
     }
-    return {name: _error(model(truth), truth.response) for name, model in models.items()}
 
 
-def _ratio(
-    trial: IdentificationTrial, sweep: SweepParameters, band: tuple[float, float]
-) -> FrequencyResponse:
-    force = kept_repeats(trial.actuator_force, sweep, trial.rate)
-    acceleration = kept_repeats(centred(trial.handle_acceleration), sweep, trial.rate)
-    return dft_ratio(force, acceleration, trial.rate, band, sweep.repeats - 1)
-
-
-def _error(response: ComplexArray, truth: ComplexArray) -> ModelError:
-    ratio = response / truth
+def _error(ratio: ComplexArray) -> ModelError:
     return ModelError(
         float(np.max(np.abs(20 * np.log10(np.abs(ratio))))),
-        float(np.max(np.abs(np.angle(ratio))) * DEGREES),
+        float(np.max(np.abs(np.angle(ratio))) * (180 / math.pi)),
     )
 
 
-def _figures(
+def _metrics(
     found: Identification, errors: Mapping[str, ModelError], band: tuple[float, float]
 ) -> dict[str, Any]:
-    """Return the figures for a JSON file; the discrete model is what the errors are of."""
+    """Return the metrics for a JSON file; its errors without a model are the discrete model's."""
     discrete = errors.get("discrete")
     return {
-        **_fit_figures(found.fit),
+        **_fit_metrics(found.fit),
         "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
         "max_phase_error_deg": discrete.phase_deg if discrete else None,
         "band_hz": list(band),
         "physical_model": asdict(errors["physical"]) if errors else None,
-        "grips": {name: _fit_figures(grip.fit) for name, grip in found.grips.items()},
+        "grips": {name: _fit_metrics(grip.fit) for name, grip in found.grips.items()},
         "approximate_model": asdict(found.approximate),
         "discrete_model": {
             "sections": found.discrete.sections.tolist(),
@@ -534,16 +473,15 @@ def _figures(
     }
 
 
-def _fit_figures(fit: HandleFit) -> dict[str, Any]:
-    units = {name: given.unit for name, (_, given) in own_schema(HandleParameters).items()}
+def _fit_metrics(fit: HandleFit) -> dict[str, Any]:
     return {
         "parameters": {
             name: {
-                "value": value,
+                "value": fit.value(name),
                 "standard_error": fit.standard_errors.get(name),
-                "unit": units[name],
+                "unit": given.unit,
             }
-            for name, value in asdict(fit.handle).items()
+            for name, (_, given) in own_schema(HandleParameters).items()
         },
         "delay_s": fit.delay,
         "delay_standard_error_s": fit.standard_errors.get("delay"),
@@ -553,38 +491,14 @@ def _fit_figures(fit: HandleFit) -> dict[str, Any]:
 
 
 def _table(found: Identification, truth: HandleParameters | None) -> Table:
-    table = Table(title="the handle, all trials pooled")
-    others = list(found.grips) if len(found.grips) > 1 else []
-    true = asdict(truth) if truth else {}
-    for heading in ("", "found", "standard error", *others, *(["true"] if true else []), "unit"):
-        table.add_column(heading, justify="right" if heading else "left")
-    for name, (_, given) in own_schema(HandleParameters).items():
-        error = found.fit.standard_errors.get(name)
-        table.add_row(
-            name,
-            f"{getattr(found.fit.handle, name):.4g}",
-            "known" if error is None else f"{error:.2g}",
-            *(f"{getattr(found.grips[grip].fit.handle, name):.4g}" for grip in others),
-            *([f"{true[name]:.4g}"] if true else []),
-            given.unit,
-        )
-    blank = [""] if true else []
-    mount = asdict(found.fit.mount)
-    for name, unit in (("frequency", "Hz"), ("damping", "")):
-        error = found.fit.standard_errors.get(f"mount_{name}")
-        if error is not None:
-            of_grips = [f"{getattr(found.grips[grip].fit.mount, name):.4g}" for grip in others]
-            table.add_row(
-                f"mount's {name}", f"{mount[name]:.4g}", f"{error:.2g}", *of_grips, *blank, unit
-            )
-    delay_error = found.fit.standard_errors.get("delay", math.nan)
-    delays = [f"{found.grips[grip].fit.delay * 1e6:.1f}" for grip in others]
-    table.add_row(
-        "delay",
-        f"{found.fit.delay * 1e6:.1f}",
-        f"{delay_error * 1e6:.2g}",
-        *delays,
-        *blank,
-        "us",
-    )
+    table = Table(title="the handle, with standard errors")
+    columns = [name for name, _ in fits_by_column(found)]
+    for heading in ("", "unit", *(["true"] if truth else []), *columns):
+        table.add_column(heading, justify="right" if heading in columns else "left")
+    for row in parameter_rows(found, truth):
+        cells = [
+            f"{value} ± {error}" if error[0].isdigit() else f"{value} {error}"
+            for value, error in row.cells
+        ]
+        table.add_row(row.name, row.unit, *([row.true] if truth else []), *cells)
     return table

@@ -30,28 +30,28 @@ def test_table_i_comes_back_as_a_parameter_file(haptic_accel: Start, tmp_path: P
     )
     command = haptic_accel(
         *("identify", "--lockstep", "rig:=ideal", "config:=noise.yaml", "--trials", "2"),
-        *("--json", "figures.json", "--out", "found"),
+        *("--json", "metrics.json", "--out", "found"),
     )
     assert command.end() == 0, command.text
-    figures = json.loads((tmp_path / "figures.json").read_text())
-    assert set(figures["parameters"]) == set(TABLE_I)
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert set(metrics["parameters"]) == set(TABLE_I)
     for name, true in TABLE_I.items():
-        found = figures["parameters"][name]
+        found = metrics["parameters"][name]
         assert found["value"] == pytest.approx(true, rel=0.02), name
         assert found["unit"]
         # Mass and spring of the actuator were known.
         assert (found["standard_error"] is None) == (name in ("m_a", "k_s"))
-    assert figures["delay_s"] == pytest.approx(0.0, abs=20e-6)
-    assert figures["max_magnitude_error_db"] < 1.0
-    assert figures["max_phase_error_deg"] < 5.0
-    assert figures["band_hz"] == [15.0, 180.0]
+    assert metrics["delay_s"] == pytest.approx(0.0, abs=20e-6)
+    assert metrics["max_magnitude_error_db"] < 1.0
+    assert metrics["max_phase_error_deg"] < 5.0
+    assert metrics["band_hz"] == [15.0, 180.0]
     for name in ("fig4_sweep.png", "fig5_models.png"):
         assert (tmp_path / "found" / name).read_bytes().startswith(b"\x89PNG")
     # What was written is what the graph takes.
     arguments = GraphArguments(rig="ideal", config=str(tmp_path / "found" / "handle.yaml"))
     graph(arguments)
     handle = rig_parameters(graph_parameters(arguments)).master.handle
-    assert handle.m_h == pytest.approx(figures["parameters"]["m_h"]["value"], rel=1e-5)
+    assert handle.m_h == pytest.approx(metrics["parameters"]["m_h"]["value"], rel=1e-5)
 
 
 @pytest.mark.quiet
@@ -62,17 +62,17 @@ def test_on_the_papers_rig_models_follow_the_handle_to_400_hz(
     command = haptic_accel(
         *("identify", "--lockstep", "rig:=paper", "--end-frequency", "450"),
         *("--start-amplitude", "0.3"),
-        *("--json", "figures.json", "--out", "found"),
+        *("--json", "metrics.json", "--out", "found"),
     )
     assert command.end() == 0, command.text
-    figures = json.loads((tmp_path / "figures.json").read_text())
-    assert figures["band_hz"] == [15.0, 400.0]
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["band_hz"] == [15.0, 400.0]
     # The true response is without dry friction, which is what the error comes from.
-    assert figures["max_magnitude_error_db"] < 1.0
-    assert figures["max_phase_error_deg"] < 5.0
-    assert figures["physical_model"]["magnitude_db"] < 1.0
-    assert figures["physical_model"]["phase_deg"] < 5.0
-    assert figures["mount"]["frequency"] == pytest.approx(290.0, rel=0.02)
+    assert metrics["max_magnitude_error_db"] < 1.0
+    assert metrics["max_phase_error_deg"] < 5.0
+    assert metrics["physical_model"]["magnitude_db"] < 1.0
+    assert metrics["physical_model"]["phase_deg"] < 5.0
+    assert metrics["mount"]["frequency"] == pytest.approx(290.0, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -120,19 +120,19 @@ def forces(bag: Path) -> np.ndarray:
 def test_the_live_graph_finds_the_handle_grip_by_grip(haptic_accel: Start, tmp_path: Path) -> None:
     command = haptic_accel(
         *("identify", "rig:=ideal", "--grips", "pinch,hook", *SHORT),
-        *("--json", "figures.json", "--out", "found"),
+        *("--json", "metrics.json", "--out", "found"),
     )
     assert command.end() == 0, command.text
     assert any("repeat 3 of 3" in line for line in command.lines)
-    figures = json.loads((tmp_path / "figures.json").read_text())
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
     for grip, (m_h, k_u, b_u) in (("pinch", POSTURES["pinch"]), ("hook", POSTURES["hook"])):
-        found = {n: p["value"] for n, p in figures["grips"][grip]["parameters"].items()}
+        found = {n: p["value"] for n, p in metrics["grips"][grip]["parameters"].items()}
         # On a busy machine forces come late now and then.
         assert found["m_h"] == pytest.approx(m_h * TABLE_I["m_h"], rel=0.05)
         assert found["k_u"] == pytest.approx(k_u * TABLE_I["k_u"], rel=0.12)
         assert found["b_u"] == pytest.approx(b_u * TABLE_I["b_u"], rel=0.25)
         # The age of the forces, less than a period of the loop.
-        assert 0.0 <= figures["grips"][grip]["delay_s"] < 1e-3
+        assert 0.0 <= metrics["grips"][grip]["delay_s"] < 1e-3
         sent = forces(tmp_path / "found" / "bags" / grip)
         assert np.abs(sent).max() > 1.0
         assert sent[-1] == 0.0
@@ -143,7 +143,7 @@ def test_the_live_graph_finds_the_handle_grip_by_grip(haptic_accel: Start, tmp_p
     )
     assert again.end() == 0, again.text
     later = json.loads((tmp_path / "again.json").read_text())
-    assert later["parameters"] == figures["grips"]["pinch"]["parameters"]
+    assert later["parameters"] == metrics["grips"]["pinch"]["parameters"]
     assert later["max_magnitude_error_db"] is None  # the truth of a recording is not known
     # Another sweep than it was made with.
     wrong = haptic_accel(
@@ -209,11 +209,11 @@ def test_a_csv_recording_has_named_columns(
     np.savetxt(tmp_path / "bench.csv", columns, delimiter=",", header=header, comments="")
     command = haptic_accel(
         *("identify", "--from", "bench.csv", "--recording-rate", "1000", "--duration", "1"),
-        *("--json", "figures.json", "--out", "found"),
+        *("--json", "metrics.json", "--out", "found"),
     )
     assert command.end() == status, command.text
     assert named in command.text
     if status == 0:
-        figures = json.loads((tmp_path / "figures.json").read_text())
-        assert figures["parameters"]["m_h"]["value"] == pytest.approx(TABLE_I["m_h"], rel=0.02)
+        metrics = json.loads((tmp_path / "metrics.json").read_text())
+        assert metrics["parameters"]["m_h"]["value"] == pytest.approx(TABLE_I["m_h"], rel=0.02)
         assert (tmp_path / "found" / "index.html").is_file()

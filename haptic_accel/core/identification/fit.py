@@ -55,7 +55,34 @@ _START_LINES = 40  # of a response that the search for a start looks at
 
 
 @dataclass(frozen=True)
-class HandleFit:
+class Point:
+    """Arguments of the model of a response: handle, mount of the accelerometer, and delay."""
+
+    handle: HandleParameters
+    mount: MountParameters
+    delay: float
+
+    def value(self, name: str) -> float:
+        """Return a parameter of the handle, ``delay``, or one of `MOUNT`."""
+        if name == "delay":
+            return self.delay
+        if name in MOUNT:
+            return float(getattr(self.mount, name.removeprefix("mount_")))
+        return float(getattr(self.handle, name))
+
+    def replaced(self, values: dict[str, float]) -> Point:
+        """Return the point with other values of the named parameters."""
+        handle = {n: v for n, v in values.items() if n in _HANDLE}
+        mount = {n.removeprefix("mount_"): v for n, v in values.items() if n in MOUNT}
+        return Point(
+            replace(self.handle, **handle),
+            replace(self.mount, **mount),
+            values.get("delay", self.delay),
+        )
+
+
+@dataclass(frozen=True)
+class HandleFit(Point):
     """The handle that explains the responses best.
 
     Attributes
@@ -81,9 +108,6 @@ class HandleFit:
         The accelerometer's corner, Hz.
     """
 
-    handle: HandleParameters
-    mount: MountParameters
-    delay: float
     standard_errors: dict[str, float]
     residual: float
     relative_residual: float
@@ -139,7 +163,7 @@ def fit_handle(
     known = known or HandleParameters()
     if isinstance(responses, FrequencyResponse):
         responses = [responses]
-    start = _Point(known, mount, delay)
+    start = Point(known, mount, delay)
     _check(start, free, low_pass_frequency)
     return _Problem(responses, start, tuple(free), low_pass_frequency).solve()
 
@@ -234,39 +258,13 @@ def _held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatA
     return transition[:states, :states], transition[:states, states]
 
 
-@dataclass(frozen=True)
-class _Point:
-    """Arguments of the model of a response."""
-
-    handle: HandleParameters
-    mount: MountParameters
-    delay: float
-
-    def value(self, name: str) -> float:
-        if name == "delay":
-            return self.delay
-        if name in MOUNT:
-            return float(getattr(self.mount, name.removeprefix("mount_")))
-        return float(getattr(self.handle, name))
-
-    def replaced(self, values: dict[str, float]) -> _Point:
-        """Return the point with other values of the named parameters."""
-        handle = {n: v for n, v in values.items() if n in _HANDLE}
-        mount = {n.removeprefix("mount_"): v for n, v in values.items() if n in MOUNT}
-        return _Point(
-            replace(self.handle, **handle),
-            replace(self.mount, **mount),
-            values.get("delay", self.delay),
-        )
-
-
 class _Problem:
     """Residuals as a function of the free parameters."""
 
     def __init__(
         self,
         responses: Sequence[FrequencyResponse],
-        known: _Point,
+        known: Point,
         free: tuple[str, ...],
         low_pass_frequency: float,
     ) -> None:
@@ -337,14 +335,14 @@ class _Problem:
         mirrored[self._free.index("b_u")] = math.log(handle.b_s * ratio)
         return mirrored
 
-    def _decoded(self, point: FloatArray) -> _Point:
+    def _decoded(self, point: FloatArray) -> Point:
         values = {
             name: value * _DELAY_UNIT if name == "delay" else math.exp(value)
             for name, value in zip(self._free, point.tolist(), strict=True)
         }
         return self._known.replaced(values)
 
-    def _encoded(self, point: _Point) -> FloatArray:
+    def _encoded(self, point: Point) -> FloatArray:
         return np.array(
             [
                 point.value(name) / _DELAY_UNIT if name == "delay" else math.log(point.value(name))
@@ -360,7 +358,7 @@ class _Problem:
             parts += [error.real, error.imag]
         return np.concatenate(parts)
 
-    def _model(self, point: _Point, lines: _Lines) -> ComplexArray:
+    def _model(self, point: Point, lines: _Lines) -> ComplexArray:
         return sampled_response(
             point.handle,
             lines.frequency,
@@ -370,7 +368,7 @@ class _Problem:
             point.mount,
         )
 
-    def _relative(self, point: _Point) -> float:
+    def _relative(self, point: Point) -> float:
         errors = [
             np.abs(self._model(point, lines) / lines.response - 1.0) ** 2 for lines in self._lines
         ]
@@ -393,7 +391,7 @@ class _Problem:
                 best, best_cost = point.replaced({"delay": delays[at]}), costs[at]
         return self._encoded(best)
 
-    def _grid(self) -> Iterator[_Point]:
+    def _grid(self) -> Iterator[Point]:
         """Yield points around the known one."""
         known = self._known
         varied = [name for name in _VARIED if name in self._free]
@@ -404,9 +402,7 @@ class _Problem:
             pairs = zip(varied, factors, strict=True)
             yield known.replaced({name: known.value(name) * factor for name, factor in pairs})
 
-    def _costs(
-        self, point: _Point, delays: Sequence[float], lines: Sequence[_Lines]
-    ) -> FloatArray:
+    def _costs(self, point: Point, delays: Sequence[float], lines: Sequence[_Lines]) -> FloatArray:
         """Return the summed squared relative errors for each of several delays."""
         costs = np.zeros(len(delays))
         for line in lines:
@@ -451,7 +447,7 @@ def _thinned(lines: _Lines) -> _Lines:
 _ROUNDING = 1e-9  # relative
 
 
-def _check(start: _Point, free: Sequence[str], low_pass_frequency: float) -> None:
+def _check(start: Point, free: Sequence[str], low_pass_frequency: float) -> None:
     names = (*_HANDLE, *MOUNT, "delay")
     for name in free:
         if name not in names:
