@@ -70,7 +70,7 @@ def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
-        ns; some may be missing.
+        Stamps, ns; some may be missing.
     stated : float, optional
         Expected rate, Hz: returned if the stamps agree with it within `SAME_RATE`.
 
@@ -114,7 +114,7 @@ def places(stamps: IntArray, start: int, rate: float) -> IntArray:
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
-        ns.
+        Stamps, ns.
     start : int
         Start of the grid, ns.
     rate : float
@@ -172,7 +172,7 @@ def missing_samples(stamps: IntArray) -> int:
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
-        ns, in order; n at least 2.
+        Stamps, ns, in order; n at least 2.
 
     Examples
     --------
@@ -197,7 +197,7 @@ def coupled_stretches(stamps: IntArray, forces: FloatArray) -> list[tuple[int, i
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
-        ns.
+        Stamps, ns.
     forces : ndarray, shape (n, 3)
         Forces on the arm's motors, N.
 

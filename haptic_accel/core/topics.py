@@ -1,4 +1,4 @@
-"""The graph's topics: names, types, frames and how they are delivered (no ROS imported)."""
+"""The graph's topics: names, types, frames and quality of service (no ROS imported)."""
 
 from __future__ import annotations
 

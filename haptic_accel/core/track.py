@@ -40,9 +40,9 @@ class Track:
     rate : float
         Samples per second.
     acceleration : ndarray, shape (n,)
-        Along the actuator's axis, m/s^2.
+        Acceleration along the actuator's axis, m/s^2.
     position, velocity : ndarray, shape (n, 3)
-        m and m/s.
+        Position, m, and velocity, m/s.
     lost : ndarray of bool, shape (n,)
         Missing samples, which hold the value before them.
     """
@@ -84,9 +84,9 @@ def gridded(
     Parameters
     ----------
     acceleration : Stamped
-        m/s^2.
+        Acceleration along the actuator's axis, m/s^2.
     position, velocity : Stamped, optional
-        m and m/s; the arm stands still at its origin without.
+        Position, m, and velocity, m/s; without them the arm stands still at its origin.
     rate : float
         Sampling rate of the grid, Hz.
     start : int, optional
@@ -233,7 +233,7 @@ class ReplayRig:
     Parameters
     ----------
     track : Track
-        At the rate at which it is read.
+        Track at the rate at which the rig is read.
     loop : bool
         Begin again at the end; otherwise the last sample stays.
     """

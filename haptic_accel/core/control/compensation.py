@@ -196,9 +196,9 @@ class Compensation:
         Returns
         -------
         desired_acceleration : float
-            m/s^2.
+            High-passed tool acceleration, m/s^2.
         actuator_force : float
-            N, within the actuator's limits and always finite.
+            Force within the actuator's limits, N; always finite.
         """
         measured = self._trusted(handle_acceleration)
         desired, force = self._wanted(self._plausible(tool_acceleration), measured)

@@ -128,7 +128,7 @@ def loop_margins(loop: ComplexArray, frequency: FloatArray) -> Margins:
     loop : ndarray, shape (n,)
         L at the frequencies.
     frequency : ndarray, shape (n,)
-        Hz, rising, fine enough to draw the curve by straight lines.
+        Frequencies, Hz, rising, fine enough to draw the curve by straight lines.
     """
     gain = [-1.0 / real for real in _real_crossings(loop) if -1.0 < real < 0.0]
     turned, at = _unit_crossings(loop, frequency)
@@ -252,11 +252,11 @@ class FeedbackDesign:
     def loop(self, plant: Plant, frequency: FloatArray) -> ComplexArray:
         """Return the loop transfer L with a plant, at frequencies in Hz, shape (n,)."""
         turned = np.exp(-2j * np.pi * frequency / self.rate)
-        heard = section_response(self.high_pass, frequency, self.rate) * turned
+        measured = section_response(self.high_pass, frequency, self.rate) * turned
         polynomial = np.polynomial.polynomial.polyval
-        modelled = heard * turned * polynomial(turned, self.model)
+        modelled = measured * turned * polynomial(turned, self.model)
         answer = polynomial(turned, self.taps)
-        through = heard * plant.response(frequency, self.rate)
+        through = measured * plant.response(frequency, self.rate)
         return np.asarray(answer * through / (1.0 - answer * modelled))
 
     def summary(self) -> str:

@@ -82,7 +82,7 @@ def without_hand_motion(
     Parameters
     ----------
     acceleration : ndarray, shape (n,)
-        m/s^2.
+        Signal to filter, m/s^2.
     high_pass_frequency : float
         Corner of the compensator's high-pass, Hz.
     rate : float

@@ -141,7 +141,7 @@ class Engagement:
         Parameters
         ----------
         now : float
-            s.
+            Time, s.
         listeners : int
             Subscribers of the arm's force that has fewer of them.
         """

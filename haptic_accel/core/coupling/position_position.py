@@ -67,7 +67,7 @@ class PositionPositionCoupling:
         Returns
         -------
         master_force, slave_force : tuple of float
-            N, each limited in magnitude.
+            Forces, N, each limited in magnitude.
         """
         if self._origins is None:
             return ZERO, ZERO

@@ -73,8 +73,8 @@ def causal_bound(
     factor = _minimum_phase(grid, np.sqrt(desired))
     wanted = grid.sequence(all_pass.conj() * grid.delay(granted_delay) * factor)
     missed = float(np.sum(wanted[grid.points :] ** 2) / np.sum(wanted**2))
-    heard = 2.0 * noise**2 / rate * len(frequency) / float(np.sum(desired))
-    return 100.0 * float(np.sqrt(missed + heard))
+    noise_share = 2.0 * noise**2 / rate * len(frequency) / float(np.sum(desired))
+    return 100.0 * float(np.sqrt(missed + noise_share))
 
 
 def _minimum_phase(grid: Grid, magnitude: FloatArray) -> ComplexArray:

@@ -145,7 +145,7 @@ def travel_response(handle: HandleParameters, frequency: FloatArray) -> ComplexA
     ----------
     handle : HandleParameters
     frequency : ndarray, shape (n,)
-        Hz, above 0.
+        Frequencies, Hz, above 0.
     """
     s = 2j * np.pi * frequency
     actuator = handle.m_a * s**2 + handle.b_s * s + handle.k_s
@@ -163,7 +163,7 @@ def inverse_terms(handle: HandleParameters, frequency: FloatArray) -> ComplexArr
     handle : HandleParameters
         Only the actuator's m_a, b_s and k_s are used.
     frequency : ndarray, shape (n,)
-        Hz, above 0.
+        Frequencies, Hz, above 0.
 
     Returns
     -------
@@ -219,7 +219,7 @@ class Grid:
         Parameters
         ----------
         sequence : ndarray, shape (n,)
-            At most twice `points`.
+            Real sequence; n at most twice `points`.
         """
         shift = np.exp(-1j * np.pi * np.arange(len(sequence)) / (2 * self.points))
         return np.asarray(np.fft.fft(sequence * shift, 2 * self.points)[: self.points])

@@ -33,7 +33,7 @@ class Prediction:
     landing_travel : float
         Its maximum after a change of the tool's velocity by `LANDING_VELOCITY`, m.
     frequency : ndarray, shape (n,)
-        Hz, evenly spaced, without 0.
+        Frequencies, Hz, evenly spaced, without 0.
     tracking : ndarray, shape (n,)
         Handle over desired acceleration after the granted delay, complex: 1 is exact.
     error_density : ndarray, shape (n,)
@@ -89,8 +89,8 @@ def predict(
     tracking = plant.response(frequency, rate) * extended / grid.delay(inverse.granted_delay)
     power = spectrum(frequency)
     desired = power * np.abs(passed) ** 2
-    heard = 2.0 * noise**2 / rate
-    error = desired * np.abs(tracking - 1.0) ** 2 + heard
+    noise_density = 2.0 * noise**2 / rate
+    error = desired * np.abs(tracking - 1.0) ** 2 + noise_density
     density = error / (float(np.sum(desired)) * grid.step)
     travel = travel_response(plant.handle, frequency)
     landing = np.abs(grid.sequence(force * travel)).max() * LANDING_VELOCITY * rate

@@ -72,7 +72,7 @@ def measured_spectrum(acceleration: FloatArray, rate: float) -> ToolSpectrum:
     Parameters
     ----------
     acceleration : ndarray, shape (n,)
-        m/s^2; at least two samples.
+        Recorded tool acceleration, m/s^2; at least two samples.
     rate : float
         Samples per second.
 
