@@ -41,7 +41,7 @@ Fit = Callable[..., HandleFit]
 """Function `fit_handle` for one accelerometer and what is known of the handle."""
 
 MOUNT_START = MountParameters(frequency=280.0, damping=0.15)
-"""Where the search for a mode of the accelerometer's mount starts, as on the paper's rig."""
+"""Start of the search for a mode of the mount, near that of the paper's rig."""
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ class SerialMasterParameters(SerialSlaveParameters):
 
     rearm: str = parameter(
         MANUAL,
-        "how forces are allowed after the board was unplugged: auto, as soon as it is back, or"
+        "arming after the board was unplugged: auto, as soon as it is back, or"
         " manual, on request",
         choices=(AUTO, MANUAL),
     )
