@@ -33,6 +33,7 @@ ROSDEP_KEYS = {
     # These two come with rosbags.
     "backports": "python3-rosbags-pip",
     "can": "python3-can",
+    "click": "python3-click",
     "lz4": "python3-rosbags-pip",
     "jinja2": "python3-jinja2",
     "matplotlib": "python3-matplotlib",
@@ -146,7 +147,7 @@ def test_installed_code_reads_the_installed_files(installation: Installation) ->
 
 @pytest.mark.parametrize("words", [["--help"], ["teleop", "--help"]])
 def test_installed_command_runs(installation: Installation, words: list[str]) -> None:
-    assert "usage: haptic-accel" in installation.run(
+    assert "Usage: haptic-accel" in installation.run(
         installation.executables / "haptic-accel", *words
     )
 

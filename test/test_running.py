@@ -97,7 +97,9 @@ def suite(folder: Path, *words: str, **values: object) -> subprocess.CompletedPr
     (folder / "test_small.py").write_text(SUITE.format(**values))
     (folder / "conftest.py").write_text((HERE / "conftest.py").read_text())
     settings = (HERE.parent / "pyproject.toml").read_text()
-    (folder / "pyproject.toml").write_text(settings.replace('["test"]', f'["{HERE}"]'))
+    (folder / "pyproject.toml").write_text(
+        settings.replace('pythonpath = ["test"', f'pythonpath = ["{HERE}"')
+    )
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *words, "test_small.py"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
