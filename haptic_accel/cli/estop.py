@@ -18,8 +18,12 @@ from haptic_accel.graph.words import parse_words
 if TYPE_CHECKING:
     from haptic_accel.cli.calling import Caller
 
-PATIENCE = 5.0
-"""Time-out for both devices to be found and to confirm, s."""
+PATIENCE = 2.5
+"""Time-out for both devices to be found and to confirm, s, before the graph is joined anew."""
+
+ATTEMPTS = 3
+"""Number of times to join the graph. A process that joins in the same moment as a device may not
+find it for more than 5 s; one that joins afterwards finds it at once."""
 
 COUPLER_PATIENCE = 1.0
 """Time-out for the coupler after the devices, which stop without it, s."""
@@ -48,11 +52,14 @@ def estop(words: Sequence[str]) -> int:
     from haptic_accel.cli.calling import CallError, connected
 
     stop = not arguments.release
-    with connected(arguments.namespace) as caller:
-        missing, coupler_answers = _confirmed(caller, stop)
-    if missing:
-        names = " and ".join(missing)
-        raise CallError(f"{names} did not confirm within {PATIENCE:g} s; is the graph running?")
+    for _ in range(ATTEMPTS):
+        with connected(arguments.namespace) as caller:
+            missing, coupler_answers = _confirmed(caller, stop)
+        if not missing:
+            break
+    else:
+        names, seconds = " and ".join(missing), ATTEMPTS * PATIENCE
+        raise CallError(f"{names} did not confirm within {seconds:g} s; is the graph running?")
     done = (
         "emergency stop: both devices are without force"
         if stop

@@ -15,7 +15,7 @@ import signal
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import wait
 from typing import Any
 
@@ -127,11 +127,12 @@ def _compensate(link: socket.socket, rate: float) -> None:
     compensation = Compensation(CompensationParameters(controller="dynamic"), rate)
     pack = StampedVector(TOOL_ACCELERATION).pack
     _prepare()
-    link.send(READY)
-    while data := _received(link, SILENCE):
-        stamp, acceleration = unpack_stamped_vector(data)
-        _, force = compensation.sample(acceleration[2], 0.0)
-        link.send(pack(stamp, (0.0, 0.0, force)))
+    with suppress(ConnectionRefusedError):  # the first process was stopped
+        link.send(READY)
+        while data := _received(link, SILENCE):
+            stamp, acceleration = unpack_stamped_vector(data)
+            _, force = compensation.sample(acceleration[2], 0.0)
+            link.send(pack(stamp, (0.0, 0.0, force)))
 
 
 def _prepare() -> None:
