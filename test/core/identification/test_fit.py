@@ -70,7 +70,7 @@ def by_aliases(frequency: FloatArray, rate: float, delay: float) -> ComplexArray
                 [-spring, p.m_h * s**2 + spring + p.k_u + p.b_u * s],
             ]
         )
-        y_h = np.linalg.solve(np.moveaxis(motion, -1, 0), np.array([[-1.0], [1.0]]))[:, 1, 0]
+        y_h = np.linalg.solve(np.moveaxis(motion, -1, 0), np.array([[[-1.0], [1.0]]]))[:, 1, 0]
         hold = np.sinc(alias / rate) * np.exp(-1j * np.pi * alias / rate)
         total += hold * s**2 * y_h / (1 + 1j * alias / 500.0) * np.exp(-s * delay)
     return total
