@@ -39,7 +39,7 @@ def stamp_of(message: Any) -> int:
 GRAPH_RATE = 1000.0
 """Samples per second of a graph that is not asked for another rate, Hz."""
 
-LEAST_TAKEN = 1 / 3
+LEAST_TAKEN = 1 / 10
 """Share of the grid that the busiest host for these tests lets a device sample."""
 
 LEAST_ARRIVED = 0.8
