@@ -10,29 +10,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle, product
 from pathlib import Path
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import (
-    FixedLocator,
-    MaxNLocator,
-    MultipleLocator,
-    NullLocator,
-    StrMethodFormatter,
-)
 
-from haptic_accel.analysis.traces import most_active, sampled
-from haptic_accel.core.evaluation.metrics import Evaluation, Spectra
+from haptic_accel.analysis.traces import EXCERPT, most_active, sampled
+from haptic_accel.core.evaluation.metrics import Evaluation, Spectra, spectra
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.core.model import FloatArray
-
-EXCERPT = 0.2
-"""Length of the time traces, s: some strokes of texture, yet every swing can be seen."""
 
 LOWEST_FREQUENCY = 10.0
 """Lower end of the spectra, Hz: below it the 15 Hz high-pass leaves little."""
@@ -49,64 +41,33 @@ DPI = 300
 COLUMN, TEXT = 3.5, 7.16
 """Width of a column and of the text of an IEEE paper, inches."""
 
-BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, GREY = (
-    "#0072b2",
-    "#e69f00",
-    "#009e73",
-    "#d55e00",
-    "#cc79a7",
-    "#56b4e9",
-    "#444444",
-)
+BLUE, ORANGE, GREEN, VERMILION = "#0072b2", "#e69f00", "#009e73", "#d55e00"
+PURPLE, SKY, GREY = "#cc79a7", "#56b4e9", "#444444"
 """Palette of Okabe and Ito: distinct in every common colour vision, and in print."""
 
-BARS = (
-    (BLUE, ""),
-    (ORANGE, "////"),
-    (GREEN, "...."),
-    (PURPLE, "\\\\\\\\"),
-    (SKY, "xxxx"),
-    (GREY, "--"),
-)
-"""Colours of bars, each with a hatch that tells it apart without colour."""
+BARS = (BLUE, ORANGE, GREEN, PURPLE, SKY, GREY)
+HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "--")
+"""Colours of bars, and hatches that tell them apart without colour."""
 
-GRIPS = (
-    ("#c3c8cd", "#4d545b"),
-    ("#f3cf85", "#a87400"),
-    ("#a6d9f7", "#1f7fb4"),
-    ("#e9c3d8", "#99447a"),
-)
+PALE_GRIPS = ("#c3c8cd", "#f3cf85", "#a6d9f7", "#e9c3d8")
+DARK_GRIPS = ("#4d545b", "#a87400", "#1f7fb4", "#99447a")
 """Pale and dark colour of the measurements of each grip."""
 
 SHADE, LINE, BLACK = "#e4e7ea", "#999999", "#000000"
 """Colours of an area that is left out, of its bounds, and of models that hide no data."""
 
-DASHES: tuple[Dashes, ...] = ("-", "--", "-.", ":")
+DASHES = ("-", "--", "-.", ":")
 """Dashes of lines that are told apart without colour."""
 
-Dashes = Literal["-", "--", "-.", ":", ""] | tuple[float, tuple[float, ...]]
-
-
-class Style(TypedDict, total=False):
-    """Look of a line, in matplotlib's words."""
-
-    color: str
-    linewidth: float
-    linestyle: Dashes
-    marker: str
-    markersize: float
-    markeredgewidth: float
-    markerfacecolor: str
-    zorder: float
-
+Style = dict[str, Any]
+"""Look of a line, in matplotlib's words."""
 
 # Desired is the broader line, so that it is seen where actual lies on it.
 _DESIRED: Style = {"color": BLUE, "linewidth": 1.2}
 _ACTUAL: Style = {"color": ORANGE, "linewidth": 0.66}
 _REGRESSION: Style = {"color": VERMILION, "linewidth": 1.2}
 _EQUAL: Style = {"color": "black", "linewidth": 0.6, "linestyle": "--"}
-_SAMPLES: Style = {"color": BLUE, "marker": "o", "linestyle": "", "markersize": 1.2}
-_SAMPLES["markeredgewidth"] = 0
+_SAMPLES: Style = {"color": BLUE, "marker": "o", "linestyle": "", "markeredgewidth": 0}
 _TRACES = (
     Line2D([], [], **_DESIRED, label="desired"),
     Line2D([], [], **_ACTUAL, label="actual, shifted back"),
@@ -116,16 +77,17 @@ _LABEL, _TICK = 8, 7  # sizes of text, points
 _CHARACTER = 0.115 / 12  # width of a bold letter per point of its size, inches
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.7, 0.11, 0.47, 0.36  # margins of a figure of panels, inches
 _ACROSS, _DOWN = 0.2, 0.24  # gaps between panels, inches
+_SUBTITLE: Style = {"fontsize": _TICK, "pad": 2.5}
 _HEADING = 0.23  # from the panels to the middle of the columns' names, inches
 _DECADES = 4.5  # largest range of a spectrum's axis
 _TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)  # Hz
 _FEW_TICKS = (10, 30, 100, 300, 1000)  # Hz, where there is little room
-_EMBEDDED: dict[Any, Any] = {
-    # Text of PDF plots as TrueType: publishers refuse matplotlib's own Type 3.
-    "pdf.fonttype": 42,
-    "font.family": "sans-serif",
-    "svg.fonttype": "none",
-}
+_LEGEND: Style = {"loc": "upper left", "frameon": False, "borderaxespad": 0}
+_LEGEND |= {"fontsize": _LABEL, "borderpad": 0, "handlelength": 1.8}
+_KEY: Style = {"loc": "lower left", "frameon": False, "borderaxespad": 0, "columnspacing": 1.0}
+_KEY |= {"fontsize": _TICK, "borderpad": 0.2, "handlelength": 1.6, "bbox_to_anchor": (0, 1.0)}
+# Text of PDF plots as TrueType: publishers refuse matplotlib's own Type 3.
+_EMBEDDED: dict[Any, Any] = {"pdf.fonttype": 42, "font.family": "sans-serif"}
 
 
 @dataclass(frozen=True)
@@ -164,12 +126,7 @@ class Portrait:
 
     @classmethod
     def of(
-        cls,
-        desired: FloatArray,
-        actual: FloatArray,
-        rate: float,
-        evaluation: Evaluation,
-        spectra: Spectra,
+        cls, desired: FloatArray, actual: FloatArray, rate: float, evaluation: Evaluation
     ) -> Portrait:
         """Take from two accelerations, already aligned, what is drawn of them."""
         window = most_active(desired, round(EXCERPT * rate))
@@ -177,7 +134,7 @@ class Portrait:
         return cls(
             rate,
             evaluation,
-            spectra,
+            spectra(desired, actual, rate),
             window.start / rate,
             desired[window].copy(),
             actual[window].copy(),
@@ -220,69 +177,55 @@ def short(name: str, longest: int = 24) -> str:
 
 def time_traces(portraits: Portraits) -> Figure:
     """Draw the paper's Fig. 9: desired and actual acceleration where desired is most active."""
-    controllers, surfaces = _names(portraits)
-    figure, axes = _panels(_TRACES, surfaces, controllers, 1.9 / 3.5)
-    for surface, row in zip(surfaces, axes, strict=True):
-        drawn = [portrait for (_, s), portrait in portraits.items() if s == surface]
-        reach = 1.05 * _extent(
-            s for portrait in drawn for s in (portrait.desired, portrait.actual)
-        )
-        for portrait, panel in _filled(portraits, [(c, surface) for c in controllers], row):
+    names = ("time in the excerpt (ms)", "acceleration (m/s²)")
+    figure, panels = _panels(portraits, _TRACES, names, 1.9 / 3.5)
+    for (controller, surface), panel in panels.items():
+        drawn = _on(portraits, surface)
+        reach = 1.05 * _extent(signal for p in drawn for signal in (p.desired, p.actual))
+        panel.set_xlim(0, 1e3 * EXCERPT)
+        panel.xaxis.set_major_locator(ticker.MultipleLocator(500 * EXCERPT))
+        panel.set_ylim(-reach, reach)
+        if portrait := portraits.get((controller, surface)):
             milliseconds = 1e3 * np.arange(portrait.desired.size) / portrait.rate
             panel.plot(milliseconds, portrait.desired, **_DESIRED)
             panel.plot(milliseconds, portrait.actual, **_ACTUAL)
             error = percent(portrait.evaluation.nrmse_percent)
-            _subtitle(panel, f"NRMSE {error}, from {portrait.begin:.2f} s")
-        for panel in row:
-            panel.set_xlim(0, 1e3 * EXCERPT)
-            panel.xaxis.set_major_locator(MultipleLocator(500 * EXCERPT))
-            panel.set_ylim(-reach, reach)
-    _label(axes, "time in the excerpt (ms)", "acceleration (m/s²)")
+            panel.set_title(f"NRMSE {error}, from {portrait.begin:.2f} s", **_SUBTITLE)
     return figure
 
 
 def regressions(portraits: Portraits) -> Figure:
     """Draw the paper's Fig. 10: desired against actual acceleration with the regression line."""
-    controllers, surfaces = _names(portraits)
-    samples = Line2D([], [], **_SAMPLES, label="samples")
-    samples.set_markersize(4)
     legend = (
-        samples,
+        Line2D([], [], **_SAMPLES, markersize=4, label="samples"),
         Line2D([], [], **_REGRESSION, label="regression of desired on actual"),
         Line2D([], [], **_EQUAL, label="1:1"),
     )
-    figure, axes = _panels(legend, surfaces, controllers, 1.0, more_down=0.12)
-    for surface, row in zip(surfaces, axes, strict=True):
-        reach = 1.05 * max(p.largest for (_, s), p in portraits.items() if s == surface)
-        for portrait, panel in _filled(portraits, [(c, surface) for c in controllers], row):
-            panel.plot(
-                portrait.cloud_actual,
-                portrait.cloud_desired,
-                **_SAMPLES,
-                alpha=0.45,
-                # As a picture within the page: thousands of points make a drawing slow to show.
-                rasterized=True,
-            )
+    names = ("actual (m/s²)", "desired (m/s²)")
+    figure, panels = _panels(portraits, legend, names, 1.0, one_x=False, more_down=0.12)
+    for (controller, surface), panel in panels.items():
+        reach = 1.05 * max(portrait.largest for portrait in _on(portraits, surface))
+        panel.set(xlim=(-reach, reach), ylim=(-reach, reach))
+        for axis in (panel.xaxis, panel.yaxis):
+            axis.set_major_locator(ticker.MaxNLocator(5, steps=(1, 2, 5, 10)))
+        if portrait := portraits.get((controller, surface)):
+            cloud = portrait.cloud_actual, portrait.cloud_desired
+            # As a picture within the page: thousands of points make a drawing slow to show.
+            panel.plot(*cloud, **_SAMPLES, markersize=1.2, alpha=0.45, rasterized=True)
             panel.plot([-reach, reach], [-reach, reach], **_EQUAL)
-            found = portrait.evaluation
+            slope, r2 = portrait.evaluation.slope_desired_on_actual, portrait.evaluation.r2
             middle = (portrait.mean_actual, portrait.mean_desired)
-            panel.axline(middle, slope=found.slope_desired_on_actual, **_REGRESSION)
-            _subtitle(
-                panel, f"slope {number(found.slope_desired_on_actual)}, R² {number(found.r2)}"
-            )
-        for panel in row:
-            panel.set_xlim(-reach, reach)
-            panel.set_ylim(-reach, reach)
-            panel.xaxis.set_major_locator(MaxNLocator(5, steps=(1, 2, 5, 10)))
-            panel.yaxis.set_major_locator(MaxNLocator(5, steps=(1, 2, 5, 10)))
-    _label(axes, "actual (m/s²)", "desired (m/s²)", one_x=False)
+            panel.axline(middle, slope=slope, **_REGRESSION)
+            panel.set_title(f"slope {number(slope)}, R² {number(r2)}", **_SUBTITLE)
     return figure
 
 
 def amplitude_spectra(portraits: Portraits) -> Figure:
     """Draw the paper's Fig. 11: amplitude spectra of desired and actual acceleration."""
-    controllers, surfaces = _names(portraits)
-    figure, axes = _panels(_TRACES, controllers, surfaces, 2.2 / 3.5, less_above=0.084)
+    names = ("frequency (Hz)", "amplitude (m/s²/√Hz)")
+    figure, panels = _panels(
+        portraits, _TRACES, names, 2.2 / 3.5, surfaces_down=False, less_above=0.084
+    )
     drawn = [
         amplitude[portrait.spectra.frequency >= LOWEST_FREQUENCY]
         for portrait in portraits.values()
@@ -292,17 +235,14 @@ def amplitude_spectra(portraits: Portraits) -> Figure:
     bottom = min((a[a > 0].min() for a in drawn if np.any(a > 0)), default=top)
     bottom = max(float(bottom), top * 10.0**-_DECADES)
     highest = max(portrait.rate for portrait in portraits.values()) / 2
-    for controller, row in zip(controllers, axes, strict=True):
-        for panel in row:
-            frequency_axis(panel, LOWEST_FREQUENCY, highest, _FEW_TICKS)
-            panel.set_yscale("log")
-            panel.set_ylim(bottom, top)
-            panel.yaxis.set_minor_locator(NullLocator())
-        for portrait, panel in _filled(portraits, [(controller, s) for s in surfaces], row):
-            spectrum = portrait.spectra
+    for key, panel in panels.items():
+        frequency_axis(panel, LOWEST_FREQUENCY, highest, _FEW_TICKS)
+        panel.set(yscale="log", ylim=(bottom, top))
+        panel.yaxis.set_minor_locator(ticker.NullLocator())
+        if key in portraits:
+            spectrum = portraits[key].spectra
             panel.plot(spectrum.frequency, spectrum.desired, **_DESIRED)
             panel.plot(spectrum.frequency, spectrum.actual, **_ACTUAL)
-    _label(axes, "frequency (Hz)", "amplitude (m/s²/√Hz)")
     return figure
 
 
@@ -319,30 +259,23 @@ def band_errors(errors: Mapping[str, Mapping[str, Interval]]) -> Figure:
     """
     names = list(errors)
     found = list(dict.fromkeys(band for by_band in errors.values() for band in by_band))
-    figure, panel = _column(2.1)
+    figure, panel = _column(2.1, "band (Hz)", "NRMSE (%)", "y")
     width = 0.8 / max(len(names), 1)
     unknown = Interval(math.nan, math.nan, math.nan, 0, "")
-    for i, name in enumerate(names):
+    places = np.arange(len(found))
+    for i, (name, color, hatch) in enumerate(zip(names, cycle(BARS), cycle(HATCHES))):
         bars = [errors[name].get(band, unknown) for band in found]
         reach = np.array([[bar.value - bar.low, bar.high - bar.value] for bar in bars]).T
-        panel.bar(
-            np.arange(len(found)) + (i - (len(names) - 1) / 2) * width,
-            [bar.value for bar in bars],
-            width,
-            yerr=np.nan_to_num(np.maximum(reach, 0.0)) if len(found) else None,
-            label=short(name),
-            color=BARS[i % len(BARS)][0],
-            hatch=BARS[i % len(BARS)][1],
-            edgecolor="white",
-            linewidth=0.4,
-            error_kw={"elinewidth": 0.6, "capsize": 1.2},
-        )
+        look: Style = {"color": color, "hatch": hatch, "edgecolor": "white", "linewidth": 0.4}
+        if found:
+            look["yerr"] = np.nan_to_num(np.maximum(reach, 0.0))
+            look["error_kw"] = {"elinewidth": 0.6, "capsize": 1.2}
+        middles = places + (i - (len(names) - 1) / 2) * width
+        panel.bar(middles, [bar.value for bar in bars], width, label=short(name), **look)
     panel.axhline(100.0, **_EQUAL)
     words = [band.removesuffix(" Hz").replace("-", DASH) for band in found]
-    panel.set_xticks(np.arange(len(found)), words)
-    panel.set_xlabel("band (Hz)", fontsize=_LABEL)
-    panel.set_ylabel("NRMSE (%)", fontsize=_LABEL)
-    _finish(panel, "y", len(names))
+    panel.set_xticks(places, words)
+    panel.legend(ncols=max(min(len(names), 4), 1), **_KEY)
     return figure
 
 
@@ -356,26 +289,19 @@ def latencies(counts: Mapping[str, FloatArray], edges: FloatArray) -> Figure:
     edges : ndarray, shape (n + 1,)
         Edges of the bins, s.
     """
-    figure, panel = _column(1.9)
+    names = ("from sample to recorded force (ms)", "share of forces (%)")
+    figure, panel = _column(1.9, *names)
     inner = [np.flatnonzero(count) for count in counts.values() if np.any(count)]
     low = min((int(places[0]) for places in inner), default=0)
     high = max((int(places[-1]) + 1 for places in inner), default=len(edges) - 1)
-    for i, (name, count) in enumerate(counts.items()):
-        panel.stairs(
-            100.0 * np.asarray(count) / max(float(np.sum(count)), 1.0),
-            1e3 * edges,
-            label=short(name),
-            color=BARS[i % len(BARS)][0],
-            linestyle=DASHES[i % len(DASHES)],
-            linewidth=0.96,
-        )
-    panel.set_xscale("log")
-    panel.set_xlim(1e3 * float(edges[low]), 1e3 * float(edges[high]))
-    panel.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    for (name, count), color, dashes in zip(counts.items(), cycle(BARS), cycle(DASHES)):
+        look: Style = {"color": color, "linestyle": dashes, "linewidth": 0.96}
+        share = 100.0 * np.asarray(count) / max(float(np.sum(count)), 1.0)
+        panel.stairs(share, 1e3 * edges, label=short(name), **look)
+    panel.set(xscale="log", xlim=(1e3 * float(edges[low]), 1e3 * float(edges[high])))
+    panel.xaxis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
     panel.set_ylim(bottom=0)
-    panel.set_xlabel("from sample to recorded force (ms)", fontsize=_LABEL)
-    panel.set_ylabel("share of forces (%)", fontsize=_LABEL)
-    _finish(panel, "both", len(counts))
+    panel.legend(ncols=max(min(len(counts), 4), 1), **_KEY)
     return figure
 
 
@@ -403,9 +329,9 @@ def frequency_axis(
     else:
         panel.set_xlim(low, high)
         ticks = [tick for tick in ticks if tick <= high]
-    panel.xaxis.set_major_locator(FixedLocator(ticks))
-    panel.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    panel.xaxis.set_minor_locator(NullLocator())
+    panel.xaxis.set_major_locator(ticker.FixedLocator(ticks))
+    panel.xaxis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
+    panel.xaxis.set_minor_locator(ticker.NullLocator())
 
 
 def rule(panel: Axes, grid: Literal["both", "y"] = "both", width: float = 0.6) -> None:
@@ -416,143 +342,96 @@ def rule(panel: Axes, grid: Literal["both", "y"] = "both", width: float = 0.6) -
     panel.tick_params(color="#888888")
 
 
-def _column(height: float) -> tuple[Figure, Axes]:
-    """Lay out one panel as wide as a column."""
+def _column(
+    height: float, x: str, y: str, grid: Literal["both", "y"] = "both"
+) -> tuple[Figure, Axes]:
+    """Lay out one panel as wide as a column, with named axes."""
     figure = Figure(figsize=(COLUMN, height), facecolor="white")
-    left, bottom, right, top = 0.5, 0.42, 0.06, 0.28
-    box = (
-        left / COLUMN,
-        bottom / height,
-        (COLUMN - left - right) / COLUMN,
-        (height - bottom - top) / height,
+    panel = figure.add_axes(
+        (0.5 / COLUMN, 0.42 / height, (COLUMN - 0.56) / COLUMN, (height - 0.7) / height)
     )
-    return figure, figure.add_axes(box)
-
-
-def _finish(panel: Axes, grid: Literal["both", "y"], entries: int) -> None:
     rule(panel, grid, 0.36)
     panel.tick_params(labelsize=_TICK)
-    panel.legend(
-        loc="lower left",
-        bbox_to_anchor=(0, 1.0),
-        ncols=max(min(entries, 4), 1),
-        frameon=False,
-        fontsize=_TICK,
-        borderaxespad=0,
-        borderpad=0.2,
-        handlelength=1.6,
-        columnspacing=1.0,
-    )
+    panel.set_xlabel(x, fontsize=_LABEL)
+    panel.set_ylabel(y, fontsize=_LABEL)
+    return figure, panel
 
 
-def _names(portraits: Portraits) -> tuple[list[str], list[str]]:
-    """Return controllers and surfaces, in the order of the portraits."""
-    return list(dict.fromkeys(c for c, _ in portraits)), list(
-        dict.fromkeys(s for _, s in portraits)
-    )
-
-
-def _filled(
-    portraits: Portraits, keys: Sequence[tuple[str, str]], row: Sequence[Axes]
-) -> Iterator[tuple[Portrait, Axes]]:
-    """Yield the portraits of a row of panels; say in the other panels that there is none."""
-    for key, panel in zip(keys, row, strict=True):
-        if key in portraits:
-            yield portraits[key], panel
-        else:
-            panel.text(
-                0.5,
-                0.5,
-                "not run",
-                transform=panel.transAxes,
-                ha="center",
-                color="#666666",
-                fontsize=_LABEL,
-            )
+def _on(portraits: Portraits, surface: str) -> list[Portrait]:
+    """Return the portraits of one surface."""
+    return [portrait for (_, own), portrait in portraits.items() if own == surface]
 
 
 def _panels(
+    portraits: Portraits,
     legend: Sequence[Line2D],
-    rows: Sequence[str],
-    columns: Sequence[str],
+    names: tuple[str, str],
     shape: float,
+    *,
+    surfaces_down: bool = True,
+    one_x: bool = True,
     more_down: float = 0.0,
     less_above: float = 0.0,
-) -> tuple[Figure, list[list[Axes]]]:
-    """Lay out panels as wide as the text of a paper, under a legend and the columns' names.
+) -> tuple[Figure, dict[tuple[str, str], Axes]]:
+    """Lay out a panel for each controller and surface, as wide as the text of a paper.
 
-    `shape` is height over width of a panel; `more_down` is added to the gap between rows and
-    `less_above` taken from the height of the columns' names, inches. It is laid out by hand
-    because matplotlib's layout engines draw everything twice.
+    Above are the legend and the columns' names. Panels without a portrait say so. They are laid
+    out by hand because matplotlib's layout engines draw everything twice.
+
+    Parameters
+    ----------
+    portraits : mapping
+    legend : sequence of Line2D
+    names : tuple of str
+        Names of the x and y axes.
+    shape : float
+        Height over width of a panel.
+    surfaces_down : bool
+        Give each surface a row, not a column.
+    one_x : bool
+        All rows have one x scale, which is numbered at the bottom only.
+    more_down, less_above : float
+        Added to the gap between rows, taken from the height of the columns' names, inches.
     """
-    above, down = _HEADING - less_above, _DOWN + more_down
-    top = _TOP - less_above
+    controllers, surfaces = (list(dict.fromkeys(part)) for part in zip(*portraits, strict=True))
+    rows, columns = (surfaces, controllers) if surfaces_down else (controllers, surfaces)
+    top, down = _TOP - less_above, _DOWN + more_down
     wide = (TEXT - _LEFT - _RIGHT + _ACROSS) / len(columns) - _ACROSS
     high = wide * shape
     height = top + len(rows) * (high + down) - down + _BOTTOM
     figure = Figure(figsize=(TEXT, height), facecolor="white")
+    corner = (_LEFT / TEXT, 1 - 0.05 / height)
+    figure.legend(handles=legend, bbox_to_anchor=corner, ncols=len(legend), **_LEGEND)
 
     def heading(x: float, y: float, words: str, room: float, rotation: str) -> None:
-        figure.text(
-            x / TEXT,
-            y / height,
-            short(words, int(room / (_CHARACTER * _LABEL))),
-            size=_LABEL,
-            weight="bold",
-            ha="center",
-            va="center",
-            rotation=rotation,
-            parse_math=False,
-        )
+        text = short(words, int(room / (_CHARACTER * _LABEL)))
+        look: Style = {"size": _LABEL, "weight": "bold", "rotation": rotation, "parse_math": False}
+        figure.text(x / TEXT, y / height, text, ha="center", va="center", **look)
 
-    figure.legend(
-        handles=legend,
-        loc="upper left",
-        bbox_to_anchor=(_LEFT / TEXT, 1 - 0.05 / height),
-        ncols=len(legend),
-        frameon=False,
-        fontsize=_LABEL,
-        borderaxespad=0,
-        borderpad=0,
-        handlelength=1.8,
-    )
-    axes = []
-    for i, row in enumerate(rows):
-        y = height - top - high - i * (high + down)
-        heading(0.13, y + high / 2, row, high, "vertical")
-        axes.append(
-            [
-                figure.add_axes((x / TEXT, y / height, wide / TEXT, high / height))
-                for x in (_LEFT + j * (wide + _ACROSS) for j in range(len(columns)))
-            ]
-        )
-    for j, column in enumerate(columns):
-        middle = _LEFT + j * (wide + _ACROSS) + wide / 2
-        heading(middle, height - top + above, column, wide, "horizontal")
-    return figure, axes
-
-
-def _label(axes: Sequence[Sequence[Axes]], x: str, y: str, one_x: bool = True) -> None:
-    """Rule all axes; name and number those at the left and at the bottom.
-
-    Unless the rows have `one_x` scale in common, x is numbered in each.
-    """
-    for i, row in enumerate(axes):
-        for j, panel in enumerate(row):
-            rule(panel, width=0.36)
-            lowest = i == len(axes) - 1
-            panel.tick_params(labelsize=_TICK, labelleft=j == 0, labelbottom=lowest or not one_x)
-            # Rows are lower than the words are long: they stand once, in the middle.
-            if j == 0 and i == len(axes) // 2:
-                panel.set_ylabel(y, fontsize=_LABEL)
-            if lowest:
-                panel.set_xlabel(x, fontsize=_LABEL)
+    panels = {}
+    for (i, row), (j, column) in product(enumerate(rows), enumerate(columns)):
+        x, y = _LEFT + j * (wide + _ACROSS), height - top - high - i * (high + down)
+        panel = figure.add_axes((x / TEXT, y / height, wide / TEXT, high / height))
+        rule(panel, width=0.36)
+        lowest = i == len(rows) - 1
+        panel.tick_params(labelsize=_TICK, labelleft=j == 0, labelbottom=lowest or not one_x)
+        if i == 0:
+            heading(x + wide / 2, y + high + _HEADING - less_above, column, wide, "horizontal")
+        if j == 0:
+            heading(0.13, y + high / 2, row, high, "vertical")
+        # Rows are lower than the words are long: they stand once, in the middle.
+        if j == 0 and i == len(rows) // 2:
+            panel.set_ylabel(names[1], fontsize=_LABEL)
+        if lowest:
+            panel.set_xlabel(names[0], fontsize=_LABEL)
+        key = (column, row) if surfaces_down else (row, column)
+        panels[key] = panel
+        if key not in portraits:
+            words: Style = {"ha": "center", "color": "#666666", "fontsize": _LABEL}
+            panel.text(0.5, 0.5, "not run", transform=panel.transAxes, **words)
+    return figure, panels
 
 
 def _extent(signals: Iterable[FloatArray]) -> float:
     """Return the largest magnitude in some signals, or 1 if all are zero."""
     return max((float(np.abs(signal).max()) for signal in signals), default=0.0) or 1.0
-
-
-def _subtitle(panel: Axes, words: str) -> None:
-    panel.set_title(words, fontsize=_TICK, pad=2.5)

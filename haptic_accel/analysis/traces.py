@@ -9,6 +9,9 @@ import numpy as np
 
 from haptic_accel.core.model import FloatArray
 
+EXCERPT = 0.2
+"""Length of the excerpt shown first, s: some strokes of texture, yet every swing can be seen."""
+
 WHOLE_POINTS = 6000
 """Points of a whole trial: three to each pixel of a wide screen."""
 
@@ -63,39 +66,36 @@ class Traces:
         The trial, thinned so that no peak is lost.
     detail : Trace
         The samples around the excerpt.
-    excerpt, length : float
-        Start and length of the excerpt in which the desired acceleration has its largest RMS, s.
+    excerpt : float
+        Start of the `EXCERPT` in which the desired acceleration has its largest RMS, s.
     """
 
     whole: Trace
     detail: Trace
     excerpt: float
-    length: float
 
     @classmethod
-    def of(
-        cls, signals: Mapping[str, FloatArray], rate: float, shift: float, length: float
-    ) -> Traces:
+    def of(cls, signals: Mapping[str, FloatArray], rate: float, shift: float) -> Traces:
         """Thin some signals; the one named ``actual`` is drawn earlier by the shift, in s."""
         if not signals:
             nothing = Trace(0.0, 1.0, {})
-            return cls(nothing, nothing, 0.0, length)
+            return cls(nothing, nothing, 0.0)
         moved = {
             name: _earlier(values, shift * rate) if name == "actual" else values
             for name, values in signals.items()
         }
         every = Trace(0.0, 1 / rate, moved)
         leading = moved.get("desired", next(iter(moved.values())))
-        excerpt = most_active(leading, round(length * rate))
+        excerpt = most_active(leading, round(EXCERPT * rate))
         window = enclosing(excerpt, leading.size, min(round(DETAIL * rate), DETAIL_POINTS))
         start = excerpt.start / rate
-        return cls(every.thinned(WHOLE_POINTS), every.part(window), start, length)
+        return cls(every.thinned(WHOLE_POINTS), every.part(window), start)
 
     def shrunk(self, points: int) -> tuple[Trace, Trace]:
         """Return whole and detail with at most so many points together, the excerpt in full."""
         detail = self.detail
         begin = round((self.excerpt - detail.begin) / detail.step)
-        excerpt = slice(begin, min(begin + round(self.length / detail.step), detail.size))
+        excerpt = slice(begin, min(begin + round(EXCERPT / detail.step), detail.size))
         window = enclosing(excerpt, detail.size, points * 4 // 10)
         return self.whole.thinned(min(points * 6 // 10, WHOLE_POINTS)), detail.part(window)
 
@@ -125,18 +125,9 @@ def thinned(values: FloatArray, points: int) -> tuple[FloatArray, float]:
     """
     if len(values) <= points:
         return values, 1.0
-    edges = np.linspace(0, len(values), points // 2 + 1).astype(int)[:-1]
-    lowest, highest = np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges)
-    ends = np.append(edges[1:], len(values))
-    rising = np.array(
-        [
-            np.argmin(values[low:high]) <= np.argmax(values[low:high])
-            for low, high in zip(edges, ends, strict=True)
-        ]
-    )
-    kept = np.empty(2 * len(edges))
-    kept[0::2] = np.where(rising, lowest, highest)
-    kept[1::2] = np.where(rising, highest, lowest)
+    edges = np.linspace(0, len(values), points // 2 + 1).astype(int)[1:-1]
+    pieces = np.split(values, edges)
+    kept = np.concatenate([piece[sorted((piece.argmin(), piece.argmax()))] for piece in pieces])
     return kept, len(values) / len(kept)
 
 
