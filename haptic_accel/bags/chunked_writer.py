@@ -19,16 +19,9 @@ from pathlib import Path
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2 import CompressionMode
 
+from haptic_accel.bags import rosbags_adapter as rosbags
 from haptic_accel.bags.mcap import MESSAGE, MESSAGE_HEADER, NEVER, Chunk, Tally
 from haptic_accel.bags.metadata import VERSION, qos_text
-from haptic_accel.bags.rosbags_adapter import (
-    Channel,
-    McapWriter,
-    PendingChunk,
-    write_channel,
-    write_string,
-    zstd,
-)
 
 CHUNK = 1 << 20
 """Size at which a chunk is complete, bytes; rosbag2 has 768 KiB."""
@@ -52,7 +45,7 @@ class _Mark:
     tally: Tally
 
 
-class ChunkedWriter(McapWriter):
+class ChunkedWriter(rosbags.McapWriter):
     """An MCAP file that is written; every method may raise OSError.
 
     Parameters
@@ -71,7 +64,7 @@ class ChunkedWriter(McapWriter):
         mode = CompressionMode.STORAGE if compressed else CompressionMode.NONE
         super().__init__(path.parent, mode)
         if compressed:
-            self.compressor = lambda data: zstd.compress(data, level=_FAST)
+            self.compressor = lambda data: rosbags.zstd.compress(data, level=_FAST)
         # rosbags names the file after the folder, rosbag2 numbers it.
         self.path = self.path.rename(path)
         self.bio.flush()
@@ -97,23 +90,14 @@ class ChunkedWriter(McapWriter):
             self._types.add(connection.msgtype)
             self.add_msgtype(connection)
         assert isinstance(connection.ext, ConnectionExtRosbag2)
-        metadata = BytesIO()
-        for text in (
-            "offered_qos_profiles",
-            qos_text(connection.ext.offered_qos_profiles),
-            "topic_type_hash",
-            connection.digest,
-        ):
-            write_string(metadata, text)
-        channel = Channel(
-            connection.id,
-            connection.msgtype,
-            connection.topic,
-            connection.ext.serialization_format,
-            metadata.getvalue(),
-        )
+        metadata, offered = BytesIO(), qos_text(connection.ext.offered_qos_profiles)
+        for text in ("offered_qos_profiles", offered, "topic_type_hash", connection.digest):
+            rosbags.write_string(metadata, text)
+        number, kind, topic = connection.id, connection.msgtype, connection.topic
+        form = connection.ext.serialization_format
+        channel = rosbags.Channel(number, kind, topic, form, metadata.getvalue())
         self.channels.append(channel)
-        write_channel(self.chunk.bio, channel, self.schemas)
+        rosbags.write_channel(self.chunk.bio, channel, self.schemas)
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
         """Add a message: rosbags' own takes three times as long, for each of a thousand a ms."""
@@ -140,17 +124,16 @@ class ChunkedWriter(McapWriter):
             pending.message_start_time = min(pending.message_start_time, int(times.min()))
             pending.message_end_time = max(pending.message_end_time, int(times.max()))
         self.chunk = pending
-        if chunk.records:
-            self.close_chunk()
+        self.close_chunk()
 
     def close_chunk(self) -> None:
-        """Write the pending chunk into the file."""
+        """Write the pending chunk, if there is any, into the file."""
         chunk = self.chunk
+        if not chunk.bio.tell():
+            return
         counts = Counter({number: len(rows) for number, rows in chunk.msgs.items()})
-        tally = self.kept
-        if counts:
-            tally = tally.plus(counts, chunk.message_start_time, chunk.message_end_time)
-        else:
+        tally = self.kept.plus(counts, chunk.message_start_time, chunk.message_end_time)
+        if not counts:
             chunk.message_start_time = 0  # as the format wants it
         super().close_chunk()
         self.bio.flush()
@@ -158,8 +141,7 @@ class ChunkedWriter(McapWriter):
 
     def flush(self) -> None:
         """Finish the pending chunk and bring it to the disk, where a power cut leaves it."""
-        if self.chunk.bio.tell():
-            self.close_chunk()
+        self.close_chunk()
         os.fdatasync(self.bio.fileno())
 
     def finish(self, metadata: str) -> None:
@@ -170,8 +152,7 @@ class ChunkedWriter(McapWriter):
         metadata : str
             The bag's metadata, repeated in the file.
         """
-        if self.chunk.bio.tell():
-            self.close_chunk()
+        self.close_chunk()
         tally = self.kept
         self.channel_stats = {channel.id: tally.counts[channel.id] for channel in self.channels}
         self.message_start_time = tally.start if tally.messages else 0
@@ -196,7 +177,7 @@ class ChunkedWriter(McapWriter):
                 return
             except OSError:
                 self._marks.pop()
-                if not (self._marks and self._marks[-1].tally.messages):
+                if not (self._marks and self.kept.messages):
                     # Rather all without an index than nothing.
                     self._marks.append(newest)
                     self._go_back()
@@ -216,8 +197,8 @@ class ChunkedWriter(McapWriter):
         self.chunk = _empty_chunk()
 
 
-def _empty_chunk() -> PendingChunk:
-    return PendingChunk(NEVER, 0, BytesIO(), defaultdict(list))
+def _empty_chunk() -> rosbags.PendingChunk:
+    return rosbags.PendingChunk(NEVER, 0, BytesIO(), defaultdict(list))
 
 
 def _sync_folder(path: Path) -> None:

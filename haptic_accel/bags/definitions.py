@@ -6,13 +6,8 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
-from rosbags.interfaces import (
-    Connection,
-    ConnectionExtRosbag2,
-    MessageDefinition,
-    MessageDefinitionFormat,
-    Qos,
-)
+from rosbags import interfaces
+from rosbags.interfaces import Connection, Qos
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -41,16 +36,9 @@ def connection(number: int, topic: str, kind: str, offered: Sequence[Qos]) -> Co
         The type is neither known to rosbags nor found in an installed package.
     """
     definition, digest = _definition(kind)
-    return Connection(
-        number,
-        topic,
-        kind,
-        MessageDefinition(MessageDefinitionFormat.MSG, definition),
-        digest,
-        0,
-        ConnectionExtRosbag2("cdr", list(offered)),
-        None,
-    )
+    stored = interfaces.MessageDefinition(interfaces.MessageDefinitionFormat.MSG, definition)
+    form = interfaces.ConnectionExtRosbag2("cdr", list(offered))
+    return Connection(number, topic, kind, stored, digest, 0, form, None)
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -70,7 +70,6 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
     rate : float
         Samples per second of the grid.
     """
-    period = NANOSECONDS / rate
     seen: dict[str, Any] = {}
     late: dict[str, int] = {}
     for topic in topics.SIGNALS:
@@ -80,8 +79,7 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         where = places(signal.stamps, start, rate)
         within = (where >= 0) & (where < length)
         if within.any():
-            seen[topic.name] = np.zeros(length, dtype=bool)
-            seen[topic.name][where[within]] = True
+            seen[topic.name] = np.bincount(where[within], minlength=length) > 0
             waited = (signal.received - signal.stamps)[within]
             late[topic.name] = int(np.sum(waited > half_period(rate)))
     found = [topic for topic in topics.SIGNALS if topic.name in seen]
@@ -91,8 +89,11 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         for arm in _ARMS
         if any(topic.source == arm for topic in found)
     }
-    end = start + round(length * period)
-    nodes = {said.node: said.values for said in recorded.diagnostics}
+    end = start + round(length * (NANOSECONDS / rate))
+    transit = np.empty(0)
+    if forces := recorded.signals.get(topics.ACTUATOR_FORCE.name):
+        within = (forces.stamps >= start) & (forces.stamps < end)
+        transit = (forces.received - forces.stamps)[within] / NANOSECONDS
     warnings = [
         f"{said.node}: {said.message}"
         for said in recorded.diagnostics
@@ -103,10 +104,10 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         lost={topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name])) for topic in found},
         late=late,
         missed={arm: length - int(np.sum(there)) for arm, there in taken.items()},
-        transit=_transit(recorded, start, end),
+        transit=transit,
         age_us=_ages(recorded, end),
         warnings=list(dict.fromkeys(warnings)),
-        nodes=nodes,
+        nodes={said.node: said.values for said in recorded.diagnostics},
     )
 
 
@@ -119,13 +120,7 @@ def read_delivery(bag: Path, rate: float) -> Delivery:
         It is not a bag, or lacks a signal.
     """
     recorded = read_bag(bag)
-    needed = (
-        topics.TOOL_ACCELERATION,
-        topics.DESIRED_ACCELERATION,
-        topics.HANDLE_ACCELERATION,
-        topics.ACTUATOR_FORCE,
-        topics.MASTER_ARM_FORCE,
-    )
+    needed = (*topics.ANALYSED, topics.MASTER_ARM_FORCE)
     for topic in needed:
         if topic.name not in recorded.signals:
             raise ParameterError(f"{bag}: has no message of {topic.name}")
@@ -137,20 +132,10 @@ def read_delivery(bag: Path, rate: float) -> Delivery:
     return delivery(recorded, start, length, rate)
 
 
-def durations(
-    values: Mapping[str, str], name: str, labels: Iterable[str] = LABELS
-) -> dict[str, float]:
+def durations(values: Mapping[str, str], name: str) -> dict[str, float]:
     """Return quantiles, in us, that a node reported; those that it did not are left out."""
-    found = {label: values.get(f"{name} {label} (us)") for label in labels}
+    found = {label: values.get(f"{name} {label} (us)") for label in LABELS}
     return {label: float(value) for label, value in found.items() if value is not None}
-
-
-def _transit(recorded: Bag, start: int, end: int) -> FloatArray:
-    forces = recorded.signals.get(topics.ACTUATOR_FORCE.name)
-    if forces is None:
-        return np.empty(0)
-    within = (forces.stamps >= start) & (forces.stamps < end)
-    return np.asarray((forces.received - forces.stamps)[within] / NANOSECONDS)
 
 
 def _ages(recorded: Bag, end: int) -> dict[str, float]:

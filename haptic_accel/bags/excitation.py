@@ -11,8 +11,7 @@ from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.sampling import NANOSECONDS, BoolArray, on_grid, places, same_rate
-from haptic_accel.core.topics import ACTUATOR_AXIS
+from haptic_accel.core.sampling import NANOSECONDS, BoolArray, same_rate
 
 
 def read_excited(bag: Path, rate: float) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -44,7 +43,6 @@ def read_excited(bag: Path, rate: float) -> tuple[FloatArray, FloatArray, BoolAr
         if topic.name not in signals or len(signals[topic.name].stamps) < 2:
             raise RecordingError(f"{bag}: has no {topic.name}")
     stamps = signals[topics.HANDLE_ACCELERATION.name].stamps
-    period = NANOSECONDS / rate
     found = NANOSECONDS / float(np.median(np.diff(stamps)))
     if not same_rate(found, rate):
         raise RecordingError(
@@ -52,15 +50,9 @@ def read_excited(bag: Path, rate: float) -> tuple[FloatArray, FloatArray, BoolAr
             f" have rate = {rate:g} Hz"
         )
     start = int(stamps[0])
-    length = round((int(stamps[-1]) - start) / period) + 1
-    (force, _), (acceleration, seen) = (
-        on_grid(
-            places(signals[topic.name].stamps, start, rate),
-            signals[topic.name].values[:, ACTUATOR_AXIS],
-            length,
-        )
-        for topic in (topics.ACTUATOR_FORCE, topics.HANDLE_ACCELERATION)
-    )
+    length = round((int(stamps[-1]) - start) / (NANOSECONDS / rate)) + 1
+    force, _ = signals[topics.ACTUATOR_FORCE.name].on_grid(start, rate, length)
+    acceleration, seen = signals[topics.HANDLE_ACCELERATION.name].on_grid(start, rate, length)
     return force, acceleration, ~seen
 
 
@@ -74,7 +66,5 @@ def read_force_age(bag: Path) -> float:
     ParameterError
         It is not a bag.
     """
-    found = [said for said in read_bag(bag).diagnostics if said.node == "master_device"]
-    if not found:
-        return 0.0
-    return durations(found[-1].values, f"{AGE_OF} age", ("p50",)).get("p50", 0.0) * 1e-6
+    reports = {said.node: said.values for said in read_bag(bag).diagnostics}
+    return durations(reports.get("master_device", {}), f"{AGE_OF} age").get("p50", 0.0) * 1e-6

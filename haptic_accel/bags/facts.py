@@ -32,7 +32,12 @@ def custom_data(text: str) -> dict[str, str]:
     ParameterError
         It is not a JSON object.
     """
-    given = _object(text)
+    try:
+        given = json.loads(text or "{}")
+    except ValueError:
+        given = None
+    if not isinstance(given, dict):
+        raise ParameterError("facts: must be a JSON object")
     facts = {
         VERSION: __version__,
         ARGUMENTS: json.dumps(given.get(ARGUMENTS, {})),
@@ -78,13 +83,3 @@ def ros_distro() -> str:
         re.fullmatch(r"ros[-_](\w+)[-_]rclpy", d.name or "") for d in metadata.distributions()
     )
     return os.environ.get("ROS_DISTRO") or next((w[1] for w in wheels if w), "unknown")
-
-
-def _object(text: str) -> dict[str, Any]:
-    try:
-        found = json.loads(text or "{}")
-    except ValueError:
-        found = None
-    if not isinstance(found, dict):
-        raise ParameterError("facts: must be a JSON object")
-    return found

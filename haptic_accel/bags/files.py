@@ -12,7 +12,8 @@ from rosbags.interfaces import Connection
 
 from haptic_accel.bags.chunked_writer import ChunkedWriter
 from haptic_accel.bags.folder import MCAP
-from haptic_accel.bags.metadata import FileEntry, Metadata, file_entry, topic_entry
+from haptic_accel.bags.mcap import Tally
+from haptic_accel.bags.metadata import Metadata, file_entry, topic_entry
 from haptic_accel.bags.recording_options import ZSTD_FAST, RecordingOptions
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
@@ -56,8 +57,7 @@ class BagFiles:
         self._options = options
         self._facts = facts
         self._connections: list[Connection] = []
-        self._finished: list[FileEntry] = []
-        self._counts: Counter[int] = Counter()  # messages of the finished files
+        self._finished: dict[str, Tally] = {}
         self._given = 0  # messages, to the file that is written
         self._begun = 0  # time at which its first message was recorded
         try:
@@ -65,19 +65,18 @@ class BagFiles:
             self._file: ChunkedWriter | None = self._open(0)
             self._metadata().write(path)
         except OSError as error:
-            raise ParameterError(
-                f"bag = '{path}': must be a folder to make: {_reason(error)}"
-            ) from None
+            reason = _reason(error)
+            raise ParameterError(f"bag = '{path}': must be a folder to make: {reason}") from None
 
     @property
     def written(self) -> int:
         """Messages in the bag, or about to be."""
-        return sum(file.messages for file in self._finished) + self._given
+        return sum(tally.messages for tally in self._finished.values()) + self._given
 
     @property
     def file_names(self) -> list[str]:
         """Names of the bag's files, the last of which is written until the bag is closed."""
-        return [file.name for file in self._entries]
+        return list(self._tallies)
 
     @property
     def free_space(self) -> int:
@@ -90,7 +89,7 @@ class BagFiles:
     def add(self, added: Connection) -> None:
         """Add a topic."""
         self._connections.append(added)
-        self._attempt(lambda file: file.add(added))
+        self._attempt(ChunkedWriter.add, added)
 
     def write(self, topic: Connection, received: int, data: bytes) -> None:
         """Add a message of a topic that was added, recorded at a system time in ns."""
@@ -128,7 +127,8 @@ class BagFiles:
             following.path.unlink(missing_ok=True)
             return
         self._file = following
-        self._attempt(self._add_known)
+        for known in self._connections:
+            self._attempt(ChunkedWriter.add, known)
         self._renew_metadata()
 
     def close(self) -> None:
@@ -146,7 +146,7 @@ class BagFiles:
         """
         if not self.failure:
             return f"{self.path}: {self.written} messages, {dropped} dropped"
-        end = max(file.end for file in self._entries)
+        end = max(tally.end for tally in self._tallies.values())
         until = f" up to {datetime.fromtimestamp(end / NANOSECONDS):%H:%M:%S}" if end else ""
         trouble = f"; {self.trouble}" if self.trouble else ""
         return (
@@ -154,12 +154,12 @@ class BagFiles:
             f" read, {dropped} are not{trouble}"
         )
 
-    def _attempt(self, action: Callable[[ChunkedWriter], None]) -> None:
+    def _attempt(self, action: Callable[..., None], *given: object) -> None:
         """Apply an action to the file, unless the recording has failed."""
         if not self._file or self.failure:
             return
         try:
-            action(self._file)
+            action(self._file, *given)
         except OSError as error:
             self._fail(error)
 
@@ -177,27 +177,21 @@ class BagFiles:
         self._renew_metadata()
 
     def _is_full(self, received: int) -> bool:
-        size, duration = self._options.max_bag_size, self._options.max_bag_duration
         if not (self._begun and self._file):
             return False
-        if size and self._file.size >= size:
-            return True
-        return bool(duration) and received - self._begun >= duration * NANOSECONDS
+        size, duration = self._options.max_bag_size, self._options.max_bag_duration
+        is_long = received - self._begun >= duration * NANOSECONDS
+        return bool(size and self._file.size >= size) or bool(duration and is_long)
 
     def _open(self, number: int) -> ChunkedWriter:
         compressed = self._options.storage_preset_profile == ZSTD_FAST
         return ChunkedWriter(self.path / f"{self.path.name}_{number}{MCAP}", compressed=compressed)
 
-    def _add_known(self, file: ChunkedWriter) -> None:
-        for known in self._connections:
-            file.add(known)
-
     def _close_file(self, file: ChunkedWriter) -> None:
         """Finish the file and list it among those that are finished."""
         file.flush()
         file.finish(self._metadata().text)
-        self._finished.append(file_entry(file.path.name, file.kept))
-        self._counts.update(file.kept.counts)
+        self._finished[file.path.name] = file.kept
         self._file = None
         self._given = self._begun = 0
 
@@ -208,15 +202,18 @@ class BagFiles:
             self.trouble = f"{self.path}/metadata.yaml cannot be written: {_reason(error)}"
 
     @property
-    def _entries(self) -> list[FileEntry]:
+    def _tallies(self) -> dict[str, Tally]:
+        """What is saved in each file, by name."""
         file = self._file
-        return [*self._finished, *([file_entry(file.path.name, file.kept)] if file else [])]
+        return self._finished | ({file.path.name: file.kept} if file else {})
 
     def _metadata(self) -> Metadata:
         """Return the bag's metadata as far as it is saved."""
-        counts = self._counts + (self._file.kept.counts if self._file else Counter())
+        tallies = self._tallies
+        counts = sum((tally.counts for tally in tallies.values()), Counter[int]())
         topics = tuple(topic_entry(known, counts[known.id]) for known in self._connections)
-        return Metadata(tuple(self._entries), topics, self._facts)
+        files = tuple(file_entry(name, tally) for name, tally in tallies.items())
+        return Metadata(files, topics, self._facts)
 
 
 def _reason(error: OSError) -> str:

@@ -22,8 +22,8 @@ import numpy.typing as npt
 import yaml
 
 from haptic_accel.bags.rosbags_adapter import DECOMPRESSORS, Channel, Schema, zstd
+from haptic_accel.core.sampling import IntArray
 
-IntArray = npt.NDArray[np.int64]
 ByteArray = npt.NDArray[np.uint8]
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -191,8 +191,8 @@ class McapFile:
                 if int(starts.max()) + DATA > block.size:
                     self.problems.append(f"{self.path.name}: the index of a chunk is wrong")
                     continue
-                lengths = _little_endian(block, starts + 1, 8)
-                ends = starts + RECORD.size + lengths
+                lengths = block[starts[:, None] + np.arange(1, RECORD.size)].view("<u8")[:, 0]
+                ends = starts + RECORD.size + lengths.astype(np.int64)
                 channel = self.channels[number]
                 yield Block(channel.topic, channel.schema, times, block, starts + DATA, ends)
 
@@ -219,7 +219,8 @@ class McapFile:
                         chunk.entries.update(_entries(content))
                     continue
                 if chunk.records:
-                    yield self._complete(chunk)
+                    known = chunk.entries and chunk.entries.keys() <= self.channels.keys()
+                    yield chunk if known else self._walked(chunk)
                     chunk = Chunk(b"")
                 if kind in _LOOSE_KINDS:
                     loose += RECORD.pack(kind, len(content)) + content
@@ -243,12 +244,12 @@ class McapFile:
 
     def _decompressed(self, content: bytes) -> Chunk:
         """Return a chunk as far as it is there; without records where it is damaged."""
+        record = io.BytesIO(content)
         try:
-            _, _, size, _ = _CHUNK_HEADER.unpack_from(content)
-            compression, place = _text(content, _CHUNK_HEADER.size)
-            (length,) = struct.unpack_from("<Q", content, place)
-            packed = content[place + 8 : place + 8 + length]
-            records = DECOMPRESSORS[compression](packed, size)
+            _, _, size, _ = _CHUNK_HEADER.unpack(record.read(_CHUNK_HEADER.size))
+            compression = _text(record)
+            (length,) = struct.unpack("<Q", record.read(8))
+            records = DECOMPRESSORS[compression](record.read(min(length, len(content))), size)
             # A chunk that was cut off and is not compressed has whole messages all the same.
             if len(records) != size and (compression or len(records) == length):
                 raise ValueError(f"{len(records)} bytes in place of {size}")
@@ -257,12 +258,6 @@ class McapFile:
             self.problems.append(f"{self.path.name}: a chunk cannot be read: {reason}")
             return Chunk(b"")
         return Chunk(records, compression)
-
-    def _complete(self, chunk: Chunk) -> Chunk:
-        """Return a chunk with the places of its messages: from its index, or by a walk."""
-        if not chunk.entries or any(number not in self.channels for number in chunk.entries):
-            return self._walked(chunk)
-        return chunk
 
     def _walked(self, chunk: Chunk) -> Chunk:
         """Return a chunk cut to its whole records, with the places of its messages.
@@ -289,35 +284,29 @@ class McapFile:
 
     def _declare(self, kind: int, content: bytes) -> None:
         """Take note of a schema, a channel or metadata."""
+        record = io.BytesIO(content)
         try:
-            self._note(kind, content)
+            if kind == _SCHEMA:
+                (number,) = struct.unpack("<H", record.read(2))
+                self.schemas[number] = Schema(number, _text(record), _text(record), _text(record))
+            elif kind == _CHANNEL:
+                number, schema = struct.unpack("<HH", record.read(4))
+                name = self.schemas[schema].name if schema in self.schemas else ""
+                texts = _text(record), _text(record)
+                self.channels[number] = Channel(number, name, *texts, record.read()[4:])
+            elif kind == _METADATA:
+                self.metadata.setdefault(_text(record), {}).update(text_map(record.read()[4:]))
         except _DAMAGED as error:
             self.problems.append(f"{self.path.name}: a record cannot be read: {error}")
-
-    def _note(self, kind: int, content: bytes) -> None:
-        if kind == _SCHEMA:
-            (number,) = struct.unpack_from("<H", content)
-            name, encoding, data = _texts(content, 2, 3)
-            self.schemas[number] = Schema(number, name, encoding, data)
-        elif kind == _CHANNEL:
-            number, schema = struct.unpack_from("<HH", content)
-            topic, encoding = _texts(content, 4, 2)
-            pairs = content[4 + 4 + len(topic.encode()) + 4 + len(encoding.encode()) + 4 :]
-            name = self.schemas[schema].name if schema in self.schemas else ""
-            self.channels[number] = Channel(number, name, topic, encoding, pairs)
-        elif kind == _METADATA:
-            name, place = _text(content, 0)
-            self.metadata.setdefault(name, {}).update(text_map(content[place + 4 :]))
 
 
 def text_map(content: bytes) -> dict[str, str]:
     """Return a map of texts from a record, without its length."""
-    texts = []
-    place = 0
-    while place < len(content):
-        text, place = _text(content, place)
-        texts.append(text)
-    return dict(zip(texts[::2], texts[1::2], strict=True))
+    record, texts = io.BytesIO(content), {}
+    while record.tell() < len(content):
+        name = _text(record)
+        texts[name] = _text(record)
+    return texts
 
 
 def _checked_size(file: BinaryIO) -> int:
@@ -363,24 +352,7 @@ def _pair(entries: npt.NDArray[np.void]) -> tuple[IntArray, IntArray]:
     return flat["time"].astype(np.int64), flat["offset"].astype(np.int64)
 
 
-def _text(content: bytes, place: int) -> tuple[str, int]:
-    """Return a text with its length before it, and the place behind it."""
-    (length,) = struct.unpack_from("<I", content, place)
-    start = place + 4
-    return content[start : start + length].decode("utf-8", "replace"), start + length
-
-
-def _texts(content: bytes, place: int, number: int) -> list[str]:
-    """Return successive texts."""
-    found = []
-    for _ in range(number):
-        text, place = _text(content, place)
-        found.append(text)
-    return found
-
-
-def _little_endian(block: ByteArray, places: IntArray, size: int) -> IntArray:
-    """Return the unsigned numbers of so many bytes at some places of a block."""
-    gathered: ByteArray = block[places[:, None] + np.arange(size)]
-    numbers: IntArray = gathered.view(f"<u{size}")[:, 0].astype(np.int64)
-    return numbers
+def _text(record: BinaryIO) -> str:
+    """Return a text with its length before it."""
+    (length,) = struct.unpack("<I", record.read(4))
+    return record.read(length).decode("utf-8", "replace")

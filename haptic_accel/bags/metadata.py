@@ -62,9 +62,9 @@ class TopicEntry:
 
     name: str
     type: str
-    format: str
-    offered: tuple[Qos, ...]
-    digest: str
+    serialization_format: str
+    offered_qos_profiles: tuple[Qos, ...]
+    type_description_hash: str
     messages: int = 0
 
 
@@ -94,6 +94,12 @@ class Metadata:
     compression_mode: str = ""
     compression_format: str = ""
     distro: str = "jazzy"
+
+    @classmethod
+    def of(cls, file: McapFile, tally: Tally) -> Metadata:
+        """Return the metadata of a bag that has one file, whose channels were read."""
+        topics = tuple(_channel_entry(c, tally.counts[c.id]) for c in file.channels.values())
+        return cls((file_entry(file.path.name, tally),), topics)
 
     @property
     def messages(self) -> int:
@@ -151,38 +157,22 @@ class Metadata:
 def topic_entry(connection: Connection, messages: int) -> TopicEntry:
     """Return the entry of a topic."""
     assert isinstance(connection.ext, ConnectionExtRosbag2)
-    return TopicEntry(
-        connection.topic,
-        connection.msgtype,
-        connection.ext.serialization_format,
-        tuple(connection.ext.offered_qos_profiles),
-        connection.digest,
-        messages,
-    )
+    topic, kind, digest = connection.topic, connection.msgtype, connection.digest
+    form, offered = connection.ext.serialization_format, connection.ext.offered_qos_profiles
+    return TopicEntry(topic, kind, form, tuple(offered), digest, messages)
 
 
-def channel_entry(channel: Channel, messages: int) -> TopicEntry:
+def _channel_entry(channel: Channel, messages: int) -> TopicEntry:
     """Return the entry of an MCAP file's channel."""
     texts = text_map(channel.metadata)
-    return TopicEntry(
-        channel.topic,
-        channel.schema,
-        channel.message_encoding,
-        tuple(parse_qos(texts.get("offered_qos_profiles", ""))),
-        texts.get("topic_type_hash", ""),
-        messages,
-    )
+    offered = tuple(parse_qos(texts.get("offered_qos_profiles", "")))
+    form, digest = channel.message_encoding, texts.get("topic_type_hash", "")
+    return TopicEntry(channel.topic, channel.schema, form, offered, digest, messages)
 
 
 def file_entry(name: str, tally: Tally) -> FileEntry:
     """Return the entry of an MCAP file that holds so many messages."""
     return FileEntry(name, tally.start, tally.end, tally.messages)
-
-
-def file_metadata(file: McapFile, name: str, tally: Tally) -> Metadata:
-    """Return the metadata of a bag that has one file, whose channels were read."""
-    topics = tuple(channel_entry(c, tally.counts[c.id]) for c in file.channels.values())
-    return Metadata((file_entry(name, tally),), topics)
 
 
 def read_metadata(folder: Path) -> Metadata:
@@ -224,41 +214,35 @@ def _metadata(content: dict[str, Any]) -> Metadata:
 def _files(content: dict[str, Any]) -> list[FileEntry]:
     names = [Path(name).name for name in content["relative_file_paths"]]
     if not content.get("files"):  # before version 5
-        start = content["starting_time"]["nanoseconds_since_epoch"]
-        end = start + content["duration"]["nanoseconds"]
         counts = [content["message_count"]] + [0] * (len(names) - 1)
-        return [FileEntry(name, start, end, n) for name, n in zip(names, counts, strict=True)]
-    found = []
-    for name, file in zip(names, content["files"], strict=True):
-        start, count = file["starting_time"]["nanoseconds_since_epoch"], file["message_count"]
-        end = start + file["duration"]["nanoseconds"]
-        found.append(FileEntry(name, start, end, count) if count else FileEntry(name))
-    return found
+        span = _span(content)
+        return [FileEntry(name, *span, n) for name, n in zip(names, counts, strict=True)]
+    described = [(file, file["message_count"]) for file in content["files"]]
+    return [
+        FileEntry(name, *_span(file), count) if count else FileEntry(name)
+        for name, (file, count) in zip(names, described, strict=True)
+    ]
+
+
+def _span(content: dict[str, Any]) -> tuple[int, int]:
+    """Return the times of the first and the last message, ns."""
+    start = content["starting_time"]["nanoseconds_since_epoch"]
+    return start, start + content["duration"]["nanoseconds"]
 
 
 def _read_topic(content: dict[str, Any]) -> TopicEntry:
     topic = content["topic_metadata"]
-    return TopicEntry(
-        topic["name"],
-        topic["type"],
-        topic["serialization_format"],
-        tuple(parse_qos(topic.get("offered_qos_profiles") or [])),
-        topic.get("type_description_hash") or "",
-        content["message_count"],
-    )
+    name, kind, form = topic["name"], topic["type"], topic["serialization_format"]
+    offered = tuple(parse_qos(topic.get("offered_qos_profiles") or []))
+    digest = topic.get("type_description_hash") or ""
+    return TopicEntry(name, kind, form, offered, digest, content["message_count"])
 
 
 def _topic(topic: TopicEntry) -> dict[str, Any]:
-    return {
-        "topic_metadata": {
-            "name": topic.name,
-            "type": topic.type,
-            "serialization_format": topic.format,
-            "offered_qos_profiles": dump_qos_v9(list(topic.offered)),
-            "type_description_hash": topic.digest,
-        },
-        "message_count": topic.messages,
-    }
+    offered = dump_qos_v9(list(topic.offered_qos_profiles))
+    described = vars(topic) | {"offered_qos_profiles": offered}
+    count = described.pop("messages")
+    return {"topic_metadata": described, "message_count": count}
 
 
 def _file(file: FileEntry) -> dict[str, Any]:

@@ -14,19 +14,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_accel.bags.facts import facts_of
 from haptic_accel.bags.folder import COMPRESSED, MCAP, METADATA, MUST_BE, is_storage, storage_files
-from haptic_accel.bags.mcap import Block, IntArray, McapFile
+from haptic_accel.bags.mcap import Block, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.core.cdr import unpack_stamped_vectors
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, Topic
-
-FloatArray = npt.NDArray[np.float64]
+from haptic_accel.core.sampling import BoolArray, IntArray, on_grid, places
+from haptic_accel.core.topics import ACTUATOR_AXIS, DIAGNOSTICS, SIGNALS
 
 _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
@@ -53,6 +52,14 @@ class Signal:
     stamps: IntArray
     received: IntArray
     values: FloatArray
+
+    def on_grid(self, start: int, rate: float, length: int) -> tuple[FloatArray, BoolArray]:
+        """Return the component along the actuator's axis on a grid, and where there is a sample.
+
+        Parameters are those of `core.sampling.places` and `core.sampling.on_grid`.
+        """
+        where = places(self.stamps, start, rate)
+        return on_grid(where, self.values[:, ACTUATOR_AXIS], length)
 
 
 @dataclass(frozen=True)
@@ -116,12 +123,12 @@ class Bag:
     """
 
     path: Path
-    signals: dict[str, Signal]
-    diagnostics: list[Diagnosis]
-    changes: list[Change]
-    facts: dict[str, Any]
-    counts: dict[str, int]
-    problems: list[str]
+    signals: dict[str, Signal] = field(default_factory=dict)
+    diagnostics: list[Diagnosis] = field(default_factory=list)
+    changes: list[Change] = field(default_factory=list)
+    facts: dict[str, Any] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+    problems: list[str] = field(default_factory=list)
 
 
 def read_bag(path: Path) -> Bag:
@@ -137,49 +144,41 @@ def read_bag(path: Path) -> Bag:
     ParameterError
         It is not a bag, or cannot be read at all.
     """
-    problems: list[str] = []
-    metadata = _metadata(path, problems) if path.is_dir() else Metadata(())
+    bag = Bag(path)
+    metadata = _metadata(bag) if path.is_dir() else Metadata(())
     try:
-        sources = _sources(path, metadata, problems)
+        sources = _sources(bag, metadata)
     except OSError as error:
         raise ParameterError(f"{path}: must be a bag: {error.strerror}") from None
-    collected = _Collected(problems)
-    custom = dict(metadata.custom)
-    failures = []
+    collected, custom, failures = _Collected(bag), dict(metadata.custom), []
     for source in sources:
         try:
-            for block in _blocks(source, problems, custom):
+            for block in _blocks(source, bag.problems, custom):
                 collected.take(block)
         except (OSError, ValueError, struct.error) as error:
             failures.append(f"{source.name} cannot be read: {error}")
-    if len(failures) == len(sources) and not collected.counts:
+    if len(failures) == len(sources) and not bag.counts:
         raise ParameterError(f"{path}: must be a bag: {failures[0]}")
-    problems += failures
-    return Bag(
-        path,
-        collected.signals(),
-        collected.diagnostics,
-        collected.changes,
-        facts_of(custom),
-        dict(collected.counts),
-        problems,
-    )
+    bag.problems.extend(failures)
+    bag.signals.update(collected.signals())
+    bag.facts.update(facts_of(custom))
+    return bag
 
 
-def _metadata(folder: Path, problems: list[str]) -> Metadata:
+def _metadata(bag: Bag) -> Metadata:
     """Return the metadata; that of an empty bag where there is none."""
     try:
-        return read_metadata(folder)
+        return read_metadata(bag.path)
     except MetadataError:
-        if (folder / METADATA).exists():
-            problems.append(f"{METADATA} cannot be read")
-        else:
-            problems.append(f"{METADATA} is missing: the recording was cut off")
+        is_there = (bag.path / METADATA).exists()
+        reason = "cannot be read" if is_there else "is missing: the recording was cut off"
+        bag.problems.append(f"{METADATA} {reason}")
         return Metadata(())
 
 
-def _sources(path: Path, metadata: Metadata, problems: list[str]) -> list[Path]:
+def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
     """Return the files that hold messages, in order, or a folder that rosbags reads as a whole."""
+    path = bag.path
     if not path.is_dir():
         path.stat()
         if not is_storage(path):
@@ -192,7 +191,7 @@ def _sources(path: Path, metadata: Metadata, problems: list[str]) -> list[Path]:
     if metadata.compression_mode:
         return [path]
     named = [path / file.name for file in metadata.files]
-    problems += [f"{file.name} is missing" for file in named if not file.exists()]
+    bag.problems.extend(f"{file.name} is missing" for file in named if not file.exists())
     first = [file for file in named if file in found]
     return first + [file for file in found if file not in first]
 
@@ -224,44 +223,32 @@ def _foreign_blocks(source: Path) -> Iterator[Block]:
         # Damaged files make the readers of rosbags raise whatever they happen to run into.
         raise ValueError(" ".join(str(error).split())) from None
     for (topic, kind), messages in rows.items():
-        lengths = np.array([len(data) for _, data in messages], dtype=np.int64)
-        ends = np.cumsum(lengths)
-        joined = np.frombuffer(b"".join(data for _, data in messages), np.uint8)
-        times = np.array([time for time, _ in messages], dtype=np.int64)
-        yield Block(topic, kind, times, joined, ends - lengths, ends)
+        times, contents = zip(*messages, strict=True)
+        lengths = np.array([len(content) for content in contents], dtype=np.int64)
+        ends, joined = np.cumsum(lengths), np.frombuffer(b"".join(contents), np.uint8)
+        yield Block(topic, kind, np.array(times, np.int64), joined, ends - lengths, ends)
 
 
-def _messages(block: Block) -> Iterator[bytes]:
-    for start, end in zip(block.starts.tolist(), block.ends.tolist(), strict=True):
-        yield block.bytes[start:end].tobytes()
-
-
-@dataclass
 class _Collected:
     """Messages read so far."""
 
-    problems: list[str]
-    diagnostics: list[Diagnosis] = field(default_factory=list)
-    changes: list[Change] = field(default_factory=list)
-    counts: Counter[str] = field(default_factory=Counter)
-    _parts: dict[str, list[tuple[IntArray, IntArray, FloatArray]]] = field(default_factory=dict)
-    _namespace: str | None = None
-
-    def __post_init__(self) -> None:
-        """Prepare to read messages."""
+    def __init__(self, bag: Bag) -> None:
+        self._bag = bag
+        self._parts: dict[str, list[tuple[IntArray, IntArray, FloatArray]]] = defaultdict(list)
+        self._namespace: str | None = None
         self._types = get_typestore(Stores.ROS2_JAZZY)
 
     def take(self, block: Block) -> None:
         """Add a block of messages."""
         topic = block.topic
-        self.counts[topic] += len(block.received)
+        self._bag.counts[topic] += len(block.received)
         namespace, name = _split(topic)
         if topic.endswith(f"/{_EVENTS}") and block.type == _EVENTS_TYPE:
             self._take_changes(block)
         elif name and self._is_ours(namespace):
             if name == DIAGNOSTICS.name:
                 self._take_diagnostics(block)
-            elif self._is_of_type(block, _SIGNALS[name]):
+            else:
                 self._take_signal(name, block)
 
     def signals(self) -> dict[str, Signal]:
@@ -279,56 +266,49 @@ class _Collected:
             self._once(f"topics below {namespace or '/'} belong to another graph and are not read")
         return namespace == self._namespace
 
-    def _is_of_type(self, block: Block, topic: Topic) -> bool:
-        if block.type != topic.type:
-            self._once(f"{block.topic} is {block.type}, not {topic.type}: it is not read")
-        return block.type == topic.type
-
     def _take_signal(self, name: str, block: Block) -> None:
+        if block.type != _SIGNALS[name].type:
+            self._once(f"{block.topic} is {block.type}, not {_SIGNALS[name].type}: it is not read")
+            return
         try:
             stamps, values = unpack_stamped_vectors(block.bytes, block.starts, block.ends)
         except ValueError as error:
             self._once(f"{block.topic}: {error}")
-            return
-        self._parts.setdefault(name, []).append((stamps, block.received, values))
+        else:
+            self._parts[name].append((stamps, block.received, values))
 
     def _take_diagnostics(self, block: Block) -> None:
         for received, message in self._decoded(block):
-            self.diagnostics += [
-                Diagnosis(
-                    received,
-                    status.name,
-                    status.message,
-                    {pair.key: pair.value for pair in status.values},
+            for status in message.status:
+                values = {pair.key: pair.value for pair in status.values}
+                self._bag.diagnostics.append(
+                    Diagnosis(received, status.name, status.message, values)
                 )
-                for status in message.status
-            ]
 
     def _take_changes(self, block: Block) -> None:
         for received, message in self._decoded(block):
             node = message.node.rsplit("/", 1)[-1]
             for changed in (*message.new_parameters, *message.changed_parameters):
                 value = getattr(changed.value, _VALUES.get(changed.value.type, ""), None)
-                if isinstance(value, np.ndarray):
-                    value = value.tolist()
-                self.changes.append(Change(received, node, changed.name, value))
+                value = value.tolist() if isinstance(value, np.ndarray) else value
+                self._bag.changes.append(Change(received, node, changed.name, value))
 
     def _decoded(self, block: Block) -> Iterator[tuple[int, Any]]:
-        for received, data in zip(block.received.tolist(), _messages(block), strict=True):
+        rows = (block.received.tolist(), block.starts.tolist(), block.ends.tolist())
+        for received, start, end in zip(*rows, strict=True):
             try:
+                data = block.bytes[start:end].tobytes()
                 yield received, self._types.deserialize_cdr(data, block.type)
             except Exception as error:
                 # Bytes that are no such message raise whatever they happen to run into.
                 self._once(f"{block.topic}: a message cannot be read: {error}")
 
     def _once(self, problem: str) -> None:
-        if problem not in self.problems:
-            self.problems.append(problem)
+        if problem not in self._bag.problems:
+            self._bag.problems.append(problem)
 
 
 def _split(topic: str) -> tuple[str, str]:
     """Return the namespace before a topic of the graph, and its name in our table."""
-    for name in _READ:
-        if topic.endswith(f"/{name}"):
-            return topic.removesuffix(f"/{name}"), name
-    return "", ""
+    name = next((name for name in _READ if topic.endswith(f"/{name}")), "")
+    return (topic.removesuffix(f"/{name}") if name else ""), name

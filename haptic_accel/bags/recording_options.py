@@ -39,7 +39,12 @@ class RecordingOptions(Checked):
         """
         super().__post_init__()
         for name in ("regex", "exclude_regex"):
-            _check_expression(name, getattr(self, name))
+            try:
+                re.compile(expression := getattr(self, name))
+            except re.error as error:
+                raise ParameterError(
+                    f"{name} = {expression!r}: must be a regular expression: {error}"
+                ) from None
         if self.exclude_regex and not self.regex:
             raise ParameterError(f"exclude_regex = {self.exclude_regex!r}: must come with regex")
 
@@ -53,12 +58,3 @@ class RecordingOptions(Checked):
         if not self.regex or not re.search(self.regex, topic):
             return False
         return not (self.exclude_regex and re.search(self.exclude_regex, topic))
-
-
-def _check_expression(name: str, expression: str) -> None:
-    try:
-        re.compile(expression)
-    except re.error as error:
-        raise ParameterError(
-            f"{name} = {expression!r}: must be a regular expression: {error}"
-        ) from None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,13 +12,7 @@ from tempfile import TemporaryDirectory
 from haptic_accel.bags.chunked_writer import ChunkedWriter
 from haptic_accel.bags.folder import MCAP, METADATA, MUST_BE, free_name, storage_files
 from haptic_accel.bags.mcap import McapFile
-from haptic_accel.bags.metadata import (
-    Metadata,
-    MetadataError,
-    TopicEntry,
-    file_metadata,
-    read_metadata,
-)
+from haptic_accel.bags.metadata import Metadata, MetadataError, TopicEntry, read_metadata
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 
@@ -62,7 +58,7 @@ def inspect(path: Path) -> Metadata:
     """
     file = McapFile(path)
     try:
-        return file_metadata(file, path.name, file.read_index())
+        return Metadata.of(file, file.read_index())
     except (OSError, ValueError) as error:
         reason = " ".join(str(error).split()).rstrip(".")
         raise DamagedError(f"{path.name}: was not closed, or is damaged: {reason}") from None
@@ -90,16 +86,14 @@ def repair(path: Path) -> Repair:
     files = storage_files(path)
     if not files:
         raise ParameterError(f"{path}: {MUST_BE}")
-    others = [file.name for file in files if file.suffix != MCAP]
-    if others:
+    if others := [file.name for file in files if file.suffix != MCAP]:
         raise ParameterError(f"{path}: must be a bag of .mcap files to repair, has {others[0]}")
     done = Repair(path)
     try:
         before = read_metadata(path)
-        custom = before.custom
     except MetadataError:
         before = None
-        custom = _custom_data(files)
+    custom = before.custom if before else _custom_data(files)
     for left_over in path.glob(f"{METADATA}.tmp"):
         left_over.unlink()
     found = [_repaired(file, dict(custom), done) for file in files]
@@ -164,7 +158,7 @@ def _rebuild(damaged: Path, target: Path, custom: dict[str, str]) -> list[str]:
     rebuilt = rebuilt or ChunkedWriter(target)
     rebuilt.schemas = list(source.schemas.values())
     rebuilt.channels = [c for c in source.channels.values() if c.schema]
-    content = file_metadata(source, damaged.name, rebuilt.kept)
+    content = Metadata.of(source, rebuilt.kept)
     rebuilt.finish(replace(content, custom=custom).text)
     return source.problems
 
@@ -172,33 +166,27 @@ def _rebuild(damaged: Path, target: Path, custom: dict[str, str]) -> list[str]:
 def _merged(files: Sequence[Metadata]) -> tuple[TopicEntry, ...]:
     """Return the topics of several files with the sums of their messages."""
     topics: dict[tuple[str, str], TopicEntry] = {}
-    for metadata in files:
-        for topic in metadata.topics:
-            key = (topic.name, topic.type)
-            before = topics[key].messages if key in topics else 0
-            topics[key] = replace(topic, messages=before + topic.messages)
+    for topic in (topic for metadata in files for topic in metadata.topics):
+        before = topics.get((topic.name, topic.type))
+        messages = topic.messages + (before.messages if before else 0)
+        topics[topic.name, topic.type] = replace(topic, messages=messages)
     return tuple(topics.values())
 
 
 def _counts(metadata: Metadata) -> tuple[object, ...]:
     """Return the part of metadata that must agree with the files."""
-    return (
-        [(file.name, file.messages) for file in metadata.files],
-        sorted((t.name, t.type, t.messages) for t in metadata.topics),
-    )
+    topics = sorted((topic.name, topic.type, topic.messages) for topic in metadata.topics)
+    return [(file.name, file.messages) for file in metadata.files], topics
 
 
 def _custom_data(files: Sequence[Path]) -> dict[str, str]:
     """Return the custom data of the first file that was closed with some."""
     for path in files:
         file = McapFile(path)
-        try:
-            for _ in file.chunks():
-                continue
-        except (OSError, ValueError):
-            continue
-        if file.metadata and file.custom_data:
-            return file.custom_data
+        with suppress(OSError, ValueError):
+            deque(file.chunks(), maxlen=0)
+            if file.metadata and file.custom_data:
+                return file.custom_data
     return {}
 
 

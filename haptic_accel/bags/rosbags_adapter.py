@@ -23,15 +23,5 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd  # as rosbags has it
 
-__all__ = [
-    "DECOMPRESSORS",
-    "Channel",
-    "McapWriter",
-    "PendingChunk",
-    "Schema",
-    "dump_qos_v9",
-    "parse_qos",
-    "write_channel",
-    "write_string",
-    "zstd",
-]
+__all__ = ["DECOMPRESSORS", "Channel", "McapWriter", "PendingChunk", "Schema", "dump_qos_v9"]
+__all__ += ["parse_qos", "write_channel", "write_string", "zstd"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from rosbags.interfaces import Qos
@@ -53,9 +54,8 @@ class RecordingSession:
         self, bag: str, capacity: int, options: RecordingOptions, facts: Mapping[str, str]
     ) -> None:
         self._bag = bag
-        self._capacity = capacity
         self._options = options
-        self._facts = facts
+        self._write = partial(BagWriter, capacity=capacity, facts=facts)
         self._connects: dict[str, Connect] = {}
         self._puts: dict[str, Put] = {}
         self._bags = 0
@@ -80,8 +80,6 @@ class RecordingSession:
         puts = self._puts
         puts[topic] = connect(self.writer)
         self._connects[topic] = connect
-        if self._stopped:
-            puts[topic] = _leave_out
         return lambda message: puts[topic](message)
 
     @property
@@ -130,8 +128,6 @@ class RecordingSession:
         """Finish the bag."""
         if self.state == STOPPED:
             return False, f"{self.path}: is {self.state} already"
-        for topic in self._puts:
-            self._puts[topic] = _leave_out
         self._stopped = True
         summary = self.writer.close()
         if self.writer.files.failure:
@@ -143,8 +139,4 @@ class RecordingSession:
         self._bags += 1
         if self._bags > 1:
             path = free_name(path)
-        return BagWriter(path, self._capacity, options, self._facts)
-
-
-def _leave_out(message: bytes) -> None:
-    """Discard a message."""
+        return self._write(path, options=options)

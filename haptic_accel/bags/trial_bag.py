@@ -17,13 +17,9 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS
 from haptic_accel.core.trial import Trial
 
-_ALONG_ACTUATOR = {
-    topics.TOOL_ACCELERATION: "tool_acceleration",
-    topics.DESIRED_ACCELERATION: "desired_acceleration",
-    topics.HANDLE_ACCELERATION: "handle_acceleration",
-    topics.ACTUATOR_FORCE: "actuator_force",
-}
-"""Signals along the actuator's axis, z, by their topic."""
+_FIELDS = ("tool_acceleration", "desired_acceleration", "handle_acceleration", "actuator_force")
+_ALONG_ACTUATOR = dict(zip(topics.ANALYSED, _FIELDS, strict=True))
+"""Fields of a trial by the topic of the signal."""
 
 
 def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) -> None:

@@ -40,14 +40,11 @@ class Load:
         Messages in the queue now, and the most since this was last requested.
     flush_time : float
         Longest time that a flush took since this was last requested, s.
-    free_space : int
-        Free space on the disk, bytes.
     """
 
     waiting: int
     highest: int
     flush_time: float
-    free_space: int
 
 
 class BagWriter:
@@ -67,6 +64,8 @@ class BagWriter:
     ----------
     files : BagFiles
         Files written, to be read only.
+    capacity : int
+        Messages that the queue may hold.
     paused : bool
         Messages are left out.
     missing : int
@@ -83,7 +82,7 @@ class BagWriter:
     ) -> None:
         self.files = BagFiles(path, options, facts)
         self.paused = options.start_paused
-        self._capacity = capacity
+        self.capacity = capacity
         self._overflow = 0
         self._topics = 0
         self.missing = 0
@@ -120,7 +119,7 @@ class BagWriter:
         if sampled:
             self._stamps[added.id] = []
         self._queue.append(lambda: self.files.add(added))
-        queue, capacity, now = self._queue, self._capacity, time.time_ns
+        queue, capacity, now = self._queue, self.capacity, time.time_ns
 
         def put(message: bytes) -> None:
             if self.paused:
@@ -142,7 +141,7 @@ class BagWriter:
         waiting = len(self._queue)
         highest, self._highest = max(self._highest, waiting), 0
         flush_time, self._flush_time = self._flush_time, 0.0
-        return Load(waiting, highest, flush_time, self.files.free_space)
+        return Load(waiting, highest, flush_time)
 
     def pause(self) -> None:
         """Leave out messages from now on."""
@@ -158,7 +157,8 @@ class BagWriter:
         self._queue.append(self.files.split)
 
     def close(self) -> str:
-        """Write the queue, finish the bag and return `BagFiles.summary`."""
+        """Write the queue, finish the bag and return `BagFiles.summary`; leave out the rest."""
+        self.paused = True
         self._closing.set()
         self._thread.join()
         return self.files.summary(self.dropped)

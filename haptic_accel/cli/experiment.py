@@ -15,7 +15,6 @@ from rich.console import Console
 from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.metrics import AnalysedTrial
 from haptic_accel.analysis.page import Setting
-from haptic_accel.analysis.segments import CORE
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
 from haptic_accel.cli.options import (
     Verb,
@@ -32,6 +31,7 @@ from haptic_accel.cli.tables import print_analysis
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
+from haptic_accel.core.topics import ANALYSED
 from haptic_accel.graph.arguments import SIMULATED, GraphArguments, parse_arguments
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import graph
@@ -330,7 +330,7 @@ def _warnings(analysis: Analysis) -> list[str]:
         delivery = trial.segment.delivery
         missing = [
             delivery.lost[topic.name] + delivery.missed[topic.source]
-            for topic in CORE
+            for topic in ANALYSED
             if topic.name in delivery.lost
         ]
         share = max(missing, default=0) / (trial.segment.seconds * trial.segment.rate)

@@ -88,6 +88,9 @@ SIGNALS = (
 )
 """The sampled topics, each a stamped vector."""
 
+ANALYSED = (TOOL_ACCELERATION, DESIRED_ACCELERATION, HANDLE_ACCELERATION, ACTUATOR_FORCE)
+"""Signals that are analysed, along the actuator's axis."""
+
 
 @dataclass(frozen=True)
 class ArmTopics:

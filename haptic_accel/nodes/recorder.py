@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
+from rosbags import interfaces as rosbag2
 from std_srvs.srv import Trigger
 
 from haptic_accel.bags.definitions import UndefinedTypeError
@@ -46,7 +39,6 @@ PARAMETER_EVENTS = Topic(
 """Parameter changes of all nodes: controller, surface or grip set while recording."""
 
 MICROSECONDS = 1e6
-_UNSPECIFIED = QosTime(0, 0)
 
 
 class Recorder(GraphNode):
@@ -54,12 +46,8 @@ class Recorder(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("recorder")
-        self._session = RecordingSession(
-            self.parameters.bag,
-            self.parameters.queue,
-            self.parameters,
-            custom_data(self.parameters.facts),
-        )
+        p = self.parameters
+        self._session = RecordingSession(p.bag, p.queue, p, custom_data(p.facts))
         self._reported = ""
         self._settled: set[str] = set()
         for topic in (*TOPICS, PARAMETER_EVENTS):
@@ -68,9 +56,9 @@ class Recorder(GraphNode):
         for action in (session.start, session.pause, session.split, session.stop):
             self._serve(action.__name__, action)
         self._serve("status", self._describe)
-        if self.parameters.topics or self.parameters.regex:
+        if p.topics or p.regex:
             self.create_timer(DISCOVERY_PERIOD, self._look_for_topics)
-        self.get_logger().info(f"{self._session.state} to {self._session.path}")
+        self.get_logger().info(f"{session.state} to {session.path}")
 
     def close(self) -> None:
         """Finish the bag and print its summary."""
@@ -84,16 +72,14 @@ class Recorder(GraphNode):
         """Return counts of messages written, waiting and lost, and the state of the disk."""
         writer = self._session.writer
         files, load = writer.files, writer.take_load()
-        warnings = []
-        if writer.dropped:
-            warnings.append(f"{writer.dropped} messages dropped")
-        if files.failure or files.trouble:
-            warnings.append(files.failure or files.trouble)
-        if load.highest > MUCH_WAITING * self.parameters.queue:
-            warnings.append(f"{load.highest} messages wait for the disk")
-        if load.free_space < LITTLE_SPACE:
-            warnings.append(f"{load.free_space / 1e6:.0f} MB are left on the disk")
-        warning = "; ".join(warnings)
+        problem, waiting, free = files.failure or files.trouble, load.highest, files.free_space
+        warnings = (
+            (writer.dropped, f"{writer.dropped} messages dropped"),
+            (problem, problem),
+            (waiting > MUCH_WAITING * writer.capacity, f"{waiting} messages wait for the disk"),
+            (free < LITTLE_SPACE, f"{free / 1e6:.0f} MB are left on the disk"),
+        )
+        warning = "; ".join(text for is_given, text in warnings if is_given)
         if warning and warning != self._reported:
             self.get_logger().warning(warning)
         self._reported = warning
@@ -108,7 +94,7 @@ class Recorder(GraphNode):
             "dropped": str(writer.dropped),
             "missing by stamps": str(writer.missing),
             "flush max (us)": f"{load.flush_time * MICROSECONDS:.0f}",
-            "free space (bytes)": str(load.free_space),
+            "free space (bytes)": str(free),
         }
 
     def _record_own(self, topic: Topic) -> None:
@@ -116,7 +102,7 @@ class Recorder(GraphNode):
         name = self.resolve_topic_name(topic.name)
         self._settled.add(name)
         profile = quality(topic, DEPTH)
-        offered = _stored(profile)._replace(liveliness=QosLiveliness.AUTOMATIC)
+        offered = _stored(profile)._replace(liveliness=rosbag2.QosLiveliness.AUTOMATIC)
         put = self._session.connect(name, topic.type, [offered], sampled=topic in SIGNALS)
         self._subscribe(message_type(topic), name, put, profile)
 
@@ -177,42 +163,37 @@ class Recorder(GraphNode):
 
     def _describe(self) -> Answer:
         """Describe the state of the recording."""
-        files, session = self._session.writer.files, self._session
+        session, files = self._session, self._session.writer.files
         return not files.failure, (
             f"{session.path}: {session.state}, {files.written} messages in"
             f" {len(files.file_names)} file(s), {session.writer.dropped} dropped"
         )
 
 
-def _stored(profile: QoSProfile) -> Qos:
+def _stored(profile: QoSProfile) -> rosbag2.Qos:
     """Return a quality of service as rosbag2 stores it."""
-    return Qos(
-        QosHistory(int(profile.history)),
+    return rosbag2.Qos(
+        rosbag2.QosHistory(int(profile.history)),
         profile.depth,
-        QosReliability(int(profile.reliability)),
-        QosDurability(int(profile.durability)),
+        rosbag2.QosReliability(int(profile.reliability)),
+        rosbag2.QosDurability(int(profile.durability)),
         _time(profile.deadline.nanoseconds),
         _time(profile.lifespan.nanoseconds),
-        QosLiveliness(int(profile.liveliness)),
+        rosbag2.QosLiveliness(int(profile.liveliness)),
         _time(profile.liveliness_lease_duration.nanoseconds),
         bool(profile.avoid_ros_namespace_conventions),
     )
 
 
-def _time(nanoseconds: int) -> QosTime:
-    return QosTime(*divmod(nanoseconds, NANOSECONDS))
+def _time(nanoseconds: int) -> rosbag2.QosTime:
+    return rosbag2.QosTime(*divmod(nanoseconds, NANOSECONDS))
 
 
-def _requested(offered: Iterable[QoSProfile]) -> QoSProfile:
+def _requested(offered: Sequence[QoSProfile]) -> QoSProfile:
     """Return the strictest quality that all publishers of a topic offer, as `ros2 bag record`."""
-    profiles = list(offered)
-    reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
-    latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
-    return QoSProfile(
-        depth=DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
+    reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in offered)
+    latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in offered)
+    return quality(Topic("", "", "", "", reliable, latched), DEPTH)
 
 
 def main() -> None:

@@ -125,7 +125,9 @@ def test_without_metadata_a_bag_is_put_together_from_its_files(memory: Path) -> 
     metadata = read_metadata(bag)
     assert with_rosbags(bag)[: len(flushed)] == flushed
     assert metadata.custom == FACTS  # closed files carry it too
-    assert [topic.digest for topic in metadata.topics] == [topic.digest for topic in TOPICS]
+    assert [topic.type_description_hash for topic in metadata.topics] == [
+        topic.digest for topic in TOPICS
+    ]
 
 
 def test_what_is_no_mcap_file_at_all_is_set_aside(memory: Path) -> None:

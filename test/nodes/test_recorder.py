@@ -96,7 +96,9 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     assert set(counts(metadata)) == expected
     assert counts(metadata)["/named"] == 0  # came while the recording was paused
     (named,) = (topic for topic in metadata.topics if topic.name == "/named")
-    assert [qos.durability for qos in named.offered] == [QosDurability.TRANSIENT_LOCAL]
+    assert [qos.durability for qos in named.offered_qos_profiles] == [
+        QosDurability.TRANSIENT_LOCAL
+    ]
     bag = read_bag(tmp_path / "bag")
     assert bag.problems == []
     assert bag.facts["arguments"]["surface"] == "vinyl"
