@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.msg import ParameterEvent, ParameterValue
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 from rclpy.subscription import Subscription
@@ -88,22 +89,17 @@ class RemoteParameters:
             self._asked = True
             asked = self._client.call_async(GetParameters.Request(names=list(self._wanted)))
             asked.add_done_callback(
-                lambda future: self._take(
-                    dict(zip(self._wanted, future.result().values, strict=False))
-                )
+                lambda answer: self._take(zip(self._wanted, answer.result().values, strict=False))
             )
 
     def take(self, event: ParameterEvent) -> None:
         """Take the values that the node publishes at its start and after a change."""
-        self._take({p.name: p.value for p in (*event.new_parameters, *event.changed_parameters)})
+        self._take((p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters))
 
-    def _take(self, found: Mapping[str, Any]) -> None:
-        known = {
-            name: parameter_value_to_python(value)
-            for name, value in found.items()
-            if name in self._wanted
-        }
-        if known:
+    def _take(self, given: Iterable[tuple[str, ParameterValue]]) -> None:
+        found = dict(pair for pair in given if pair[0] in self._wanted)
+        if found:
+            known = {name: parameter_value_to_python(value) for name, value in found.items()}
             self.values = {**self.values, **known}
             self._changed()
 
@@ -129,18 +125,15 @@ class Scope(GraphNode):
         self._signals: list[Subscription] = []
         self._reported = (time.monotonic(), 0, 0)
         self._commands = Commands(self, self._stopped) if p.control else None
-        self.create_subscription(
-            DiagnosticArray,
-            topics.DIAGNOSTICS.name,
-            self._take_diagnostics,
-            quality(topics.DIAGNOSTICS, DEPTH * len(self._remotes)),
-        )
-        self.create_subscription(
-            ParameterEvent, "/parameter_events", self._take_parameters, SIGNAL_DEPTH
-        )
+        reports, depth = topics.DIAGNOSTICS, DEPTH * len(self._remotes)
+        for kind, name, take, profile in (
+            (DiagnosticArray, reports.name, self._take_diagnostics, quality(reports, depth)),
+            (ParameterEvent, "/parameter_events", self._take_parameters, SIGNAL_DEPTH),
+        ):
+            self.create_subscription(kind, name, take, profile)
         self.listen_state(topics.EMERGENCY_STOP, self._take_stop)
-        self.listen_state(topics.MASTER_STOPPED, lambda stop: self._confirm("master", stop))
-        self.listen_state(topics.SLAVE_STOPPED, lambda stop: self._confirm("slave", stop))
+        self.listen_state(topics.MASTER_STOPPED, lambda stop: self._stopped.update(master=stop))
+        self.listen_state(topics.SLAVE_STOPPED, lambda stop: self._stopped.update(slave=stop))
         self.create_timer(CLIENT_PERIOD, self._subscribe_for_clients)
         self.create_timer(ASK_PERIOD, self._refresh_parameters)
         access = Access(p.host, os.environ.get(TOKEN_VARIABLE, ""))
@@ -167,9 +160,8 @@ class Scope(GraphNode):
         now = time.monotonic()
         values = {name: remote.values for name, remote in self._remotes.items()}
         settings = self.windows.settings
-        coupler, master = (
-            self._reports.values(name, now) for name in ("coupler", "master_device")
-        )
+        coupler = self._reports.values("coupler", now)
+        master = self._reports.values("master_device", now)
         return {
             "nodes": self._reports.rows(now),
             "recorder": dict(self._reports.values("recorder", now)),
@@ -242,28 +234,20 @@ class Scope(GraphNode):
             remote.refresh()
 
     def _update_settings(self) -> None:
-        """Take the compensator's description of the actuator."""
-        self.windows.settings = _settings(self._remotes["compensator"].values)
+        """Take the compensator's description of the actuator; the defaults while there is none."""
+        values = self._remotes["compensator"].values
+        known = {name: value for name, value in values.items() if value is not None}
+        settings = GraphSettings()
+        with suppress(ParameterError):  # a node of another version
+            if known:
+                own, options = node_parameters("compensator", known)
+                settings = GraphSettings(own.high_pass_frequency, options[ACTUATOR], assumed=False)
+        self.windows.settings = settings
 
     def _take_stop(self, stop: bool) -> None:
         if not stop and self._commands:
             self._commands.forget_stop()
         self._stop_asked = stop
-
-    def _confirm(self, arm: str, stop: bool) -> None:
-        self._stopped[arm] = stop
-
-
-def _settings(values: Mapping[str, Any]) -> GraphSettings:
-    """Return the settings in a compensator's parameters; the defaults while there are none."""
-    known = {name: value for name, value in values.items() if value is not None}
-    if not known:
-        return GraphSettings()
-    try:
-        own, options = node_parameters("compensator", known)
-    except ParameterError:  # a node of another version
-        return GraphSettings()
-    return GraphSettings(own.high_pass_frequency, options[ACTUATOR], assumed=False)
 
 
 def main() -> None:

@@ -17,17 +17,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import EMERGENCY_STOP
 from haptic_accel.graph.arguments import RECORDING
 from haptic_accel.graph.files import config_folder
-from haptic_accel.nodes.graph_requests import (
-    RECORDER_ACTIONS,
-    SERVICES,
-    GraphRequest,
-    RequestError,
-    engage,
-    set_controller,
-    set_grip,
-    set_surface,
-    trigger,
-)
+from haptic_accel.nodes import graph_requests as requests
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.scope.server import CommandError
 
@@ -40,11 +30,11 @@ ANSWERING_TIME = 1.2
 POLLING_PERIOD = 0.02
 """Interval between checks for an answer, s."""
 
-REQUESTS: dict[str, Callable[[str], GraphRequest]] = {
-    "controller": set_controller,
-    "surface": set_surface,
-    "grip": set_grip,
-    "record": lambda action: trigger(f"recorder/{action}"),
+REQUESTS: dict[str, Callable[[str], requests.GraphRequest]] = {
+    "controller": requests.set_controller,
+    "surface": requests.set_surface,
+    "grip": requests.set_grip,
+    "record": lambda action: requests.trigger(f"recorder/{action}"),
 }
 """Requests by action, made from the page's choice."""
 
@@ -59,7 +49,7 @@ def choices() -> dict[str, list[str]]:
         "controller": list(CONTROLLERS),
         "surface": [name for name in surfaces if name != RECORDING],
         "grip": list(POSTURES),
-        "record": list(RECORDER_ACTIONS),
+        "record": list(requests.RECORDER_ACTIONS),
     }
 
 
@@ -83,7 +73,8 @@ class Commands:
         self._latched = False
         self._lock = threading.Lock()
         self._stop = node.create_client(SetBool, EMERGENCY_STOP.name)
-        self._clients = {name: node.create_client(kind, name) for name, kind in SERVICES.items()}
+        services = requests.SERVICES.items()
+        self._clients = {name: node.create_client(kind, name) for name, kind in services}
 
     async def __call__(self, action: str, value: Any) -> str:
         """Carry out a command; return one line that states what was done.
@@ -96,7 +87,10 @@ class Commands:
         if action in SWITCHES:
             if not isinstance(value, bool):
                 raise CommandError(f"{action} = {value!r}: must be true or false", 400)
-            return await (self._set_engaged if action == "engage" else self._set_stop)(value)
+            if action == "estop":
+                return await self._set_stop(value)
+            answer = await self._send(requests.engage(value))
+            return answer or f"arms: {'engaged' if value else 'disengaged'}"
         if action not in REQUESTS:
             allowed = ", ".join((*REQUESTS, *SWITCHES))
             raise CommandError(f"action = {action!r}: must be one of {allowed}", 400)
@@ -120,10 +114,6 @@ class Commands:
                 self._stop_publisher = self._node.publisher(EMERGENCY_STOP)
                 self._latched = False
 
-    async def _set_engaged(self, value: bool) -> str:
-        answer = await self._send(engage(value))
-        return answer or f"arms: {'engaged' if value else 'disengaged'}"
-
     async def _set_stop(self, stop: bool) -> str:
         """Stop, or release, by the topic that the devices receive, and inform the coupler."""
         self._stopped.update(dict.fromkeys(self._stopped))
@@ -139,7 +129,7 @@ class Commands:
             raise CommandError(f"estop: the {what} is sent; not confirmed by {silent}")
         return f"{'stopped' if stop else 'released'}: both devices confirm"
 
-    async def _send(self, request: GraphRequest) -> str:
+    async def _send(self, request: requests.GraphRequest) -> str:
         """Return the node's message."""
         client = self._clients[request.service]
         if not await _until(client.service_is_ready, FINDING_TIME):
@@ -149,7 +139,7 @@ class Commands:
             raise CommandError(f"{client.srv_name}: no answer within {ANSWERING_TIME:g} s")
         try:
             return request.confirm(answer.result())
-        except RequestError as error:
+        except requests.RequestError as error:
             raise CommandError(str(error)) from None
 
 

@@ -46,7 +46,7 @@ class Access:
             return False
         if name == LOCALHOST or is_loopback(name):
             return True
-        return not self.local and (_is_address(name) or name in _own_names())
+        return not self.local and (_address(name) is not None or name in _own_names())
 
     def admits_origin(self, origin: str | None, host: str | None) -> bool:
         """Return true if a request comes from our own page: origin and destination agree.
@@ -64,18 +64,16 @@ class Access:
 
 def is_loopback(host: str) -> bool:
     """Return true if an address can be reached from this machine only."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host.lower() == LOCALHOST
+    address = _address(host)
+    return address.is_loopback if address else host.lower() == LOCALHOST
 
 
-def _is_address(name: str) -> bool:
+def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """Return the address that a name is, or None."""
     try:
-        ipaddress.ip_address(name)
+        return ipaddress.ip_address(name)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def _own_names() -> set[str]:

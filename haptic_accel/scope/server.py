@@ -16,6 +16,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from aiohttp import WSCloseCode, web
+from aiohttp.typedefs import Handler
 
 from haptic_accel.pages import asset, template
 from haptic_accel.scope.access import Access
@@ -188,27 +189,20 @@ class ScopeServer:
         try:
             await web.TCPSite(runner, self._host, self._port).start()
         except OSError as error:
-            await runner.cleanup()
             bound.set_exception(error)
-            return
-        loop, stopped = asyncio.get_running_loop(), asyncio.Event()
-        self._stop = partial(loop.call_soon_threadsafe, stopped.set)
-        collecting = asyncio.create_task(_collect_garbage())
-        bound.set_result(int(runner.addresses[0][1]))
-        await stopped.wait()
-        collecting.cancel()
-        await asyncio.gather(
-            *(client.close(code=WSCloseCode.GOING_AWAY) for client in self._clients),
-            return_exceptions=True,
-        )
+        else:
+            loop, stopped = asyncio.get_running_loop(), asyncio.Event()
+            self._stop = partial(loop.call_soon_threadsafe, stopped.set)
+            collecting = asyncio.create_task(_collect_garbage())
+            bound.set_result(int(runner.addresses[0][1]))
+            await stopped.wait()
+            collecting.cancel()
+            closing = [client.close(code=WSCloseCode.GOING_AWAY) for client in self._clients]
+            await asyncio.gather(*closing, return_exceptions=True)
         await runner.cleanup()
 
     @web.middleware
-    async def _guard(
-        self,
-        request: web.Request,
-        handler: Callable[[web.Request], Awaitable[web.StreamResponse]],
-    ) -> web.StreamResponse:
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Refuse requests without access, and add the headers to every answer."""
         try:
             response = self._refusal(request) or await handler(request)
@@ -294,8 +288,7 @@ class ScopeServer:
         try:
             while not page.closed:
                 due = loop.time() + 1 / FRAME_RATE
-                frame = cursor.frame()
-                if frame is not None:
+                if (frame := cursor.frame()) is not None:
                     await self._give(page, frame)
                 self._refresh(loop.time())
                 if self._updated > sent:
@@ -320,23 +313,17 @@ class ScopeServer:
             return
         self._updated = now
         metrics = self._source.windows.metrics()
-        state = {
-            "version": self._version,
-            "metrics": metrics.values,
-            **self._source.state(),
-        }
+        state = {"version": self._version, "metrics": metrics.values} | self._source.state()
         self._update = (json.dumps(state, allow_nan=False), plots_frame(metrics))
 
 
 def _pages(choices: Mapping[str, list[str]], *, control: bool) -> dict[str, tuple[bytes, str]]:
     """Return content and type of every page and asset by its path."""
     page = template("scope.html.j2").render(control=control, choices=choices)
-    style = "\n".join(
-        [asset("uPlot.min.css"), template("page.css.j2").render(), asset("scope.css")]
-    )
+    styles = (asset("uPlot.min.css"), template("page.css.j2").render(), asset("scope.css"))
     return {
         "/": (page.encode(), "text/html"),
-        "/scope.css": (style.encode(), "text/css"),
+        "/scope.css": ("\n".join(styles).encode(), "text/css"),
         "/scope.js": (asset("scope.js").encode(), "text/javascript"),
         "/uPlot.js": (asset("uPlot.iife.min.js").encode(), "text/javascript"),
     }

@@ -7,22 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
-from haptic_accel.core.control.filters import (
-    HIGH_PASS_FREQUENCY,
-    MOTION_SHARE,
-    high_pass,
-    without_hand_motion,
-)
+from haptic_accel.core.control import filters
 from haptic_accel.core.evaluation.metrics import PAPER_DELAY, Spectra, evaluate, spectra
-from haptic_accel.core.sampling import NANOSECONDS, half_period, places
-
-FloatArray = npt.NDArray[np.float64]
-StampArray = npt.NDArray[np.int64]
-
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.sampling import NANOSECONDS, IntArray, half_period, places
 
 LONGEST_WINDOW = 5.0
 """Longest time that a page can show, s."""
@@ -86,7 +77,7 @@ class Ring:
         self._values[place] = value
         self.count += 1
 
-    def extend(self, stamps: StampArray, values: FloatArray) -> None:
+    def extend(self, stamps: IntArray, values: FloatArray) -> None:
         """Add samples; of more than fit, the last."""
         stamps, values = stamps[-self._capacity :], values[-self._capacity :]
         indices = np.arange(self.count, self.count + len(stamps)) % self._capacity
@@ -94,7 +85,7 @@ class Ring:
         self._values[indices] = values
         self.count += len(stamps)
 
-    def since(self, count: int) -> tuple[int, StampArray, FloatArray]:
+    def since(self, count: int) -> tuple[int, IntArray, FloatArray]:
         """Return the samples after the first `count`; of more than readers get, the newest.
 
         Returns
@@ -106,7 +97,7 @@ class Ring:
         indices = np.arange(max(count, end - self._readable, 0), end) % self._capacity
         return end, self._stamps[indices], self._values[indices]
 
-    def last(self, seconds: float) -> tuple[StampArray, FloatArray]:
+    def last(self, seconds: float) -> tuple[IntArray, FloatArray]:
         """Return the samples of the given time before the newest stamp, in order."""
         oldest = self.newest - int(seconds * NANOSECONDS)
         _, stamps, values = self.since(0)
@@ -135,7 +126,7 @@ class GraphSettings:
         True for defaults, used until a compensator has reported its own parameters.
     """
 
-    high_pass_frequency: float = HIGH_PASS_FREQUENCY
+    high_pass_frequency: float = filters.HIGH_PASS_FREQUENCY
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     assumed: bool = True
 
@@ -196,9 +187,11 @@ class Windows:
         if derivation is None or (derivation.rate, derivation.settings) != (rate, settings):
             derivation = self._derivation = Derivation(settings, rate)
         # Up to the newest force, which arrives a little later than the sample it acts on.
-        limit = self._limit(rate)
+        newest = self.force.newest
         _, stamps, values = self.handle.since(self._derived)
-        ready = int(np.searchsorted(stamps, limit, "right")) if limit else len(stamps)
+        ready = len(stamps)
+        if newest and self.handle.newest - newest <= HELD * NANOSECONDS:
+            ready = int(np.searchsorted(stamps, newest + int(half_period(rate)), "right"))
         if not ready:
             return
         self._derived = self.handle.count - (len(stamps) - ready)
@@ -207,13 +200,6 @@ class Windows:
         actual, travel = derivation.derive(stamps, values, forces)
         self.actual.extend(stamps, actual)
         self.travel.extend(stamps, travel)
-
-    def _limit(self, rate: float) -> int | None:
-        """Return the stamp up to which all forces have arrived, ns; None if no force arrives."""
-        newest = self.force.newest
-        if self.handle.newest - newest > HELD * NANOSECONDS or newest == 0:
-            return None
-        return newest + int(half_period(rate))
 
     def metrics(self) -> Metrics:
         """Return metrics of the last `METRICS_WINDOW`."""
@@ -236,9 +222,7 @@ class Windows:
             found = None
         if found is None:
             return Metrics(_finite(values))
-        values["rms_desired"], values["rms_actual"] = (
-            np.sqrt(np.mean(signal**2)) for signal in (desired, actual)
-        )
+        values["rms_desired"], values["rms_actual"] = np.sqrt(np.mean([desired**2, actual**2], 1))
         if desired.any():
             evaluation = evaluate(desired, actual, rate, delay=0.0)
             values["nrmse_percent"] = evaluation.nrmse_percent
@@ -250,7 +234,7 @@ class Windows:
     def _compared(self, rate: float) -> tuple[FloatArray, FloatArray]:
         """Return desired and actual acceleration, prepared as for the evaluation of a bag."""
         stamps, handle = self.handle.last(METRICS_WINDOW + 2 * EDGE)
-        actual = without_hand_motion(handle, self.settings.high_pass_frequency, rate)
+        actual = filters.without_hand_motion(handle, self.settings.high_pass_frequency, rate)
         edge = int(EDGE * rate)
         return paired(
             *self.desired.last(METRICS_WINDOW + 2 * EDGE),
@@ -276,14 +260,14 @@ class Derivation:
 
     def __init__(self, settings: GraphSettings, rate: float) -> None:
         self.rate, self.settings = rate, settings
-        corner = min(settings.high_pass_frequency * MOTION_SHARE, rate / 4)
-        self._sections = high_pass(corner, rate)
+        corner = min(settings.high_pass_frequency * filters.MOTION_SHARE, rate / 4)
+        self._sections = filters.high_pass(corner, rate)
         self._estimator = TravelEstimator(settings.actuator, rate)
         self._newest: int | None = None
         self._memory = np.zeros((len(self._sections), 2))
 
     def derive(
-        self, stamps: StampArray, handle: FloatArray, forces: FloatArray
+        self, stamps: IntArray, handle: FloatArray, forces: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return acceleration without gravity and hand motion, and travel, of the next samples.
 
@@ -324,7 +308,7 @@ def live_rate(ring: Ring) -> float | None:
     return float(f"{NANOSECONDS / period:.4g}") if period > 0 else None
 
 
-def held(stamps: StampArray, values: FloatArray, moments: StampArray, rate: float) -> FloatArray:
+def held(stamps: IntArray, values: FloatArray, moments: IntArray, rate: float) -> FloatArray:
     """Return the command in force at given moments: the newest stamped up to half a period later.
 
     Parameters
@@ -349,9 +333,9 @@ def held(stamps: StampArray, values: FloatArray, moments: StampArray, rate: floa
 
 
 def paired(
-    desired_stamps: StampArray,
+    desired_stamps: IntArray,
     desired: FloatArray,
-    actual_stamps: StampArray,
+    actual_stamps: IntArray,
     actual: FloatArray,
     shift: int,
     rate: float,
