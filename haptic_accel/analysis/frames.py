@@ -112,14 +112,13 @@ def rank(name: str) -> tuple[int, str]:
 
 def by_condition(frame: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
     """Yield controller and surface, and their trials, in the order of `ORDER`."""
-    keys = sorted(set(zip(frame.controller, frame.surface, strict=True)), key=_ranks)
-    for controller, surface in keys:
-        found = (frame.controller == controller) & (frame.surface == surface)
-        yield (controller, surface), frame[found]
+    grouped = {(str(c), str(s)): own for (c, s), own in frame.groupby(_CONDITION)}
+    yield from sorted(grouped.items(), key=lambda group: ranks(group[0]))
 
 
-def _ranks(key: tuple[str, str]) -> tuple[tuple[int, str], ...]:
-    return rank(key[0]), rank(key[1])
+def ranks(condition: tuple[str, str]) -> tuple[tuple[int, str], ...]:
+    """Return the sorting key of a controller and surface."""
+    return tuple(map(rank, condition))
 
 
 def groups(analysis: Analysis) -> pd.DataFrame:
@@ -130,11 +129,11 @@ def groups(analysis: Analysis) -> pd.DataFrame:
     """
     columns = [*METRICS, *map(band_column, band_names(analysis))]
     rows = []
-    for (controller, surface), own in by_condition(trials(analysis)):
+    for key, own in by_condition(trials(analysis)):
         found = {name: mean_interval(own[name].tolist()) for name in columns}
         if len(own) == 1:
             found["nrmse_percent"] = _own_interval(own.iloc[0])
-        row = {"controller": controller, "surface": surface, "trials": len(own)}
+        row: dict[str, Any] = dict(zip(_CONDITION, key, strict=True)) | {"trials": len(own)}
         row["interval"] = found["nrmse_percent"].method
         for name, interval in found.items():
             row[name] = interval.value
@@ -200,8 +199,7 @@ def table_two(found: pd.DataFrame) -> TableTwo:
         for surface in surfaces:
             row = known.get((controller, surface), {})
             value, low, high = (
-                row.get(name, math.nan)
-                for name in ("nrmse_percent", "nrmse_percent_low", "nrmse_percent_high")
+                row.get(f"nrmse_percent{end}", math.nan) for end in ("", "_low", "_high")
             )
             cells.append(Cell(value, low, high, TABLE_II.get((surface, controller))))
         if len(surfaces) > 1:
@@ -233,18 +231,14 @@ def bands(analysis: Analysis) -> pd.DataFrame:
 
 def spectra(analysis: Analysis) -> pd.DataFrame:
     """Return a row for each trial and frequency in Hz: densities in m/s²/√Hz, and coherence."""
-    frames = []
-    for trial in analysis.trials:
-        if trial.portrait:
-            found = trial.portrait.spectra
-            columns = {
-                "frequency_Hz": found.frequency,
-                "desired": found.desired,
-                "actual": found.actual,
-                "coherence": found.coherence,
-            }
-            frames.append(pd.DataFrame({"trial": trial.name, **columns}))
-    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+    frames = [
+        pd.DataFrame({"trial": trial.name, **vars(trial.portrait.spectra)})
+        for trial in analysis.trials
+        if trial.portrait
+    ]
+    if not frames:
+        return pd.DataFrame()
+    return pd.concat(frames, ignore_index=True).rename(columns={"frequency": "frequency_Hz"})
 
 
 def signals(path: Path | str, number: int = 1) -> pd.DataFrame:

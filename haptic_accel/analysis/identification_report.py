@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import base64
-import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +15,12 @@ from matplotlib.figure import Figure
 from haptic_accel.analysis.identification_plots import coherence_plot, model_plot, sweep_plot
 from haptic_accel.analysis.plots import DASH, number
 from haptic_accel.core.identification.discrete import DiscreteModel
-from haptic_accel.core.identification.evaluation import (
-    UNEXPLAINED,
-    GripIdentification,
-    Identification,
-)
+from haptic_accel.core.identification.evaluation import UNEXPLAINED, Identification
 from haptic_accel.core.identification.fit import HandleFit
 from haptic_accel.core.identification.sweep import SweepParameters
-from haptic_accel.core.model import ApproximateModel, HandleParameters, MountParameters
+from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import own_schema
-from haptic_accel.pages import template
+from haptic_accel.pages import write
 
 PARAMETER_FILE = "handle.yaml"
 """Name of the parameter file to which the page refers."""
@@ -96,35 +90,30 @@ def write_identification_report(
         its plots ``fig4_sweep.png``, ``fig5_models.png`` and ``coherence.png``.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    grip, identified = next(iter(found.grips.items()))
+    identified = next(iter(found.grips.values()))
     plots = {
         "fig4_sweep.png": sweep_plot(identified.trials[0], sweep),
         "fig5_models.png": model_plot(found),
         "coherence.png": coherence_plot(found),
     }
-    page = template("identification.html.j2").render(
-        when=datetime.now().astimezone(),
+    index = folder / "index.html"
+    write(
+        index,
+        "identification.html.j2",
+        found=found,
         settings=settings,
         notes=notes,
-        grips=_grip_rows(found.grips),
-        first_grip=grip,
         columns=[name for name, _ in fits_by_column(found)],
         parameters=parameter_rows(found, truth),
         simulated=truth is not None,
         explained=explained(found),
-        mount="mount_frequency" in found.fit.standard_errors,
-        approximate=_pair_rows(found.approximate),
         order=_order(found.discrete),
-        delay_samples=found.discrete.delay_samples,
-        rate=f"{found.discrete.rate:g}",
-        errors=_error_rows(errors),
-        band=_span(band),
-        sweep_band=_span(found.band),
+        errors=errors,
+        band=band,
+        number=number,
         parameter_file=PARAMETER_FILE,
         pictures={name: _picture(figure, folder / name) for name, figure in plots.items()},
     )
-    index = folder / "index.html"
-    index.write_text(page, encoding="utf-8", errors="replace")
     return index
 
 
@@ -137,10 +126,8 @@ _ERROR_DIGITS = 2  # of a standard error
 
 def _picture(figure: Figure, path: Path) -> dict[str, Any]:
     """Write a figure, and return its address for a page and its size in pixels."""
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=_DPI)
-    path.write_bytes(file.getvalue())
-    encoded = base64.b64encode(file.getvalue()).decode("ascii")
+    figure.savefig(path, dpi=_DPI)
+    encoded = base64.b64encode(path.read_bytes()).decode("ascii")
     width, height = (round(_CSS_DPI * inches) for inches in figure.get_size_inches())
     return {"source": f"data:image/png;base64,{encoded}", "width": width, "height": height}
 
@@ -210,9 +197,8 @@ def _cell(value: float, error: float | None, factor: float) -> tuple[str, str]:
     if not (math.isfinite(value) and math.isfinite(error) and error > 0.0):
         return _number(value), _number(error)
     decimals = _decimals(error, _ERROR_DIGITS)
-    if value:
-        decimals = min(decimals, _decimals(value, _MOST_DIGITS))
-    return number(value, decimals), number(error, _decimals(error, _ERROR_DIGITS))
+    own = min(decimals, _decimals(value, _MOST_DIGITS)) if value else decimals
+    return number(value, own), number(error, decimals)
 
 
 def _decimals(value: float, digits: int) -> int:
@@ -248,42 +234,6 @@ def explained(found: Identification) -> str:
     )
 
 
-def _grip_rows(grips: Mapping[str, GripIdentification]) -> list[dict[str, str]]:
-    return [
-        {
-            "name": name,
-            "trials": str(len(grip.trials)),
-            "residual": f"{grip.fit.residual:.3g}",
-            "coherence": f"{float(np.mean(grip.averaged_h1.coherence)):.3f}",
-        }
-        for name, grip in grips.items()
-    ]
-
-
-def _pair_rows(model: ApproximateModel) -> list[tuple[str, str, str]]:
-    """Return name, frequency in Hz and damping ratio of each pair of zeros and of poles."""
-    return [
-        (
-            f"{kind} pair {index}",
-            number(getattr(model, f"{kind}_{index}_frequency"), 2),
-            number(getattr(model, f"{kind}_{index}_damping"), 3),
-        )
-        for kind in ("zero", "pole")
-        for index in (1, 2)
-    ]
-
-
-def _error_rows(errors: Mapping[str, ModelError]) -> list[tuple[str, str, str]]:
-    return [
-        (name, f"{error.magnitude_db:.2f}", f"{error.phase_deg:.1f}")
-        for name, error in errors.items()
-    ]
-
-
 def _order(model: DiscreteModel) -> int:
     """Return the number of poles: a section of first order has no z^-2 below."""
     return int(2 * len(model.sections) - np.count_nonzero(model.sections[:, 5] == 0.0))
-
-
-def _span(band: tuple[float, float]) -> str:
-    return f"{band[0]:g} to {band[1]:g} Hz"

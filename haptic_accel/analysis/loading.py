@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -36,15 +36,6 @@ class Analysis:
     problems: dict[str, list[str]]
     shift: Shift
     bags: int
-
-
-@dataclass
-class _Found:
-    """A bag to read, and its name in the analysis."""
-
-    path: Path
-    source: Path
-    name: str = field(default="")
 
 
 def analyse(
@@ -77,25 +68,29 @@ def analyse(
         A place does not exist, or has no bag.
     """
     shift = shift or Shift()
-    found = _named([_Found(bag, path) for path in paths for bag in find_bags(path)])
+    found = {bag.resolve(): (bag, path) for path in paths for bag in find_bags(path)}
+    names = _names([bag for bag, _ in found.values()])
     trials: list[AnalysedTrial] = []
     problems: dict[str, list[str]] = {}
     seen: dict[tuple[Path, object, bytes], str] = {}
-    for number, bag in enumerate(found):
+    for number, (name, (bag, source)) in enumerate(zip(names, found.values(), strict=True)):
         if begun:
-            begun(number, len(found), bag.name)
-        parts = _cut(bag.path)
+            begun(number, len(found), name)
+        try:
+            parts = cut(read_bag(bag))
+        except ParameterError as error:
+            parts = Cut([], [str(error)])
         complaints = list(parts.problems)
         for segment in parts.segments:
-            name = bag.name if segment.number == 1 else f"{bag.name} #{segment.number}"
-            first = seen.setdefault((bag.source, segment.condition, _digest(segment)), name)
-            if first == name:
-                trials.append(measure(segment, name, bag.source, shift, perceptual=perceptual))
+            own = name if segment.number == 1 else f"{name} #{segment.number}"
+            first = seen.setdefault((source, segment.condition, _digest(segment)), own)
+            if first == own:
+                trials.append(measure(segment, own, source, shift, perceptual=perceptual))
             else:
                 # Taken for another trial it would make every interval too short.
                 complaints.append(f"has the same samples as {first}, and is left out")
         if complaints:
-            problems[bag.name] = complaints
+            problems[name] = complaints
     return Analysis(trials, problems, shift, len(found))
 
 
@@ -124,14 +119,6 @@ def find_bags(path: Path) -> list[Path]:
     return found
 
 
-def _cut(path: Path) -> Cut:
-    """Return a bag's segments; none, and why, where it cannot be read."""
-    try:
-        return cut(read_bag(path))
-    except ParameterError as error:
-        return Cut([], [str(error)])
-
-
 def _digest(segment: Segment) -> bytes:
     """Return what two segments have in common if all their samples are the same."""
     digest = hashlib.blake2b(digest_size=16)
@@ -141,13 +128,11 @@ def _digest(segment: Segment) -> bytes:
     return digest.digest()
 
 
-def _named(found: Iterable[_Found]) -> list[_Found]:
-    """Give each bag the shortest name that tells it from all others; a bag counts once."""
-    unique = list({bag.path.resolve(): bag for bag in found}.values())
-    names = Counter(bag.path.name for bag in unique)
-    parents = [str(bag.path.resolve().parent) for bag in unique]
-    common = os.path.commonpath(parents) if parents else ""
-    for bag in unique:
-        alone = names[bag.path.name] == 1
-        bag.name = bag.path.name if alone else os.path.relpath(bag.path.resolve(), common)
-    return unique
+def _names(bags: Sequence[Path]) -> list[str]:
+    """Return for each bag the shortest name that tells it from all others."""
+    counts = Counter(bag.name for bag in bags)
+    common = os.path.commonpath([bag.resolve().parent for bag in bags] or [Path()])
+    return [
+        bag.name if counts[bag.name] == 1 else os.path.relpath(bag.resolve(), common)
+        for bag in bags
+    ]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from haptic_accel.analysis.perception import perceive
-from haptic_accel.analysis.plots import EXCERPT, Portrait
+from haptic_accel.analysis.plots import Portrait
 from haptic_accel.analysis.segments import Segment
 from haptic_accel.analysis.traces import Traces
 from haptic_accel.core import topics
@@ -18,7 +18,7 @@ from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.filters import without_hand_motion
 from haptic_accel.core.evaluation.bands import band_nrmse, bands
 from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
-from haptic_accel.core.evaluation.metrics import evaluate, spectra
+from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
@@ -210,10 +210,8 @@ def measure(
         Score ST-SIM and SPQI, which takes longest.
     """
     notes = list(segment.notes)
-    desired, force = (
-        segment.signals.get(topic.name)
-        for topic in (topics.DESIRED_ACCELERATION, topics.ACTUATOR_FORCE)
-    )
+    desired = segment.signals.get(topics.DESIRED_ACCELERATION.name)
+    force = segment.signals.get(topics.ACTUATOR_FORCE.name)
     actual = actual_acceleration(segment)
     corner = segment.high_pass_frequency
     if actual is None and segment.rate <= 2 * corner:
@@ -222,7 +220,8 @@ def measure(
     if desired is not None and actual is not None:
         comparison = _compared(desired, actual, segment.rate, shift, perceptual, notes)
     travel = _travel(segment)
-    drawn = {"desired": desired, "actual": actual, "force": force, "travel": travel}
+    signals = {"desired": desired, "actual": actual, "force": force, "travel": travel}
+    drawn = {name: values for name, values in signals.items() if values is not None}
     delivery = segment.delivery
     metrics = dict.fromkeys(METRICS, math.nan) | comparison.metrics
     if force is not None:
@@ -235,28 +234,22 @@ def measure(
     if delivery.transit.any():  # in lockstep there is no latency
         inside = np.clip(delivery.transit, LATENCY_EDGES[0], LATENCY_EDGES[-1])
         latency = np.histogram(inside, LATENCY_EDGES)[0].astype(np.int64)
-        quantiles = MICRO * np.quantile(delivery.transit, [0.5, 0.99, 1.0])
-        labels = ("latency_p50_us", "latency_p99_us", "latency_max_us")
-        metrics |= dict(zip(labels, quantiles.tolist(), strict=True))
-    for label in ("p50", "p99", "max"):
+    for label, quantile in (("p50", 0.5), ("p99", 0.99), ("max", 1.0)):
+        if latency is not None:
+            metrics[f"latency_{label}_us"] = MICRO * float(np.quantile(delivery.transit, quantile))
         metrics[f"age_{label}_us"] = delivery.age_us.get(label, math.nan)
     metrics["lost"] = float(sum(delivery.lost.values()))
     metrics["late"] = float(sum(delivery.late.values()))
     return AnalysedTrial(
         name,
         source,
-        segment.without_signals(),
+        replace(segment, signals={}, delivery=replace(delivery, transit=np.empty(0))),
         metrics,
         comparison.bands,
         comparison.error,
         comparison.portrait,
         latency,
-        Traces.of(
-            {name: values for name, values in drawn.items() if values is not None},
-            segment.rate,
-            comparison.shift,
-            EXCERPT,
-        ),
+        Traces.of(drawn, segment.rate, comparison.shift),
         tuple(dict.fromkeys(notes)),
     )
 
@@ -300,7 +293,7 @@ def _compared(
         seconds = shift.of(rate, delay)
         desired, actual = shift_back(desired, actual, rate, seconds)
         evaluation = evaluate(desired, actual, rate, 0.0)
-        spectrum = spectra(desired, actual, rate)
+        portrait = Portrait.of(desired, actual, rate, evaluation)
         errors = band_nrmse(desired, actual, rate, bands(rate))
     except ValueError as error:
         notes.append(f"cannot be compared: {error}")
@@ -317,14 +310,13 @@ def _compared(
         metrics |= {"st_sim": perception.st_sim, "spqi": perception.spqi}
         notes += [perception.note] if perception.note else []
     own = nrmse_interval(desired, actual, rate)
+    low, high = PERCENT * own.low, PERCENT * own.high
     return _Comparison(
         metrics,
         seconds,
         {band: PERCENT * value for band, value in errors.items()},
-        Interval(
-            evaluation.nrmse_percent, PERCENT * own.low, PERCENT * own.high, own.n, own.method
-        ),
-        Portrait.of(desired, actual, rate, evaluation, spectrum),
+        replace(own, value=evaluation.nrmse_percent, low=low, high=high),
+        portrait,
     )
 
 

@@ -6,32 +6,23 @@ import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from datetime import datetime
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from haptic_accel.analysis import frames
 from haptic_accel.analysis.comparison import Comparison
-from haptic_accel.analysis.frames import (
-    band_column,
-    band_names,
-    by_condition,
-    groups,
-    rank,
-    table_two,
-    trials,
-)
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import LATENCY_EDGES, METRICS, MILLI, PERCENT, AnalysedTrial
-from haptic_accel.analysis.plots import EXCERPT, Portrait, number
+from haptic_accel.analysis.plots import Portrait, number
 from haptic_accel.analysis.summary import summary
-from haptic_accel.analysis.traces import Trace, sampled
+from haptic_accel.analysis.traces import EXCERPT, Trace, sampled
 from haptic_accel.core.evaluation.metrics import REGRESSION
 from haptic_accel.core.evaluation.statistics import CONFIDENCE
 from haptic_accel.core.model import FloatArray
-from haptic_accel.pages import asset, template
+from haptic_accel.pages import asset, write
 
 POINTS = 100_000
 """Points of time traces in a page, shared by its trials: about a megabyte with four signals."""
@@ -45,34 +36,12 @@ CLOUD_POINTS = 1500
 FULL_SCALE = 32767
 """Largest of the whole numbers in which signals are stored: finer than any screen."""
 
-PER_TRIAL = (
-    "slope_desired_on_actual",
-    "slope_actual_on_desired",
-    "r2",
-    "delay_ms",
-    "st_sim",
-    "spqi",
-    "force_rms_N",
-    "force_peak_N",
-    "travel_mm",
-    "latency_p50_us",
-    "latency_p99_us",
-    "age_p99_us",
-    "lost",
-    "late",
-)
+_OMITTED = "nrmse_percent delay_correlation shift_ms latency_max_us age_p50_us age_max_us"
+PER_TRIAL = tuple(name for name in METRICS if name not in _OMITTED.split())
 """Columns of the table of trials behind the error."""
 
-PER_GROUP = (
-    "slope_desired_on_actual",
-    "slope_actual_on_desired",
-    "r2",
-    "delay_ms",
-    "delay_correlation",
-    "st_sim",
-    "spqi",
-    "latency_p99_us",
-)
+_REGRESSION_AND_DELAY = PER_TRIAL[:4]
+PER_GROUP = (*_REGRESSION_AND_DELAY, "delay_correlation", "st_sim", "spqi", "latency_p99_us")
 """Columns of the table of groups, each with its interval over trials."""
 
 _UNITS = {"travel": MILLI}  # of signals over time, where it is not SI
@@ -120,41 +89,33 @@ def write_page(
         Names of files beside it, to be linked to.
     """
     setting = setting or Setting()
-    found = sorted(analysis.trials, key=lambda t: (rank(t.controller), rank(t.surface)))
-    ordered = Analysis(found, analysis.problems, analysis.shift, analysis.bags)
-    frame, grouped = trials(ordered), groups(ordered)
-    free = MILLI * min((t.segment.actuator.travel for t in found), default=math.nan)
-    page = template("analysis.html.j2").render(
+    found = sorted(analysis.trials, key=lambda t: frames.ranks((t.controller, t.surface)))
+    ordered = replace(analysis, trials=found)
+    frame, grouped = frames.trials(ordered), frames.groups(ordered)
+    write(
+        file,
+        "analysis.html.j2",
         setting=setting,
         settings=setting.settings,
-        when=datetime.now().astimezone(),
         summary=summary(analysis, comparison),
         shift=analysis.shift.words,
         confidence=f"{PERCENT * CONFIDENCE:g} %",
-        table=table_two(grouped),
+        table=frames.table_two(grouped),
         metrics=METRICS,
         per_trial=PER_TRIAL,
         per_group=PER_GROUP,
         trials=frame.to_dict("records"),
         groups=grouped.to_dict("records"),
         published=REGRESSION,
-        bands={name: band_column(name) for name in band_names(ordered)},
+        bands={name: frames.band_column(name) for name in frames.band_names(ordered)},
         forces=[
-            (
-                controller,
-                surface,
-                own.force_rms_N.mean(),
-                own.force_peak_N.max(),
-                own.travel_mm.max(),
-            )
-            for (controller, surface), own in by_condition(frame)
+            (*key, own.force_rms_N.mean(), own.force_peak_N.max(), own.travel_mm.max())
+            for key, own in frames.by_condition(frame)
             if own.force_rms_N.notna().any()
         ],
-        free=free,
+        free=MILLI * min((t.segment.actuator.travel for t in found), default=math.nan),
         losses=_losses(found),
         comparison=comparison,
-        differences=comparison.frame.to_dict("records") if comparison else [],
-        pairs=comparison.pairs.to_dict("records") if comparison else [],
         problems=analysis.problems,
         notes={
             t.name: lines for t in found if (lines := [*t.notes, *t.segment.delivery.warnings])
@@ -167,25 +128,19 @@ def write_page(
         script=asset("analysis.js"),
         data=_embedded(_data(found)),
     )
-    file.write_text(page, encoding="utf-8", errors="replace")
 
 
 def _losses(found: Sequence[AnalysedTrial]) -> list[tuple[str, str, int, int]]:
     """Return trial, topic, lost and late of whatever lost or delayed a sample."""
     rows = []
-    for trial in found:
-        delivery = trial.segment.delivery
+    for name, delivery in ((trial.name, trial.segment.delivery) for trial in found):
+        late = delivery.late
+        rows += [(name, topic, lost, late[topic]) for topic, lost in delivery.lost.items()]
         rows += [
-            (trial.name, topic, lost, delivery.late[topic])
-            for topic, lost in delivery.lost.items()
-            if lost or delivery.late[topic]
-        ]
-        rows += [
-            (trial.name, f"samples of the {arm} that were not taken", missed, 0)
+            (name, f"samples of the {arm} that were not taken", missed, 0)
             for arm, missed in delivery.missed.items()
-            if missed
         ]
-    return rows
+    return [row for row in rows if row[2] or row[3]]
 
 
 def _data(found: Sequence[AnalysedTrial]) -> dict[str, Any]:

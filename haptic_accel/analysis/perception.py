@@ -50,8 +50,8 @@ class Perception:
         Reason for a missing score; empty otherwise.
     """
 
-    st_sim: float
-    spqi: float
+    st_sim: float = math.nan
+    spqi: float = math.nan
     note: str = ""
 
 
@@ -71,20 +71,19 @@ def perceive(desired: FloatArray, actual: FloatArray, rate: float) -> Perception
         The mean over pieces of about `PIECE`; without scores where the library is not installed,
         the desired acceleration is silent, or there is less than one block.
     """
-    nothing = math.nan, math.nan
     try:
         from vibromaf.metrics.spqi import spqi  # type: ignore[import-untyped]
         from vibromaf.metrics.stsim import st_sim  # type: ignore[import-untyped]
     except ImportError:
-        return Perception(*nothing, MISSING)
+        return Perception(note=MISSING)
     if np.sqrt(np.mean(desired**2)) < SILENT:
-        return Perception(*nothing, "nothing was to be felt: ST-SIM and SPQI are undefined")
+        return Perception(note="nothing was to be felt: ST-SIM and SPQI are undefined")
     number = max(round(len(desired) / rate / PIECE), 1)
     scores = []
     for piece in np.array_split(np.arange(len(desired)), number):
         reference, distorted = (_resampled(signal[piece], rate) for signal in (desired, actual))
         if len(reference) < BLOCK:
-            return Perception(*nothing, f"shorter than {BLOCK / RATE:g} s: no ST-SIM, no SPQI")
+            return Perception(note=f"shorter than {BLOCK / RATE:g} s: no ST-SIM, no SPQI")
         with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
             # Silence is minus infinity in dB, which the library then takes as it should.
             warnings.simplefilter("ignore", RuntimeWarning)

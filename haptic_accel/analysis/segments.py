@@ -12,21 +12,14 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.bags.delivery import Delivery, delivery
-from haptic_accel.bags.reading import Bag
+from haptic_accel.bags.reading import Bag, Change
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import FADING, LISTENING
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import (
-    NANOSECONDS,
-    coupled_stretches,
-    on_grid,
-    places,
-    sampling_rate,
-)
-from haptic_accel.core.topics import ACTUATOR_AXIS
+from haptic_accel.core.sampling import NANOSECONDS, coupled_stretches, sampling_rate
 from haptic_accel.graph.arguments import PLAYED_TOPICS, RECORDING, REPLAY
 from haptic_accel.graph.node_parameters import node_parameters
 
@@ -45,16 +38,19 @@ _WHOLE = 1e-3
 UNKNOWN = "unknown"
 """Name of a controller, surface or grip that a bag does not state."""
 
-CORE = (
-    topics.TOOL_ACCELERATION,
-    topics.DESIRED_ACCELERATION,
-    topics.HANDLE_ACCELERATION,
-    topics.ACTUATOR_FORCE,
-)
-"""Signals that are analysed, along the actuator's axis."""
-
+_NAMES = [topic.name for topic in topics.ANALYSED]
+_NEEDED_FOR = {
+    topics.DESIRED_ACCELERATION.name: ": no error, regression, spectra, delay",
+    topics.HANDLE_ACCELERATION.name: ": no error, regression, spectra, delay, travel",
+    topics.ACTUATOR_FORCE.name: ": no force, travel, latency",
+}
 _SURFACE = "simulated.surface."
-_POSTURE = "simulated.grip.posture"
+_CONDITIONS = {
+    ("compensator", "controller"): "controller",
+    ("master_device", "simulated.grip.posture"): "grip",
+    ("slave_device", f"{_SURFACE}name"): "surface",
+}
+"""Fields of `Condition` by node and parameter."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +81,7 @@ class Segment:
     begin : float
         Start since the bag's first message, s.
     signals : dict of ndarray, shape (n,)
-        Samples along the actuator's axis, by topic; those of `CORE` that the bag has.
+        Samples along the actuator's axis, by topic; as far as the bag has them.
     delivery : Delivery
     actuator : ActuatorParameters
         Actuator of the handle, for its travel.
@@ -108,11 +104,6 @@ class Segment:
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     pair: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-
-    def without_signals(self) -> Segment:
-        """Return the segment without its samples, which take the memory."""
-        nothing = replace(self.delivery, transit=np.empty(0))
-        return replace(self, signals={}, delivery=nothing)
 
 
 @dataclass(frozen=True)
@@ -144,27 +135,25 @@ def cut(recorded: Bag) -> Cut:
     """
     problems = list(recorded.problems)
     rate = _rate(recorded, problems)
-    present = [topic for topic in CORE if topic.name in recorded.signals]
-    missing = [topic.name for topic in CORE if topic not in present]
+    present = [recorded.signals[name] for name in _NAMES if name in recorded.signals]
+    if not present:
+        problems.append("none of the signals of this graph is in it: it is of another rig")
     if not present or rate is None:
-        if not present:
-            problems.append("none of the signals of this graph is in it: it is of another rig")
         return Cut([], problems)
+    missing = [name for name in _NAMES if name not in recorded.signals]
     problems += [f"has no {name}{_consequence(name, missing)}" for name in missing]
-    known = _Known(recorded, rate, problems)
-    span = (
-        max(int(recorded.signals[topic.name].stamps.min()) for topic in present),
-        min(int(recorded.signals[topic.name].stamps.max()) for topic in present),
-    )
-    if span[1] <= span[0]:
+    known = _known(recorded, rate, problems)
+    begin = max(int(signal.stamps.min()) for signal in present)
+    end = min(int(signal.stamps.max()) for signal in present)
+    if end <= begin:
         return Cut([], [*problems, "its signals do not overlap in time"])
     segments: list[Segment] = []
-    for condition, low, high in _parts(recorded, known, span, problems):
-        seconds = (high - low) / NANOSECONDS + 1 / known.rate
+    for condition, low, high in _parts(recorded, known, (begin, end), problems):
+        seconds = (high - low) / NANOSECONDS + 1 / rate
         if seconds < SHORTEST:
             problems.append(
                 f"{condition.controller} on {condition.surface}, {seconds:.2f} s"
-                f" at {(low - span[0]) / NANOSECONDS:.1f} s: too short, is left out"
+                f" at {(low - begin) / NANOSECONDS:.1f} s: too short, is left out"
             )
             continue
         segments.append(_segment(recorded, known, condition, len(segments) + 1, low, high))
@@ -175,32 +164,24 @@ def cut(recorded: Bag) -> Cut:
 
 def _consequence(name: str, missing: Sequence[str]) -> str:
     """Name the metrics that need a signal."""
-    tool, desired, handle, force = (topic.name for topic in CORE)
-    if name == desired and tool not in missing:
+    if name == topics.DESIRED_ACCELERATION.name and topics.TOOL_ACCELERATION.name not in missing:
         return ": it is made from the tool's acceleration with the high-pass"
-    return {
-        tool: "",
-        desired: ": no error, regression, spectra, delay",
-        handle: ": no error, regression, spectra, delay, travel",
-        force: ": no force, travel, latency",
-    }[name]
+    return _NEEDED_FOR.get(name, "")
 
 
 def _rate(recorded: Bag, problems: list[str]) -> float | None:
     """Return the samples per second that the stamps have, as stated where they agree with that."""
-    found = next(
-        (
-            recorded.signals[topic.name].stamps
-            for topic in (*CORE, *topics.SIGNALS)
-            if topic.name in recorded.signals and len(recorded.signals[topic.name].stamps) > 1
-        ),
-        None,
-    )
+    signals = [recorded.signals.get(topic.name) for topic in (*topics.ANALYSED, *topics.SIGNALS)]
+    found = next((signal.stamps for signal in signals if signal and len(signal.stamps) > 1), None)
     if found is None:
         return None
-    stated = _number(recorded.facts.get("arguments"), "rate") or None
     try:
-        rate = sampling_rate(found, stated)
+        stated = float(_mapping(recorded.facts.get("arguments")).get("rate") or 0.0)
+    except (TypeError, ValueError):
+        stated = 0.0
+    stated = stated if math.isfinite(stated) else 0.0
+    try:
+        rate = sampling_rate(found, stated or None)
     except ParameterError as error:
         problems.append(str(error))
         return None
@@ -209,15 +190,7 @@ def _rate(recorded: Bag, problems: list[str]) -> float | None:
     return rate
 
 
-def _number(values: Any, name: str) -> float | None:
-    """Return a number of a mapping, None if it is missing or no number."""
-    value = values.get(name) if isinstance(values, dict) else None
-    try:
-        return float(value) if value is not None and math.isfinite(float(value)) else None
-    except (TypeError, ValueError):
-        return None
-
-
+@dataclass(frozen=True)
 class _Known:
     """Description of the graph that made a bag, with defaults for what it does not state.
 
@@ -225,63 +198,60 @@ class _Known:
     ----------
     condition : Condition
         Condition at the beginning.
+    slave : dict
+        Parameters of the slave's device at the beginning, by dotted name.
+    rate, high_pass_frequency, actuator, pair
+        See `Segment`.
     """
 
-    def __init__(self, recorded: Bag, rate: float, problems: list[str]) -> None:
-        self.rate = rate
-        self._parameters = _mapping(recorded.facts.get("parameters"))
-        arguments = _mapping(recorded.facts.get("arguments"))
-        self.notes: list[str] = []
-        if not recorded.facts:
-            problems.append(
-                "does not say how it was made: controller and surface are unknown, and defaults"
-                f" stand for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the actuator"
-            )
-        self.condition = self._first(arguments)
-        self.high_pass_frequency = HIGH_PASS_FREQUENCY
-        self.actuator = ActuatorParameters()
-        try:
-            around, options = node_parameters("compensator", self.of_node("compensator"))
-            self.high_pass_frequency = around.high_pass_frequency
-            self.actuator = options[ACTUATOR]
-        except ParameterError as error:
-            problems.append(f"its parameters are not ours ({error}): defaults stand for them")
-        self.pair = self._pair(recorded, arguments)
+    condition: Condition
+    slave: dict[str, Any]
+    rate: float
+    high_pass_frequency: float
+    actuator: ActuatorParameters
+    pair: tuple[str, ...]
 
-    def of_node(self, node: str) -> dict[str, Any]:
-        """Return a node's parameters by dotted name."""
-        return _mapping(self._parameters.get(node))
 
-    def _first(self, arguments: Mapping[str, Any]) -> Condition:
-        master = self.of_node("master_device")
-        return Condition(
-            str(
-                self.of_node("compensator").get("controller")
-                or arguments.get("controller", UNKNOWN)
-            ),
-            self._surface(arguments),
-            str(master.get(_POSTURE) or arguments.get("grip", UNKNOWN)),
+def _known(recorded: Bag, rate: float, problems: list[str]) -> _Known:
+    """Read how a bag was made from its facts."""
+    arguments, parameters = (
+        _mapping(recorded.facts.get(name)) for name in ("arguments", "parameters")
+    )
+    nodes = {name: _mapping(parameters.get(name)) for name, _ in _CONDITIONS}
+    if not recorded.facts:
+        problems.append(
+            "does not say how it was made: controller and surface are unknown, and defaults"
+            f" stand for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the actuator"
         )
-
-    def _surface(self, arguments: Mapping[str, Any]) -> str:
-        """Return the name of the surface, or of what was played in its place."""
-        asked = str(arguments.get("surface", ""))
-        slave = arguments.get("slave")
-        if slave == REPLAY:
-            return f"replay of {Path(str(arguments.get('replay', ''))).stem}"
-        if slave == PLAYED_TOPICS:
-            return "played topics"
-        if asked == RECORDING:
-            return RECORDING
-        name = self.of_node("slave_device").get(f"{_SURFACE}name")
-        return str(name or Path(asked).stem or UNKNOWN)
-
-    def _pair(self, recorded: Bag, arguments: Mapping[str, Any]) -> tuple[str, ...]:
-        if not arguments:
-            return (recorded.path.name,)
-        seed = arguments.get("seed", self.of_node("slave_device").get("seed", ""))
+    corner, actuator = HIGH_PASS_FREQUENCY, ActuatorParameters()
+    try:
+        around, options = node_parameters("compensator", nodes["compensator"])
+        corner, actuator = around.high_pass_frequency, options[ACTUATOR]
+    except ParameterError as error:
+        problems.append(f"its parameters are not ours ({error}): defaults stand for them")
+    stated = {
+        field: str(nodes[node].get(name) or arguments.get(field, UNKNOWN))
+        for (node, name), field in _CONDITIONS.items()
+    }
+    condition = Condition(**stated | {"surface": _surface(arguments, nodes["slave_device"])})
+    pair: tuple[str, ...] = (recorded.path.name,)
+    if arguments:
+        seed = arguments.get("seed", nodes["slave_device"].get("seed", ""))
         source = next((str(arguments[key]) for key in _SOURCES if arguments.get(key)), "")
-        return (f"seed {seed}", Path(source).name) if source else (f"seed {seed}",)
+        pair = (f"seed {seed}", *([Path(source).name] if source else []))
+    return _Known(condition, nodes["slave_device"], rate, corner, actuator, pair)
+
+
+def _surface(arguments: Mapping[str, Any], slave: Mapping[str, Any]) -> str:
+    """Return the name of the surface, or of what was played in its place."""
+    asked = str(arguments.get("surface", ""))
+    if arguments.get("slave") == REPLAY:
+        return f"replay of {Path(str(arguments.get('replay', ''))).stem}"
+    if arguments.get("slave") == PLAYED_TOPICS:
+        return "played topics"
+    if asked == RECORDING:
+        return RECORDING
+    return str(slave.get(f"{_SURFACE}name") or Path(asked).stem or UNKNOWN)
 
 
 _SOURCES = ("replay", "recording")
@@ -297,11 +267,9 @@ def _parts(
 ) -> list[tuple[Condition, int, int]]:
     """Return condition, start and end of each part that can be analysed, ns."""
     coupled = _coupled(recorded, span, problems)
-    conditions = _conditions(recorded, known)
+    conditions = [*_conditions(recorded, known), (span[1] + 1, known.condition)]
     parts = []
-    for (moment, condition), (following, _) in itertools.pairwise(
-        [*conditions, (span[1] + 1, known.condition)]
-    ):
+    for (moment, condition), (following, _) in itertools.pairwise(conditions):
         settled = moment + round(SETTLING * NANOSECONDS) if moment > span[0] else span[0]
         for first, last in coupled:
             low, high = max(first, settled), min(last, following)
@@ -331,26 +299,21 @@ def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, Condition]]:
     conditions = [(0, known.condition)]
     for change in sorted(recorded.changes, key=lambda change: change.received):
         before = conditions[-1][1]
-        after = _changed(before, change.node, change.parameter, change.value, known)
+        after = _changed(before, change, known)
         if after != before:
             conditions.append((change.received, after))
     return conditions
 
 
-def _changed(before: Condition, node: str, parameter: str, value: Any, known: _Known) -> Condition:
+def _changed(before: Condition, change: Change, known: _Known) -> Condition:
     """Return the condition after a parameter got a value."""
-    if node == "compensator" and parameter == "controller":
-        return replace(before, controller=str(value))
-    if node == "master_device" and parameter == _POSTURE:
-        return replace(before, grip=str(value))
-    if node == "slave_device" and parameter == f"{_SURFACE}name":
-        return replace(before, surface=str(value))
-    if node == "slave_device" and parameter.startswith(_SURFACE):
-        first = known.of_node("slave_device").get(parameter, value)
-        altered = before.surface.endswith(ALTERED)
-        # Of a surface changed as a whole, all fields but the name say nothing more.
-        if value != first and not altered and before.surface == known.condition.surface:
-            return replace(before, surface=before.surface + ALTERED)
+    if field := _CONDITIONS.get((change.node, change.parameter)):
+        return replace(before, **{field: str(change.value)})
+    value = known.slave.get(change.parameter, change.value)
+    is_other = change.node == "slave_device" and change.parameter.startswith(_SURFACE)
+    # Of a surface changed as a whole, all fields but the name say nothing more.
+    if is_other and change.value != value and before.surface == known.condition.surface:
+        return replace(before, surface=before.surface + ALTERED)
     return before
 
 
@@ -363,18 +326,16 @@ def _segment(
 ) -> Segment:
     """Put one segment on its grid."""
     rate = known.rate
-    anchor = next(recorded.signals[t.name] for t in CORE if t.name in recorded.signals)
+    anchor = next(recorded.signals[name] for name in _NAMES if name in recorded.signals)
     # The grid goes through a stamp: the segment begins where something else happened.
     start = int(anchor.stamps[np.argmax(anchor.stamps >= low)])
     length = math.floor((high - start) * rate / NANOSECONDS + _WHOLE) + 1
     signals: dict[str, FloatArray] = {}
-    for topic in CORE:
-        if topic.name in recorded.signals:
-            signal = recorded.signals[topic.name]
-            where = places(signal.stamps, start, rate)
-            if ((where >= 0) & (where < length)).any():
-                values = signal.values[:, ACTUATOR_AXIS]
-                signals[topic.name], _ = on_grid(where, values, length)
+    for name in _NAMES:
+        if name in recorded.signals:
+            values, seen = recorded.signals[name].on_grid(start, rate, length)
+            if seen.any():
+                signals[name] = values
     notes = _complete(signals, known)
     return Segment(
         recorded.path,

@@ -13,17 +13,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from haptic_accel.analysis import plots
+from haptic_accel.analysis import frames, plots
 from haptic_accel.analysis.comparison import Comparison
-from haptic_accel.analysis.frames import (
-    band_column,
-    band_names,
-    by_condition,
-    groups,
-    read_segment,
-    segment_signals,
-    trials,
-)
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import LATENCY_EDGES, actual_acceleration
 from haptic_accel.analysis.page import Setting, write_page
@@ -77,7 +68,7 @@ def write_analysis(
     setting : Setting, optional
         Texts of the page; with them, the page shows the paper's figures as pictures.
     files : mapping of str to DataFrame, optional
-        Further tables to write as CSV, with their index, by file name.
+        Further tables to write as CSV, with their index if it is named, by file name.
 
     Returns
     -------
@@ -85,17 +76,15 @@ def write_analysis(
         The page, ``folder/index.html``. Beside it lie the plots as PNG and PDF, ``trials.csv``,
         ``groups.csv`` and, with a comparison, ``comparison.csv``.
     """
-    written = list(plots.save(_plots(analysis), folder))
-    tables = {"trials.csv": trials(analysis), "groups.csv": groups(analysis)}
+    tables = {"trials.csv": frames.trials(analysis), "groups.csv": frames.groups(analysis)}
     if comparison:
         tables["comparison.csv"] = comparison.frame
+    tables = {name: table for name, table in tables.items() if len(table)} | dict(files or {})
+    written = [*plots.save(_plots(analysis), folder), *tables]
     for name, table in tables.items():
-        if len(table):
-            _write_table(table, folder / name, index=False)
-            written.append(name)
-    for name, table in (files or {}).items():
-        _write_table(table, folder / name, index=True)
-        written.append(name)
+        named = table.index.name is not None
+        # Cells of undefined numbers are empty.
+        table.to_csv(folder / name, index=named, float_format="%.9g", lineterminator="\n")
     if setting:
         shown = {f"{n}.png": text for n, text in PICTURES.items() if f"{n}.png" in written}
         setting = replace(setting, pictures=shown)
@@ -105,7 +94,7 @@ def write_analysis(
 
 def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[str, Any]:
     """Return all metrics for a program; undefined numbers are null."""
-    rows = trials(analysis).to_dict("records")
+    rows = frames.trials(analysis).to_dict("records")
     content = {
         "shift": {"kind": analysis.shift.kind, "seconds": analysis.shift.seconds},
         "confidence": CONFIDENCE,
@@ -123,7 +112,7 @@ def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[st
             for row, trial in zip(rows, analysis.trials, strict=True)
         ],
         "latency_edges_s": LATENCY_EDGES.tolist(),
-        "groups": groups(analysis).to_dict("records"),
+        "groups": frames.groups(analysis).to_dict("records"),
         "paper": {
             "nrmse_percent": [
                 {"surface": surface, "controller": controller, "value": value}
@@ -143,8 +132,8 @@ def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[st
 
 def signal_table(segment: Segment) -> pd.DataFrame:
     """Read the signals of a trial again, by time in s, under names with units."""
-    whole = read_segment(segment.bag, segment.number)
-    frame = segment_signals(whole).rename(columns=SIGNAL_COLUMNS)
+    whole = frames.read_segment(segment.bag, segment.number)
+    frame = frames.segment_signals(whole).rename(columns=SIGNAL_COLUMNS)
     actual = actual_acceleration(whole)
     if actual is not None:
         frame["actual_acceleration_m_s2"] = actual
@@ -165,19 +154,13 @@ def defined(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _write_table(table: pd.DataFrame, file: Path, index: bool) -> None:
-    """Write a frame as CSV; cells of undefined numbers are empty."""
-    table.to_csv(file, index=index, float_format="%.9g", lineterminator="\n")
-
-
 def _plots(analysis: Analysis) -> dict[str, Figure]:
     """Return the plots by name, as far as there is something to draw."""
-    drawn = {}
+    drawn: dict[str, Figure] = {}
     portraits = _typical(analysis)
     if portraits:
-        drawn["fig9_time"] = plots.time_traces(portraits)
-        drawn["fig10_regression"] = plots.regressions(portraits)
-        drawn["fig11_spectra"] = plots.amplitude_spectra(portraits)
+        draw = (plots.time_traces, plots.regressions, plots.amplitude_spectra)
+        drawn |= {name: one(portraits) for name, one in zip(PICTURES, draw, strict=True)}
     errors = _band_errors(analysis)
     if any(errors.values()):
         drawn["bands"] = plots.band_errors(errors)
@@ -194,23 +177,22 @@ def _plots(analysis: Analysis) -> dict[str, Figure]:
 def _typical(analysis: Analysis) -> dict[tuple[str, str], plots.Portrait]:
     """Return of each condition the trial nearest the median error, as far as there is room."""
     known = [trial for trial in analysis.trials if trial.portrait]
-    conditions = list(by_condition(trials(replace(analysis, trials=known))))
+    conditions = list(frames.by_condition(frames.trials(replace(analysis, trials=known))))
     controllers = list(dict.fromkeys(c for (c, _), _ in conditions))[:MOST_CONTROLLERS]
     surfaces = list(dict.fromkeys(s for (_, s), _ in conditions))[:MOST_SURFACES]
     found = {}
     for (controller, surface), own in conditions:
-        if controller in controllers and surface in surfaces:
-            middle = own.sort_values("nrmse_percent", kind="stable").index[(len(own) - 1) // 2]
-            portrait = known[middle].portrait
-            assert portrait
+        middle = own.sort_values("nrmse_percent", kind="stable").index[(len(own) - 1) // 2]
+        portrait = known[middle].portrait
+        if portrait and controller in controllers and surface in surfaces:
             found[controller, surface] = portrait
     return found
 
 
 def _band_errors(analysis: Analysis) -> dict[str, dict[str, Interval]]:
     """Return the error by controller and band over all its surfaces, in percent."""
-    found = groups(analysis)
-    columns = {name: band_column(name) for name in band_names(analysis)}
+    found = frames.groups(analysis)
+    columns = {name: frames.band_column(name) for name in frames.band_names(analysis)}
     errors = {}
     for controller in dict.fromkeys(found.controller):
         own = found[found.controller == controller]

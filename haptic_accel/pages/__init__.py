@@ -5,7 +5,9 @@ The plots are drawn by uPlot (MIT), which is here whole because a page must not 
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import jinja2
 
@@ -33,3 +35,9 @@ def template(name: str) -> jinja2.Template:
         lstrip_blocks=True,
     )
     return environment.get_template(name)
+
+
+def write(file: Path, name: str, **content: Any) -> None:
+    """Write a page from its template and content, with the time as ``when``."""
+    page = template(name).render(content, when=datetime.now().astimezone())
+    file.write_text(page, encoding="utf-8", errors="replace")
