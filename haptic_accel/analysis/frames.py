@@ -59,7 +59,7 @@ def load(*paths: Path | str, shift: str = "paper", perceptual: bool = True) -> A
     Raises
     ------
     ParameterError
-        A place does not exist or has no bag, or the shift is none.
+        A place does not exist or has no bag, or the shift is malformed.
     """
     return analyse([Path(p) for p in paths], Shift.read(shift), perceptual=perceptual)
 

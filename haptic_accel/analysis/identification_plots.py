@@ -156,7 +156,7 @@ def _thinned(response: FrequencyResponse) -> FrequencyResponse:
 def _unwrapped(frequency: FloatArray, response: ComplexArray) -> FloatArray:
     """Return a smooth response's phase without jumps, degrees, shape (n,).
 
-    Whole turns say nothing: all models are near zero where the handle is a mass.
+    Whole turns carry no information: all models are near zero where the handle is a mass.
     """
     phase = np.unwrap(np.angle(response)) * DEGREES
     middle = min(int(np.searchsorted(frequency, MASS_LIKE)), len(phase) - 1)

@@ -220,7 +220,7 @@ def explained(found: Identification) -> str:
         return (
             "The pooled fit is a compromise between the grips: it leaves"
             f" {100 * found.fit.relative_residual:.2g} % of the response, as root mean square, and"
-            " its standard errors tell how the grips differ, not how noisy the data is."
+            " its standard errors show how the grips differ, not how noisy the data is."
         )
     sentence = (
         f"The fit leaves {residual:.3g} times the scatter of the data, or"

@@ -129,7 +129,7 @@ def _digest(segment: Segment) -> bytes:
 
 
 def _names(bags: Sequence[Path]) -> list[str]:
-    """Return for each bag the shortest name that tells it from all others."""
+    """Return for each bag the shortest name that distinguishes it from all others."""
     counts = Counter(bag.name for bag in bags)
     common = os.path.commonpath([bag.resolve().parent for bag in bags] or [Path()])
     return [

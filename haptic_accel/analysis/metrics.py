@@ -40,7 +40,7 @@ LATENCY_EDGES = np.geomspace(1e-5, 1.0, 101)
 PAPER_SHIFT, MEASURED_SHIFT = "paper", "measured"
 
 MOST_SHIFT = 100.0
-"""Largest shift that may be asked for, ms."""
+"""Largest shift that is allowed, ms."""
 
 
 @dataclass(frozen=True)
@@ -287,7 +287,7 @@ def _compared(
     perceptual: bool,
     notes: list[str],
 ) -> _Comparison:
-    """Compare two accelerations; say in the notes why that cannot be done."""
+    """Compare two accelerations; add the reason to the notes where that is impossible."""
     try:
         delay = estimate_delay(desired, actual, rate)
         seconds = shift.of(rate, delay)

@@ -31,7 +31,7 @@ PIECE = 10.0
 short enough not to fill the memory."""
 
 SILENT = 1e-9
-"""RMS below which a signal is none, m/s^2."""
+"""RMS below which a signal counts as zero, m/s^2."""
 
 MISSING = "ST-SIM and SPQI need the library vibromaf: pip install 'haptic_accel[perceptual]'"
 
@@ -69,7 +69,7 @@ def perceive(desired: FloatArray, actual: FloatArray, rate: float) -> Perception
     -------
     Perception
         The mean over pieces of about `PIECE`; without scores where the library is not installed,
-        the desired acceleration is silent, or there is less than one block.
+        the desired acceleration is zero, or there is less than one block.
     """
     try:
         from vibromaf.metrics.spqi import spqi  # type: ignore[import-untyped]

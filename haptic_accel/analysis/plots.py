@@ -47,7 +47,7 @@ PURPLE, SKY, GREY = "#cc79a7", "#56b4e9", "#444444"
 
 BARS = (BLUE, ORANGE, GREEN, PURPLE, SKY, GREY)
 HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "--")
-"""Colours of bars, and hatches that tell them apart without colour."""
+"""Colours of bars, and hatches that distinguish them without colour."""
 
 PALE_GRIPS = ("#c3c8cd", "#f3cf85", "#a6d9f7", "#e9c3d8")
 DARK_GRIPS = ("#4d545b", "#a87400", "#1f7fb4", "#99447a")
@@ -57,7 +57,7 @@ SHADE, LINE, BLACK = "#e4e7ea", "#999999", "#000000"
 """Colours of an area that is left out, of its bounds, and of models that hide no data."""
 
 DASHES = ("-", "--", "-.", ":")
-"""Dashes of lines that are told apart without colour."""
+"""Dashes that distinguish lines without colour."""
 
 Style = dict[str, Any]
 """Look of a line, in matplotlib's words."""
@@ -320,7 +320,7 @@ def save(plots: Mapping[str, Figure], folder: Path) -> Iterator[str]:
 def frequency_axis(
     panel: Axes, low: float, high: float, ticks: Sequence[float] = _TICKS, ends: bool = False
 ) -> None:
-    """Make x a logarithmic frequency axis, Hz, with ticks at its `ends` too if asked for."""
+    """Make x a logarithmic frequency axis, Hz, with ticks at its `ends` too if these are set."""
     panel.set_xscale("log")
     if ends:
         # Marks at the ends are seen whole, and no other tick is written over theirs.
@@ -375,8 +375,8 @@ def _panels(
 ) -> tuple[Figure, dict[tuple[str, str], Axes]]:
     """Lay out a panel for each controller and surface, as wide as the text of a paper.
 
-    Above are the legend and the columns' names. Panels without a portrait say so. They are laid
-    out by hand because matplotlib's layout engines draw everything twice.
+    Above are the legend and the columns' names. Panels without a portrait are labelled so. The
+    layout is computed here because matplotlib's layout engines draw everything twice.
 
     Parameters
     ----------

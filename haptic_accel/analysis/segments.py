@@ -311,7 +311,7 @@ def _changed(before: Condition, change: Change, known: _Known) -> Condition:
         return replace(before, **{field: str(change.value)})
     value = known.slave.get(change.parameter, change.value)
     is_other = change.node == "slave_device" and change.parameter.startswith(_SURFACE)
-    # Of a surface changed as a whole, all fields but the name say nothing more.
+    # Where a surface is replaced as a whole, its name is known and the other fields add nothing.
     if is_other and change.value != value and before.surface == known.condition.surface:
         return replace(before, surface=before.surface + ALTERED)
     return before

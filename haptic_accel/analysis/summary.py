@@ -14,7 +14,7 @@ from haptic_accel.analysis.plots import number, percent
 
 
 def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[str]:
-    """Return what is worth knowing first, a sentence or two each."""
+    """Return the main results as sentences, one or two to each subject."""
     if not analysis.trials:
         return [f"Nothing could be determined from {_many(analysis.bags, 'bag')}."]
     frame = trials(analysis)

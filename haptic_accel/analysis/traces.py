@@ -154,7 +154,7 @@ def enclosing(inner: slice, size: int, samples: int) -> slice:
 def sampled(size: int, most: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     """Return the indices of at most so many of a cloud's points.
 
-    They are drawn by lot, from a fixed seed, because every n-th would beat with a periodic
+    They are drawn at random, from a fixed seed, because every n-th would alias a periodic
     signal.
     """
     if size <= most:

@@ -203,7 +203,7 @@ class BagFiles:
 
     @property
     def _tallies(self) -> dict[str, Tally]:
-        """What is saved in each file, by name."""
+        """Counts of the messages saved in each file, by its name."""
         file = self._file
         return self._finished | ({file.path.name: file.kept} if file else {})
 

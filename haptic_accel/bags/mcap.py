@@ -335,14 +335,14 @@ def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
 
 
 def _tally(statistics: bytes) -> Tally:
-    """Return what a statistics record says of a file's messages."""
+    """Return the number and times of messages in a statistics record."""
     messages, *_, start, end, size = _STATISTICS_HEADER.unpack_from(statistics)
     counts = Counter(dict(_COUNT.iter_unpack(statistics[_STATISTICS_HEADER.size :][:size])))
     return Tally(counts, start, end) if messages else Tally()
 
 
 def _entries(index: bytes) -> Entries:
-    """Return what a message index record says of the chunk before it."""
+    """Return the places of one channel's messages in a message index record."""
     number, length = struct.unpack_from("<HI", index)
     return {number: _pair(np.frombuffer(index, _ENTRY, length // _ENTRY.itemsize, 6))}
 

@@ -213,7 +213,7 @@ def _blocks(source: Path, problems: list[str], custom: dict[str, str]) -> Iterat
 
 
 def _foreign_blocks(source: Path) -> Iterator[Block]:
-    """Yield the messages of a bag of another form than ours, by topic."""
+    """Yield the messages of a bag that is not made of plain MCAP files, by topic."""
     rows: dict[tuple[str, str], list[tuple[int, bytes]]] = defaultdict(list)
     try:
         with Reader(source) as reader:

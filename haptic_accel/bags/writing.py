@@ -210,7 +210,7 @@ class BagWriter:
                 del stamps[:-1]
 
     def _forget_stamps(self) -> None:
-        """Count up to here: what comes does not follow what came."""
+        """Count up to here: later stamps do not continue the earlier ones."""
         self._count_missing()
         for stamps in self._stamps.values():
             stamps.clear()

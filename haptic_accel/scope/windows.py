@@ -328,8 +328,8 @@ def held(stamps: IntArray, values: FloatArray, moments: IntArray, rate: float) -
     if not len(stamps):
         return np.zeros(len(moments))
     newest = np.searchsorted(stamps, moments + int(half_period(rate)), "right") - 1
-    alive = (newest >= 0) & (moments - stamps[newest] <= HELD * NANOSECONDS)
-    return np.where(alive, values[newest], 0.0)
+    is_held = (newest >= 0) & (moments - stamps[newest] <= HELD * NANOSECONDS)
+    return np.where(is_held, values[newest], 0.0)
 
 
 def paired(

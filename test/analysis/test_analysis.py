@@ -1,4 +1,4 @@
-"""From bags to figures: known answers, groups, pairs, and what bags lack."""
+"""From bags to metrics: known answers, groups, pairs, and what bags lack."""
 
 from __future__ import annotations
 

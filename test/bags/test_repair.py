@@ -177,7 +177,7 @@ while True:
     put(bytes(100))
     if bag.files.bytes and not bag.files.trouble:
         print("recording", flush=True)
-        bag.files.trouble = "told"
+        bag.files.trouble = "reported"
     time.sleep(0.001)
 """
 

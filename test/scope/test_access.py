@@ -1,4 +1,4 @@
-"""Who may look and act, told by what a request says of itself."""
+"""Access by host, origin and token of a request."""
 
 from __future__ import annotations
 

@@ -256,7 +256,7 @@ def test_a_token_is_asked_for_everywhere_and_moves_into_a_cookie(started: Starte
     async def use(session: aiohttp.ClientSession) -> None:
         with pytest.raises(aiohttp.WSServerHandshakeError):
             await session.ws_connect(bare.with_path("/live"), headers=origin(bare))
-        # A page on an address of numbers: aiohttp keeps such cookies only when told to.
+        # A page on an address of numbers: aiohttp keeps such cookies only when set to.
         async with session.get(bare.with_query(token=TOKEN), allow_redirects=False) as answer:
             assert answer.status == 303
             assert answer.headers["Location"] == "/"
