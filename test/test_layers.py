@@ -197,11 +197,7 @@ def test_files_and_folders_of_a_folder_make_no_circle(folder: str) -> None:
 
 def loaded_by(statements: str) -> set[str]:
     """Return the modules that a fresh Python has loaded after it ran some statements."""
-    script = (
-        f"import json, os, sys; before = dict(os.environ)\n{statements}\n"
-        "assert dict(os.environ) == before, 'the environment was changed'\n"
-        "print(json.dumps(sorted(sys.modules)))"
-    )
+    script = f"import json, os, sys\n{statements}\nprint(json.dumps(sorted(sys.modules)))"
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=False
     )
@@ -212,7 +208,10 @@ def loaded_by(statements: str) -> set[str]:
 def test_reading_bags_needs_neither_ros_nor_nodes_and_leaves_the_environment() -> None:
     rooms = {"core", "bags", "analysis"}
     wanted = sorted(module for module in MODULES if room(module) in rooms)
-    loaded = loaded_by(f"import {', '.join(wanted)}")
+    loaded = loaded_by(
+        f"before = dict(os.environ); import {', '.join(wanted)}\n"
+        "assert dict(os.environ) == before, 'the environment was changed'"
+    )
     assert {name for name in loaded if within(name, f"{PACKAGE}.nodes")} == set()
     assert {name for name in loaded if name.split(".")[0] in ROS} == set()
 
@@ -222,3 +221,11 @@ def test_the_package_alone_loads_nothing_else() -> None:
     heavy = {"numpy", "scipy", "pandas", "matplotlib", "rosbags", "importlib.metadata"}
     assert loaded & heavy == set()
     assert {name for name in loaded if within(name, PACKAGE)} == {PACKAGE}
+
+
+@pytest.mark.parametrize(
+    "module", ["graph.processes", "nodes.master_device", "nodes.coupler", "nodes.recorder"]
+)
+def test_a_graph_starts_without_what_takes_long_to_load(module: str) -> None:
+    loaded = loaded_by(f"import {PACKAGE}.{module}")
+    assert loaded & {"scipy.signal", "scipy.stats", "scipy.optimize", "pandas"} == set()

@@ -7,6 +7,7 @@ import os
 import platform
 import re
 from collections.abc import Mapping
+from functools import cache
 from importlib import metadata
 from typing import Any
 
@@ -77,6 +78,7 @@ def host() -> dict[str, Any]:
     }
 
 
+@cache
 def ros_distro() -> str:
     """Return the ROS 2 distribution of the environment, or that of the wheels installed."""
     wheels = (

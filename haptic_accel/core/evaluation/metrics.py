@@ -13,7 +13,6 @@ from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
-from scipy import signal
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -246,6 +245,9 @@ def spectra(desired: FloatArray, actual: FloatArray, rate: float) -> Spectra:
     quarter = len(desired) // _FEWEST_SEGMENTS
     segment = min(max(math.ceil(SEGMENT_SECONDS * rate), 4), quarter)
     first, second = _without_mean(desired), _without_mean(actual)
+    # Loading it takes a second, which a node that never evaluates does without.
+    from scipy import signal
+
     frequency, power_desired = signal.welch(first, rate, nperseg=segment)
     _, power_actual = signal.welch(second, rate, nperseg=segment)
     _, cross = signal.csd(first, second, rate, nperseg=segment)
