@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rclpy
@@ -54,15 +54,21 @@ class Observer:
         """Wait until a latched state has a value."""
         self.watch(topic)(lambda message: message.data is state)
 
-    def status(self, node: str, said: str = "") -> dict[str, str]:
-        """Return the values of a node's next diagnostics whose message has a text in it."""
+    def status(
+        self, node: str, said: str = "", least: Mapping[str, int] | None = None
+    ) -> dict[str, str]:
+        """Return the values of a node's next diagnostics whose message has a text in it.
+
+        With `least` they are the first in which counters have reached these values.
+        """
         found: dict[str, str] = {}
 
         def wanted(message: Any) -> bool:
             for status in message.status:
                 if status.name == node and said in status.message:
                     found.update((pair.key, pair.value) for pair in status.values)
-            return bool(found)
+            reached = (int(found.get(key, 0)) >= count for key, count in (least or {}).items())
+            return bool(found) and all(reached)
 
         self.watch(DIAGNOSTICS)(wanted)
         return found

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -223,6 +224,7 @@ def test_the_package_alone_loads_nothing_else() -> None:
     assert {name for name in loaded if within(name, PACKAGE)} == {PACKAGE}
 
 
+@pytest.mark.skipif(find_spec("rclpy") is None, reason="ROS 2 is not installed")
 @pytest.mark.parametrize(
     "module", ["graph.processes", "nodes.master_device", "nodes.coupler", "nodes.recorder"]
 )

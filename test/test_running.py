@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from running import StallWatch, reserved_domain
+from running import StallWatch, processes_of, reserved_domain, wait_until
 
 HERE = Path(__file__).parent
 
@@ -37,6 +37,8 @@ def test_a_domain_in_which_something_runs_is_left_alone(monkeypatch: pytest.Monk
     environment = os.environ | {"ROS_DOMAIN_ID": "1"}
     with subprocess.Popen(["sleep", "60"], env=environment) as stranger:
         try:
+            # The kernel shows the environment of a new process a moment after its start.
+            wait_until(lambda: any(processes_of(1)), "the stranger is seen")
             for _ in range(5):
                 with reserved_domain() as number:
                     assert number == 2

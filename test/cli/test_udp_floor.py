@@ -4,9 +4,11 @@ import itertools
 import math
 import multiprocessing
 import os
+import re
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -25,6 +27,15 @@ if __name__ == "__main__":
 def compensators(domain: int) -> Iterator[int]:
     """Yield the process ids of second processes with a test's environment."""
     return (pid for pid, words in processes_of(domain) if any("spawn_main" in w for w in words))
+
+
+def at_work(pid: int) -> bool:
+    """Return True once a second process has left Ctrl-C to the first, its first action."""
+    with suppress(FileNotFoundError):
+        status = Path(f"/proc/{pid}/status").read_text()
+        ignored = int(re.findall(r"^SigIgn:\s*(\w+)", status, re.MULTILINE)[0], 16)
+        return bool(ignored & 1 << signal.SIGINT - 1)
+    return False
 
 
 def test_every_sample_arrives_and_has_an_age(domain: int) -> None:
@@ -68,7 +79,7 @@ def test_nothing_is_left_when_the_caller_is_stopped(
 ) -> None:
     (tmp_path / "call.py").write_text(CALL)
     caller = start("call.py")
-    wait_until(lambda: any(compensators(domain)), "the second process runs")
+    wait_until(lambda: any(map(at_work, compensators(domain))), "the second process works")
     assert caller.end(number) != 0
     wait_until(lambda: not any(compensators(domain)), "it has ended")
     # Ctrl-C is an exception of the caller's, as everywhere in Python.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bag_maker import NANOSECONDS, write_bag
-from haptic_accel.bags.reading import Bag, Signal, read_bag
+from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.topics import Topic
 from running import Command
@@ -18,12 +18,13 @@ from running import Command
 Start = Callable[..., Command]
 
 RATE = 200.0
-"""Of what is played, Hz: a busy machine then rarely misses a sample."""
+"""Rate of what is played, Hz: a busy machine then rarely misses a sample."""
 
-SECONDS = 2.0
+SECONDS = 3.0
+"""Length of what is played, s."""
 
 MEMORY = 0.3
-"""After which the paper's high-pass has forgotten a lost sample but for some 1e-5, s."""
+"""Time after which the paper's high-pass has forgotten a lost sample but for some 1e-5, s."""
 
 
 def tool_acceleration() -> np.ndarray:
@@ -47,30 +48,31 @@ def bag(tmp_path: Path) -> Path:
     return write_bag(tmp_path / "played", rows, RATE)
 
 
-def on_bag(stamps: np.ndarray, found: Signal, values: np.ndarray) -> np.ndarray:
-    """Return which sample of the bag each moved stamp belongs to, by the first that is moving."""
-    moving = np.flatnonzero(found.values[:, 2])[0]
-    sample = np.flatnonzero(values == found.values[moving, 2])[0]
-    steps = (stamps - found.stamps[moving]) * RATE / NANOSECONDS
-    return np.rint(steps).astype(int) + int(sample)
-
-
 def desired_by_sample(recorded: Bag) -> dict[int, float]:
     """Return the desired acceleration by sample of the bag, where nothing was lost before."""
+    played = {value: place for place, value in enumerate(tool_acceleration().tolist()) if value}
     tool = recorded.signals[topics.TOOL_ACCELERATION.name]
-    desired = recorded.signals[topics.DESIRED_ACCELERATION.name]
-    values = tool_acceleration()
-    places = on_bag(tool.stamps, tool, values)
-    inside = (places >= 0) & (places < len(values))
-    # What was played is what was recorded, to the last bit.
-    assert np.array_equal(tool.values[inside, 2], values[places[inside]])
-    whole = set(places.tolist())
-    of_desired = on_bag(desired.stamps, tool, values)
-    memory = round(MEMORY * RATE)
+    rows = list(zip(tool.stamps.tolist(), tool.values[:, 2].tolist(), strict=True))
+    stamps: dict[int, int] = {}
+    for stamp, value in rows:
+        if value in played:
+            stamps.setdefault(played[value], stamp)
+    # What was played is what was recorded, to the last bit, until the device fades out.
+    last = max(stamps.values())
+    assert all(value in played for stamp, value in rows if value and stamp <= last)
+    signal = recorded.signals[topics.DESIRED_ACCELERATION.name]
+    desired = dict(zip(signal.stamps.tolist(), signal.values[:, 2].tolist(), strict=True))
+    period, memory = NANOSECONDS / RATE, round(MEMORY * RATE)
+
+    def follows(place: int) -> bool:
+        """Return True if a sample came one period after the one before it."""
+        return abs(stamps[place] - stamps.get(place - 1, 0) - period) < period / 2
+
     return {
-        place: value
-        for place, value in zip(of_desired.tolist(), desired.values[:, 2], strict=True)
-        if place < len(values) and whole.issuperset(range(place - memory + 1, place + 1))
+        place: desired[stamp]
+        for place, stamp in stamps.items()
+        if stamp in desired
+        and all(each in stamps and follows(each) for each in range(place - memory, place + 1))
     }
 
 
