@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from running import Command
+from verbs import refusal
 
 Start = Callable[..., Command]
 KEYS = {
@@ -30,12 +31,13 @@ def figures(file: Path) -> list[dict[str, Any]]:
 
 
 @pytest.mark.quiet
-def test_lockstep_gives_the_nine_conditions_twice_the_same(
+def test_lockstep_gives_the_nine_conditions_and_again_the_same(
     haptic_accel: Start, tmp_path: Path
 ) -> None:
     words = ["experiment", "--lockstep", "duration:=2", "seed:=5"]
-    for name in ("a", "b"):
-        command = haptic_accel(*words, "--json", f"{name}.json", "--out", name)
+    for name, chosen in (("a", "none,constant,dynamic"), ("b", "dynamic")):
+        options = ("--controllers", chosen, "--json", f"{name}.json", "--out", name)
+        command = haptic_accel(*words, *options)
         assert command.end() == 0, command.text
     conditions = figures(tmp_path / "a.json")
     assert [(c["surface"], c["controller"]) for c in conditions] == [
@@ -46,34 +48,32 @@ def test_lockstep_gives_the_nine_conditions_twice_the_same(
     for condition in conditions:
         assert set(condition) == KEYS
         assert condition["seconds"] == 2.0
-    assert conditions == figures(tmp_path / "b.json")
+    assert conditions[2::3] == figures(tmp_path / "b.json")
     for name in ("index.html", "fig9_time.png", "fig10_regression.png", "fig11_spectra.png"):
         assert (tmp_path / "a" / name).stat().st_size > 1000
-    assert "69.8" in command.text  # the paper's plywood with constant gain, beside ours
+    assert "65.1" in command.text  # the paper's plywood with dynamic gain, beside ours
     assert f"report: {Path('b') / 'index.html'}" in command.text
 
 
 @pytest.mark.quiet
 def test_analysing_the_bags_gives_the_same_numbers(haptic_accel: Start, tmp_path: Path) -> None:
     words = ("--lockstep", "duration:=2", "--controllers", "constant,dynamic")
-    for surface in ("text", "vinyl"):
-        options = ("--json", f"{surface}.json", "--out", f"out/{surface}")
-        command = haptic_accel("experiment", *words, f"surface:={surface}", *options)
-        assert command.end() == 0, command.text
+    command = haptic_accel("experiment", *words, "--json", "first.json", "--out", "out")
+    assert command.end() == 0, command.text
     command = haptic_accel("analyze", "out", "--json", "all.json", "--out", "again")
     assert command.end() == 0, command.text
     content = json.loads((tmp_path / "all.json").read_text())
     assert content["problems"] == {}
     again = {(t["surface"], t["controller"]): t for t in content["trials"]}
-    assert len(again) == 4
-    for surface in ("text", "vinyl"):
-        for condition in figures(tmp_path / f"{surface}.json"):
-            trial = again[surface, condition["controller"]]
-            for name in KEYS - {"seed"}:
-                assert condition[name] == trial[name], name
-            assert condition["seconds"] == 2.0
+    assert len(again) == 6
+    for condition in figures(tmp_path / "first.json"):
+        trial = again[condition["surface"], condition["controller"]]
+        for name in KEYS - {"seed"}:
+            assert condition[name] == trial[name], name
+        assert condition["seconds"] == 2.0
 
 
+@pytest.mark.quiet
 def test_seeds_are_users_and_a_rig_can_be_chosen(haptic_accel: Start, tmp_path: Path) -> None:
     words = ["experiment", "--lockstep", "duration:=2", "surface:=text", "seed:=3"]
     for rig in ("ideal", "paper"):
@@ -124,7 +124,7 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
 
 @pytest.mark.quiet
 def test_ctrl_c_reports_what_was_done(haptic_accel: Start, tmp_path: Path, domain: int) -> None:
-    command = haptic_accel("experiment", "--lockstep", "duration:=60", "--out", "report")
+    command = haptic_accel("experiment", "--lockstep", "duration:=15", "--out", "report")
     command.wait_for("2 of 9")
     assert command.end(signal.SIGINT) == 130, command.text
     assert "Traceback" not in command.text
@@ -162,11 +162,8 @@ def test_a_recording_is_the_input_of_all_controllers(haptic_accel: Start, tmp_pa
         (["--json", "no/such/folder.json"], "json"),
     ],
 )
-@pytest.mark.quiet
+@pytest.mark.usefixtures("here")
 def test_wrong_arguments_end_in_one_line_before_anything_runs(
-    haptic_accel: Start, words: list[str], named: str
+    words: list[str], named: str
 ) -> None:
-    command = haptic_accel("experiment", "--lockstep", *words)
-    assert command.end() == 2, command.text
-    assert len(command.lines) == 1, command.text
-    assert named in command.text
+    assert named in refusal("experiment", "--lockstep", *words)

@@ -10,6 +10,7 @@ import pytest
 from haptic_accel.cli.fidelity import SPREAD, Case, Input, hand, run_case
 from haptic_accel.core.model import HandleParameters
 from running import Command
+from verbs import refusal
 
 Start = Callable[..., Command]
 ROW = {
@@ -100,11 +101,6 @@ def test_hands_lie_within_their_spread_and_are_the_same_again() -> None:
         (["--json", "no/such/folder.json"], "json"),
     ],
 )
-@pytest.mark.quiet
-def test_what_cannot_be_is_refused_in_one_line(
-    haptic_accel: Start, words: list[str], named: str
-) -> None:
-    command = haptic_accel("bench", "fidelity", *words)
-    assert command.end() == 2, command.text
-    assert len(command.lines) == 1, command.text
-    assert named in command.text
+@pytest.mark.usefixtures("here")
+def test_what_cannot_be_is_refused_in_one_line(words: list[str], named: str) -> None:
+    assert named in refusal("bench", "fidelity", *words)
