@@ -17,7 +17,7 @@ from haptic_accel.cli.bench import MEBI
 from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import StopOnSignal, progress_bar, run_to_end
+from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
@@ -100,7 +100,7 @@ def memory(words: Sequence[str], *, seconds: float, json_file: Path | None) -> i
     arguments = parse_arguments(words)
     with (
         tempfile.TemporaryDirectory() as folder,
-        StopOnSignal() as stop,
+        stop_on_signal() as stop,
         progress_bar() as bar,
     ):
         bag = arguments.bag or str(Path(folder) / "bag")

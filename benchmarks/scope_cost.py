@@ -25,7 +25,7 @@ from haptic_accel.cli.bench import Metrics, Usage
 from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import StopOnSignal, run_to_end
+from haptic_accel.cli.running import run_to_end, stop_on_signal
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
@@ -139,7 +139,7 @@ def scope_cost(
     arguments = _arguments(words, seconds, rounds)
     shown = replace(arguments, scope=True, scope_port=0)
     runs: dict[str, list[Metrics]] = {"without": [], "with": []}
-    with StopOnSignal() as stop:
+    with stop_on_signal() as stop:
         for index in range(rounds):
             for name, given in (("without", arguments), ("with", shown)):
                 print(f"round {index + 1} of {rounds}: {name} the scope", file=sys.stderr)

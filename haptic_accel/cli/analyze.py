@@ -2,21 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
+import pandas as pd
 from rich.console import Console
 
-from haptic_accel.analysis.comparison import RUNS, check_comparison, compared
+from haptic_accel.analysis import frames
+from haptic_accel.analysis.comparison import RUNS, Comparison, check_comparison, compared
 from haptic_accel.analysis.loading import Analysis, analyse, find_bags
-from haptic_accel.analysis.metrics import Shift
+from haptic_accel.analysis.metrics import METRICS, Shift
+from haptic_accel.analysis.plots import number
+from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.writing import as_json, write_analysis, write_json
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, Verb, json_option, out_option
 from haptic_accel.cli.output import results_folder
 from haptic_accel.cli.running import progress_bar
-from haptic_accel.cli.tables import print_analysis
-from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.cli.tables import print_table
+
+SHOWN = (
+    "slope_desired_on_actual",
+    "slope_actual_on_desired",
+    "r2",
+    "delay_ms",
+    "st_sim",
+    "spqi",
+    "force_rms_N",
+    "travel_mm",
+    "latency_p99_us",
+)
+"""Metrics of the second table, by controller over all its trials."""
 
 
 @click.command(
@@ -63,7 +80,7 @@ def analyze(
     perceptual: bool,
     out: Path | None,
     json_file: Path | None,
-) -> int:
+) -> None:
     """Analyse bags, grouped by controller and surface.
 
     Takes any number of bags, or folders with bags. Prints Table II, and writes a page, plots
@@ -75,29 +92,66 @@ def analyze(
     for place in places:
         find_bags(place)
     folder = results_folder(out)
-    console = Console()
-    analysis = _analysed(places, chosen, perceptual, console)
+    with progress_bar(Console()) as progress:
+        bar = progress.add_task("", total=None)
+
+        def begun(done: int, total: int, name: str) -> None:
+            label = f"{done} of {total}: {name}"
+            progress.update(bar, completed=done, total=total, description=label)
+
+        analysis = analyse(places, chosen, perceptual=perceptual, begun=begun)
+        progress.update(bar, completed=analysis.bags, description="bags")
     found = compared(analysis, comparison, places) if comparison else None
     page = write_analysis(analysis, folder, found)
     if json_file:
         write_json(as_json(analysis, found), json_file)
-    print_analysis(analysis, found, console)
-    console.print(f"report: {page}", soft_wrap=True, highlight=False)
-    return DONE if analysis.trials else FAILED
+    print_analysis(analysis, found, f"report: {page}")
+    if not analysis.trials:
+        raise StoppedError
 
 
-def _analysed(
-    places: Sequence[Path], shift: Shift, perceptual: bool, console: Console
-) -> Analysis:
-    """Analyse all bags, with a bar that says which and how long is left."""
-    with progress_bar(console) as progress:
-        bar = progress.add_task("", total=None)
+def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str) -> None:
+    """Print tables, sentences, what could not be determined, and further lines."""
+    if analysis.trials:
+        table = frames.table_two(frames.groups(analysis))
+        print_table(
+            ("controller", "trials", *table.columns),
+            (
+                (controller, str(table.counts[controller]), *map(_cell, cells))
+                for controller, cells in table.rows.items()
+            ),
+            title="Table II: error of the handle's acceleration, % (paper's in brackets)",
+            caption="± half of the 95 % interval",
+        )
+        print_table(
+            ("", *table.rows),
+            _means(frames.trials(analysis), list(table.rows)),
+            title="regression over all surfaces, and other metrics: means (paper's in brackets)",
+        )
+    console = Console()
+    for sentence in summary(analysis, comparison):
+        console.print(sentence, highlight=False, markup=False)
+    problems = [f"{name}: {line}" for name, lines in analysis.problems.items() for line in lines]
+    print(*problems, *last, sep="\n")
 
-        def begun(done: int, total: int, name: str) -> None:
-            progress.update(
-                bar, completed=done, total=total, description=f"{done} of {total}: {name}"
-            )
 
-        analysis = analyse(places, shift, perceptual=perceptual, begun=begun)
-        progress.update(bar, completed=analysis.bags, description="bags")
-    return analysis
+def _cell(cell: frames.Cell) -> str:
+    """Return an error, half its interval's width, and the paper's value behind it."""
+    shown = number(cell.value, 1)
+    if cell.low == cell.low:
+        shown += f" ± {number((cell.high - cell.low) / 2, 1)}"
+    return shown if cell.paper is None else f"{shown} ({cell.paper:.1f})"
+
+
+def _means(frame: pd.DataFrame, controllers: Sequence[str]) -> Iterator[list[str]]:
+    """Yield a row for each metric: its heading, and its mean under each controller."""
+    # The paper's averages are over its own surfaces.
+    paper = frames.PAPER_REGRESSION if set(frame.surface) == frames.PAPER_SURFACES else {}
+    means = frame.groupby("controller")[list(SHOWN)].mean()
+    for name in SHOWN:
+        published = paper.get(name, {})
+        yield [METRICS[name].heading] + [
+            number(means[name][controller], METRICS[name].digits)
+            + (f" ({published[controller]:.2f})" if controller in published else "")
+            for controller in controllers
+        ]

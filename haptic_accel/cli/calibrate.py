@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -12,27 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-import yaml
 
-from haptic_accel.cli.options import Verb, words
+from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.options import Verb, arguments
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError, like, parameter
-from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.devices import DeviceError
-from haptic_accel.devices.serial.calibration import (
-    Calibration,
-    CalibrationError,
-    calibrate,
-    rest,
-)
+from haptic_accel.devices.serial.calibration import Calibration, CalibrationError, calibrate, rest
 from haptic_accel.devices.serial.device import (
     HIGHEST_RATE,
     MISSING_LIBRARY,
     CalibrationParameters,
     PortParameters,
 )
-from haptic_accel.graph.words import parse_words
+from haptic_accel.graph.files import parameter_text
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.link import BoardLink
@@ -80,13 +72,12 @@ class CalibrateArguments(PortParameters):
         "haptic-accel calibrate port:=/dev/ttyACM0 side:=slave",
     ],
 )
-@words(CalibrateArguments)
-def calibrate_board(words: Sequence[str]) -> int:
+@arguments(CalibrateArguments)
+def calibrate_board(arguments: CalibrateArguments) -> None:
     """Measure an accelerometer behind a serial board with one axis up, then down.
 
     Writes its gain and offset as a parameter file for config:=FILE.
     """
-    arguments = parse_words(words, CalibrateArguments)
     if bool(arguments.port) == bool(arguments.usb_serial):
         raise ParameterError("port = '': must be given, or usb_serial, and not both")
     path = Path(arguments.file or f"calibration_{arguments.side}.yaml")
@@ -95,11 +86,9 @@ def calibrate_board(words: Sequence[str]) -> int:
     try:
         identity, found = _measured(arguments)
     except (DeviceError, CalibrationError) as error:
-        print(f"haptic-accel: {error}", file=sys.stderr)
-        return FAILED
+        raise StoppedError(str(error)) from None
     except EOFError:
-        print("haptic-accel: the input ended before both positions", file=sys.stderr)
-        return FAILED
+        raise StoppedError("the input ended before both positions") from None
     try:
         path.write_text(parameter_file(arguments, identity, found), encoding="utf-8")
     except OSError as error:
@@ -110,7 +99,6 @@ def calibrate_board(words: Sequence[str]) -> int:
         f" {found.offset:.1f} +- {found.offset_error:.1g} counts, noise {found.noise:.3f} m/s^2"
     )
     print(f"parameters: {path}, for config:={path}")
-    return DONE
 
 
 def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
@@ -143,10 +131,7 @@ def _collected(
     position: str, arguments: CalibrateArguments, link: BoardLink, counts: list[int]
 ) -> FloatArray:
     """Ask a person to hold the board, and return its samples from then on."""
-    print(
-        f"hold the {arguments.axis} axis {position}, firm and still, then press Enter", flush=True
-    )
-    input()
+    input(f"hold the {arguments.axis} axis {position}, firm and still, then press Enter\n")
     number = round(arguments.seconds * arguments.rate)
     deadline = time.monotonic() + arguments.seconds + ARRIVAL
     counts.clear()
@@ -159,9 +144,9 @@ def _collected(
 
 def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Calibration) -> str:
     """Return a ROS parameter file for ``config:=FILE``: the port and its calibration."""
-    where = {"port": arguments.port} if arguments.port else {"usb_serial": arguments.usb_serial}
+    port = "port" if arguments.port else "usb_serial"
     values: dict[str, Any] = {
-        **where,
+        port: getattr(arguments, port),
         "calibration": {
             "axis": arguments.axis,
             "offset": round(found.offset, 3),
@@ -169,13 +154,10 @@ def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Cal
             "board": identity.serial_number,
         },
     }
-    part: dict[str, Any] = (
-        {"serial": values} if arguments.device == SERIAL else {CAN_SERIAL: {"handle": values}}
-    )
-    content = {f"{arguments.side}_device": {"ros__parameters": part}}
+    part = values if arguments.device == SERIAL else {"handle": values}
+    nodes = {f"{arguments.side}_device": {arguments.device: part}}
     if arguments.side == MASTER:
-        actuator = {ACTUATOR: {"force_constant": arguments.force_constant}}
-        content["/**"] = {"ros__parameters": actuator}
+        nodes["/**"] = {ACTUATOR: {"force_constant": arguments.force_constant}}
     head = [
         f"Board {identity.serial_number}, {datetime.now():%Y-%m-%d %H:%M}, by gravity"
         f" (haptic-accel calibrate), {arguments.seconds:g} s in each position.",
@@ -185,4 +167,4 @@ def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Cal
     if arguments.side == MASTER:
         head.append("The force constant is the data sheet's.")
     comment = "".join(f"# {line}\n" for line in head)
-    return comment + yaml.safe_dump(content, sort_keys=False)
+    return comment + parameter_text(nodes)

@@ -16,7 +16,6 @@ from rclpy.validate_namespace import validate_namespace
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import FAILED
 from haptic_accel.nodes.graph_requests import SERVICES, GraphRequest, RequestError
 from haptic_accel.nodes.middleware import middleware_defaults
 
@@ -27,54 +26,41 @@ PATIENCE = 5.0
 class CallError(StoppedError):
     """A node does not answer, or refuses; the message is one line fit to be shown."""
 
-    def __init__(self, line: str) -> None:
-        super().__init__(FAILED, line)
 
-
-class Caller:
-    """Calls services of a graph.
+def send(node: Node, request: GraphRequest, patience: float = PATIENCE) -> str:
+    """Send a request to a graph and return the message of the node that answers.
 
     Parameters
     ----------
     node : Node
         Node of the caller, in the graph's namespace.
+    request : GraphRequest
+    patience : float
+        Time-out for the answer, s.
+
+    Raises
+    ------
+    CallError
+        The node does not answer, or refuses.
     """
-
-    def __init__(self, node: Node) -> None:
-        self.node = node
-
-    def send(self, request: GraphRequest, patience: float = PATIENCE) -> str:
-        """Send a request and return the node's message.
-
-        Parameters
-        ----------
-        request : GraphRequest
-        patience : float
-            Time-out for the answer, s.
-
-        Raises
-        ------
-        CallError
-            The node does not answer, or refuses.
-        """
-        client = self.node.create_client(SERVICES[request.service], request.service)
-        try:
-            if client.wait_for_service(PATIENCE):
-                future = client.call_async(request.content)
-                rclpy.spin_until_future_complete(self.node, future, timeout_sec=patience)
-                if future.done():
-                    return request.confirm(future.result())
-        except RequestError as error:
-            raise CallError(str(error)) from None
-        finally:
-            self.node.destroy_client(client)
-        name = self.node.resolve_service_name(request.node)
-        raise CallError(f"{name}: does not answer; is the graph running?")
+    client = node.create_client(SERVICES[request.service], request.service)
+    try:
+        if client.wait_for_service(PATIENCE):
+            future = client.call_async(request.content)
+            rclpy.spin_until_future_complete(node, future, timeout_sec=patience)
+            if future.done():
+                return request.confirm(future.result())
+    except RequestError as error:
+        raise CallError(str(error)) from None
+    finally:
+        node.destroy_client(client)
+    name = node.resolve_service_name(request.node)
+    raise CallError(f"{name}: does not answer; is the graph running?")
 
 
 @contextmanager
-def connected(namespace: str) -> Iterator[Caller]:
-    """Join the graph of a namespace while the context is entered.
+def connected(namespace: str) -> Iterator[Node]:
+    """Join the graph of a namespace with a node while the context is entered.
 
     Raises
     ------
@@ -92,7 +78,7 @@ def connected(namespace: str) -> Iterator[Caller]:
     rclpy.init(args=[])
     node = rclpy.create_node(f"haptic_accel_caller_{os.getpid()}", namespace=absolute)
     try:
-        yield Caller(node)
+        yield node
     finally:
         node.destroy_node()
         rclpy.try_shutdown()

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from haptic_accel.cli.options import Verb, words
+from haptic_accel.cli.options import Verb, arguments
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
-from haptic_accel.core.process import DONE
-from haptic_accel.graph.words import parse_words
 
 if TYPE_CHECKING:
     from haptic_accel.nodes.graph_requests import GraphRequest
@@ -51,34 +49,32 @@ class ControlArguments(Checked):
         "haptic-accel control engage:=false",
     ],
 )
-@words(ControlArguments)
-def control(words: Sequence[str]) -> int:
+@arguments(ControlArguments)
+def control(arguments: ControlArguments) -> None:
     """Change a graph while it runs.
 
     Switches to another controller, freezes or resets the adaptation, changes the simulated
     surface or grip, disengages or engages the arms.
     """
-    arguments = parse_words(words, ControlArguments)
     if replace(arguments, namespace="") == ControlArguments():
         settings = [name for name in schema(ControlArguments) if name != "namespace"]
         raise ParameterError(f"control: must be given one of {', '.join(settings)}")
     # ROS takes a while to import: wrong words are refused without it.
-    from haptic_accel.cli.calling import CallError, connected
+    from haptic_accel.cli.calling import CallError, connected, send
 
     requests = list(_requests(arguments))
     refused: list[str] = []
-    with connected(arguments.namespace) as graph:
+    with connected(arguments.namespace) as node:
         for request in requests:
             # A device is armed even if the other one refuses.
             if refused and not request.service.endswith("/arm"):
                 break
             try:
-                graph.send(request)
+                send(node, request)
             except CallError as error:
                 refused.append(str(error))
     if refused:
         raise CallError("; ".join(refused))
-    return DONE
 
 
 def _requests(arguments: ControlArguments) -> Iterator[GraphRequest]:

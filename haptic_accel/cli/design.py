@@ -8,11 +8,10 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
+from haptic_accel.cli.tables import print_table
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.interface import Loop
@@ -25,20 +24,17 @@ from haptic_accel.core.control.inversion import (
 )
 from haptic_accel.core.control.inversion.spectrum import ToolSpectrum
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE
 from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import RECORDING, GraphArguments, parse_arguments
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters
+from haptic_accel.graph.words import given_keys
 
 SHOWN = (10.0, 15.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 400.0)
 """Frequencies whose gain and phase are printed, Hz."""
 
 DESIGNED = ("inverse", "feedback", "adaptive")
 """Controllers that are designed for a plant."""
-
-DEGREES = 180 / np.pi
-"""Degrees per radian."""
 
 
 @click.command(
@@ -50,17 +46,14 @@ DEGREES = 180 / np.pi
 )
 @words(GraphArguments)
 @json_option
-def design(words: Sequence[str], json_file: Path | None) -> int:
+def design(words: Sequence[str], json_file: Path | None) -> None:
     """Design a controller for compensator.plant and print the prediction.
 
     Tracking error and its lower bound, force, travel, gain and phase, and margins of the
     feedback. With surface:=recording the spectrum of the recording replaces the expected one.
     """
-    given = [*words]
-    if not any(word.startswith("controller:=") for word in words):
-        given.append(f"controller:={DESIGNED[0]}")
-    arguments = parse_arguments(given)
-    name = arguments.controller
+    arguments = parse_arguments(words)
+    name = arguments.controller if "controller" in given_keys(words) else DESIGNED[0]
     if name not in DESIGNED:
         raise ParameterError(f"controller = {name!r}: must be one of {', '.join(DESIGNED)}")
     values = graph_parameters(arguments)
@@ -70,10 +63,7 @@ def design(words: Sequence[str], json_file: Path | None) -> int:
     spectrum: ToolSpectrum = parameters.texture
     if arguments.surface == RECORDING:
         samples = read_recording(
-            arguments.recording,
-            arguments.recording_rate,
-            loop.rate,
-            arguments.recording_column,
+            arguments.recording, arguments.recording_rate, loop.rate, arguments.recording_column
         )
         spectrum = measured_spectrum(samples, loop.rate)
     found = predict(parameters.filter(loop), loop.plant, spectrum)
@@ -85,7 +75,12 @@ def design(words: Sequence[str], json_file: Path | None) -> int:
         high_pass_frequency=loop.high_pass_frequency,
     )
     shown = _shown(found)
-    Console().print(_table(shown))
+    rows = [
+        (f"{frequency:g}", f"{gain:.3f}", f"{phase:+.1f}")
+        for frequency, gain, phase in zip(*shown.values(), strict=True)
+    ]
+    title = "handle over desired acceleration, after the granted delay"
+    print_table(("frequency (Hz)", "gain", "phase (degrees)"), rows, left=0, title=title)
     print(
         f"error {found.nrmse_percent:.1f} % (no causal linear filter below {bound:.1f} %),"
         f" force {found.force_rms:.2f} N RMS, travel {1e3 * found.travel_rms:.2f} mm RMS and"
@@ -106,24 +101,11 @@ def design(words: Sequence[str], json_file: Path | None) -> int:
         print(summary)
         metrics["feedback"] = summary.splitlines()
     save(metrics, json_file)
-    return DONE
 
 
 def _shown(found: Prediction) -> dict[str, list[float]]:
     """Return frequency, gain and phase where they are shown, below half the sampling rate."""
     frequencies = [frequency for frequency in SHOWN if frequency < found.frequency[-1]]
     nearest = [int(np.argmin(np.abs(found.frequency - frequency))) for frequency in frequencies]
-    return {
-        "frequency_hz": frequencies,
-        "gain": [float(found.gain[at]) for at in nearest],
-        "phase_deg": [float(found.phase[at]) * DEGREES for at in nearest],
-    }
-
-
-def _table(shown: dict[str, list[float]]) -> Table:
-    table = Table(title="handle over desired acceleration, after the granted delay")
-    for heading in ("frequency (Hz)", "gain", "phase (degrees)"):
-        table.add_column(heading, justify="right")
-    for frequency, gain, phase in zip(*shown.values(), strict=True):
-        table.add_row(f"{frequency:g}", f"{gain:.3f}", f"{phase:+.1f}")
-    return table
+    gain, phase = found.gain[nearest], np.degrees(found.phase[nearest])
+    return {"frequency_hz": frequencies, "gain": gain.tolist(), "phase_deg": phase.tolist()}

@@ -17,18 +17,16 @@ from pathlib import Path
 from typing import Literal
 
 import click
-from rich.console import Console
+import psutil
 from rich.markup import escape
-from rich.table import Table
 
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import Verb, json_option
 from haptic_accel.cli.output import save
-from haptic_accel.core.process import DONE, EXECUTOR, FAILED
+from haptic_accel.cli.tables import print_table
+from haptic_accel.core.process import EXECUTOR
 from haptic_accel.graph.files import config_folder
 from haptic_accel.nodes.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE
-
-SWAP = re.compile(r"^Swap(?:Total|Free):\s*(\d+) kB$", re.MULTILINE)
-"""Total and free swap space in /proc/meminfo."""
 
 LITTLE_SHARED_MEMORY = 32.0
 """Free shared memory below which the middleware may run out of it, MB."""
@@ -46,7 +44,6 @@ MUCH_TIMER_SLACK = 1000
 CAP_SYS_NICE = 23
 """Bit number of the capability, from linux/capability.h."""
 
-Level = Literal["ok", "warning", "problem"]
 COLOURS = {"ok": "green", "warning": "yellow", "problem": "red"}
 
 ADVICE = {
@@ -64,10 +61,7 @@ ADVICE = {
         "give it two cores or more: taskset, docker run --cpuset-cpus (instead of --cpus), or the"
         " settings of the virtual machine",
     ),
-    "load": (
-        "other programs compete for the cores",
-        "stop other programs; top lists them",
-    ),
+    "load": ("other programs compete for the cores", "stop other programs; top lists them"),
     "kernel": (
         "a system call of another program can delay a node by milliseconds",
         "a kernel with PREEMPT_DYNAMIC, booted with preempt=full, or with PREEMPT_RT",
@@ -128,7 +122,7 @@ class Finding:
     """Result of one check; without meaning and fix where all is well."""
 
     name: str
-    level: Level
+    level: Literal["ok", "warning", "problem"]
     found: str
     meaning: str = ""
     fix: str = ""
@@ -136,7 +130,7 @@ class Finding:
 
 @click.command(cls=Verb)
 @json_option
-def doctor(json_file: Path | None) -> int:
+def doctor(json_file: Path | None) -> None:
     """Find causes of timing jitter on this machine and suggest fixes.
 
     Nothing is changed. To measure the timing itself, use haptic-accel bench latency.
@@ -147,12 +141,10 @@ def doctor(json_file: Path | None) -> int:
         findings += ros_findings()
     except Exception as error:  # a broken installation may raise anything
         unusable = " ".join(f"{type(error).__name__}: {error}".split())
-    Console().print(_table(findings))
+    _print(findings)
     save({"findings": [asdict(finding) for finding in findings]}, json_file)
     if unusable:
-        print(f"haptic-accel: rclpy cannot be used: {unusable}", file=sys.stderr)
-        return FAILED
-    return DONE
+        raise StoppedError(f"rclpy cannot be used: {unusable}")
 
 
 def machine_findings() -> Iterator[Finding]:
@@ -166,7 +158,7 @@ def machine_findings() -> Iterator[Finding]:
     yield processor(cores, _text(Path("/sys/fs/cgroup/cpu.max")))
     yield load(os.getloadavg()[0], cores)
     yield preemption(os.uname().version, _text(Path("/sys/kernel/realtime")))
-    yield swap(_text(Path("/proc/meminfo")))
+    yield swap(psutil.swap_memory().used)
     yield shared_memory(Path("/dev/shm"))
     yield receive_buffer(_text(Path("/proc/sys/net/core/rmem_max")))
     yield sourced_ros(os.environ, Path(sys.prefix))
@@ -196,7 +188,7 @@ def governor(governors: Sequence[str]) -> Finding:
     found = f"{', '.join(sorted(set(slow)))} on {len(slow)} of {len(governors)} cores"
     if not slow:
         found = "performance" if governors else "none, as in a VM, whose host decides"
-    return _judged("governor", "warning" if slow else "ok", found)
+    return _judged("governor", found, warning=slow)
 
 
 def realtime_permission(rtprio: int, nice: int, status: str) -> Finding:
@@ -207,37 +199,33 @@ def realtime_permission(rtprio: int, nice: int, status: str) -> Finding:
     highest = rtprio if rtprio >= 0 else 99
     lowest = min(20 - nice, 0) if nice >= 0 else -20
     found = f"real-time priority up to {highest}, niceness down to {lowest}"
-    return _judged("real-time permission", "ok" if highest else "warning", found)
+    return _judged("real-time permission", found, warning=not highest)
 
 
 def processor(cores: int, quota: str) -> Finding:
     """Judge the number of usable cores, and a control group's cpu.max."""
     limited = re.match(r"(\d+) (\d+)", quota)
-    level: Level = "problem" if cores < 2 else "warning" if limited else "ok"
     found = f"{cores}"
     if limited:
         found += f", paused after {int(limited[1]) / int(limited[2]):g} cores' worth of time"
-    return _judged("cores", level, found)
+    return _judged("cores", found, warning=limited, problem=cores < 2)
 
 
 def load(mean: float, cores: int) -> Finding:
     """Judge the mean number of threads that ran, or waited to, in the last minute."""
-    level: Level = "problem" if mean > cores else "warning" if mean > cores / 2 else "ok"
-    return _judged("load", level, f"{mean:.1f} over the last minute, on {cores} cores")
+    found = f"{mean:.1f} over the last minute, on {cores} cores"
+    return _judged("load", found, warning=mean > cores / 2, problem=mean > cores)
 
 
 def preemption(version: str, realtime: str) -> Finding:
     """Judge the kernel's preemption model, from ``uname -v`` and /sys/kernel/realtime."""
     models = ["PREEMPT_RT"] if realtime == "1" else re.findall(r"PREEMPT\w*", version)
-    found = models[0] if models else "not preemptible"
-    return _judged("kernel", "ok" if models else "warning", found)
+    return _judged("kernel", models[0] if models else "not preemptible", warning=not models)
 
 
-def swap(meminfo: str) -> Finding:
-    """Judge the memory that was swapped out, from /proc/meminfo."""
-    sizes = [int(size) / 1e3 for size in SWAP.findall(meminfo)]
-    used = sizes[0] - sizes[1] if len(sizes) == 2 else 0.0
-    return _judged("swap", "warning" if used else "ok", f"{used:.0f} MB in use")
+def swap(used: int) -> Finding:
+    """Judge the memory that was swapped out, in bytes."""
+    return _judged("swap", f"{used / 1e6:.0f} MB in use", warning=used)
 
 
 def shared_memory(folder: Path) -> Finding:
@@ -252,15 +240,14 @@ def shared_memory(folder: Path) -> Finding:
     size = sum(path.stat().st_size for path in left if path.exists()) / 1e6
     free = shutil.disk_usage(folder).free / 1e6 if folder.is_dir() else 0.0
     found = f"{free:.0f} MB free, {len(left)} segments of dead processes with {size:.1f} MB"
-    level: Level = "warning" if left or free < LITTLE_SHARED_MEMORY else "ok"
-    return _judged("shared memory", level, found)
+    return _judged("shared memory", found, warning=left or free < LITTLE_SHARED_MEMORY)
 
 
 def receive_buffer(rmem_max: str) -> Finding:
     """Judge net.core.rmem_max, the most bytes that a socket may store for a slow reader."""
     small = rmem_max and int(rmem_max) < LITTLE_RECEIVE_BUFFER
     found = f"net.core.rmem_max is {rmem_max or 'unknown'}"
-    return _judged("receive buffer", "warning" if small else "ok", found)
+    return _judged("receive buffer", found, warning=small)
 
 
 def sourced_ros(environment: Mapping[str, str], prefix: Path) -> Finding:
@@ -276,24 +263,24 @@ def sourced_ros(environment: Mapping[str, str], prefix: Path) -> Finding:
     ]
     mixed = other and (prefix / index).is_dir()
     found = (", ".join(other) or "none") + (f", mixed with that in {prefix}" if mixed else "")
-    return _judged("sourced ROS", "problem" if mixed else "ok", found)
+    return _judged("sourced ROS", found, problem=mixed)
 
 
 def executor(name: str) -> Finding:
     """Judge the executor that nodes run on."""
-    return _judged("executor", "ok" if "events" in name.lower() else "warning", name)
+    return _judged("executor", name, warning="events" not in name.lower())
 
 
 def timer_slack(nanoseconds: str) -> Finding:
     """Judge the time by which the kernel may delay a node's timers, which nodes set themselves."""
     much = nanoseconds and int(nanoseconds) > MUCH_TIMER_SLACK
     found = f"{nanoseconds} ns" if nanoseconds else "unknown"
-    return _judged("timer slack", "warning" if much else "ok", found)
+    return _judged("timer slack", found, warning=much)
 
 
 def middleware(name: str) -> Finding:
     """Judge the middleware."""
-    return _judged("middleware", "ok" if "fastrtps" in name else "warning", name)
+    return _judged("middleware", name, warning="fastrtps" not in name)
 
 
 def profile(distribution: str, environment: Mapping[str, str], ours: Path) -> Finding:
@@ -305,9 +292,9 @@ def profile(distribution: str, environment: Mapping[str, str], ours: Path) -> Fi
     variable = f"{product}_DEFAULT_PROFILES_FILE"
     file = Path(environment[variable])
     if not file.is_file():
-        return _judged("profile", "problem", f"{file}, named by {variable}: no such file")
+        return _judged("profile", f"{file}, named by {variable}: no such file", problem=True)
     own = f"set by {variable} in place of this package's"
-    return _judged("profile", "ok", f"{file} ({'this package' if file.parent == ours else own})")
+    return _judged("profile", f"{file} ({'this package' if file.parent == ours else own})")
 
 
 def discovery_range(environment: Mapping[str, str]) -> Finding:
@@ -316,24 +303,27 @@ def discovery_range(environment: Mapping[str, str]) -> Finding:
     if environment.get("ROS_LOCALHOST_ONLY") == "1":
         reach = "LOCALHOST"
     if reach == "SYSTEM_DEFAULT" and str(LOOPBACK_PROFILE) in environment.values():
-        return _judged("discovery range", "ok", "this machine, without shared memory")
-    return _judged("discovery range", "problem" if reach == "OFF" else "warning", reach)
+        return _judged("discovery range", "this machine, without shared memory")
+    return _judged("discovery range", reach, warning=True, problem=reach == "OFF")
 
 
 def domain(number: str) -> Finding:
     """Judge ROS_DOMAIN_ID."""
     high = number.isdecimal() and int(number) > HIGHEST_DOMAIN
-    return _judged("domain", "warning" if high else "ok", number or "0")
+    return _judged("domain", number or "0", warning=high)
 
 
 def other_graph(published: Sequence[str]) -> Finding:
     """Judge which of the graph's signals are published already."""
     found = f"publishes {', '.join(published)}" if published else "none in this domain"
-    return _judged("other graph", "problem" if published else "ok", found)
+    return _judged("other graph", found, problem=published)
 
 
-def _judged(name: str, level: Level, found: str) -> Finding:
-    return Finding(name, level, found, *(ADVICE[name] if level != "ok" else ()))
+def _judged(name: str, found: str, *, warning: object = False, problem: object = False) -> Finding:
+    """Return a finding, with meaning and fix where either condition is true."""
+    if not warning and not problem:
+        return Finding(name, "ok", found)
+    return Finding(name, "problem" if problem else "warning", found, *ADVICE[name])
 
 
 def _text(path: Path) -> str:
@@ -353,12 +343,13 @@ def _is_locked(path: Path) -> bool:
     return False
 
 
-def _table(findings: Sequence[Finding]) -> Table:
-    table = Table("", "check", "finding, meaning and fix", title="Real time on this machine")
+def _print(findings: Sequence[Finding]) -> None:
+    rows = []
     for finding in findings:
         colour = COLOURS[finding.level]
         text = escape(finding.found)
         for label, line in (("meaning", finding.meaning), ("fix", finding.fix)):
             text += f"\n[bold]{label}:[/bold] {escape(line)}" if line else ""
-        table.add_row(f"[{colour}]{finding.level}[/{colour}]", finding.name, text)
-    return table
+        rows.append((f"[{colour}]{finding.level}[/{colour}]", finding.name, text))
+    headings = ("", "check", "finding, meaning and fix")
+    print_table(headings, rows, left=3, title="Real time on this machine")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,13 +11,12 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import click
-import yaml
 
-from haptic_accel.cli.options import Verb, words
-from haptic_accel.cli.running import StopOnSignal
+from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.options import Verb, arguments
+from haptic_accel.cli.running import stop_on_signal
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.parameters import Checked, ParameterError, from_flat, like, parameter
-from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.trial import DEFAULT_RATE, RigParameters
 from haptic_accel.devices import MASTERS, SLAVES, Device
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
@@ -30,8 +28,8 @@ from haptic_accel.emulators.can_line import BusPort, CanLine, SlcanPort
 from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, FaultKind, Faults
 from haptic_accel.emulators.loop import Part, run
 from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
-from haptic_accel.graph.words import parse_words
 
 if TYPE_CHECKING:
     from haptic_accel.emulators.serial_line import EmulatedBoard
@@ -144,46 +142,36 @@ class EmulateCanArguments(EmulationArguments):
 
 
 @click.command(cls=Verb, name="serial", examples=["haptic-accel emulate serial duration:=60"])
-@words(EmulateSerialArguments)
-def emulate_serial(words: Sequence[str]) -> int:
+@arguments(EmulateSerialArguments)
+def emulate_serial(arguments: EmulateSerialArguments) -> None:
     """Emulate the boards of handle and tool on pseudo-terminals until Ctrl-C."""
-    arguments = parse_words(words, EmulateSerialArguments)
     faults = _faults(arguments, arguments.fault_board, SERIAL_FAULTS)
     rig = arguments.virtual_rig()
     devices = {side: _simulated(rig, side, DEFAULT_RATE, arguments.seed) for side in SIDES}
     try:
         from haptic_accel.emulators.serial_line import CoupledArms
     except ImportError:
-        print(f"haptic-accel: serial: {MISSING_LIBRARY}", file=sys.stderr)
-        return FAILED
+        raise StoppedError(f"serial: {MISSING_LIBRARY}") from None
     # The boards must not be delayed by the nodes that they serve. Only here is ROS waited for.
     from haptic_accel.nodes.scheduling import ask_for_realtime, sharpen_timers
 
     folder = arguments.made_folder("serial")
     boards = [_board(arguments, rig, side, folder, devices[side], faults[side]) for side in SIDES]
     arms = CoupledArms(boards, list(devices.values()), PositionPositionCoupling(rig.coupling))
-    try:
-        path = _write(folder, "serial", {side: {"port": str(folder / side)} for side in SIDES})
-        _print_hint("boards", "serial", f"config:={path}")
-        sharpen_timers()
-        ask_for_realtime()
-        _run(
-            [*boards, arms], arguments.duration, lambda: arms.coupled, "the hand begins to explore"
-        )
-    finally:
-        for board in boards:
-            board.close()
-    return DONE
+    _announce("boards", "serial", folder, {side: {"port": str(folder / side)} for side in SIDES})
+    sharpen_timers()
+    ask_for_realtime()
+    parts: list[Part] = [*boards, arms]
+    _run(parts, boards, arguments.duration, lambda: arms.coupled, "the hand begins to explore")
 
 
 @click.command(cls=Verb, name="can", examples=["haptic-accel emulate can kinematics:=stage"])
-@words(EmulateCanArguments)
-def emulate_can(words: Sequence[str]) -> int:
+@arguments(EmulateCanArguments)
+def emulate_can(arguments: EmulateCanArguments) -> None:
     """Emulate master and slave arms of ODrives on CAN until Ctrl-C.
 
     They are behind slcan adapters on pseudo-terminals or on any bus of python-can.
     """
-    arguments = parse_words(words, EmulateCanArguments)
     faults = _faults(arguments, arguments.fault_arm, CAN_FAULTS)
     rig = arguments.virtual_rig()
     folder = arguments.made_folder("can")
@@ -209,19 +197,12 @@ def emulate_can(words: Sequence[str]) -> int:
         lines = [
             CanLine(SlcanPort(folder / side), [arms[side]], rate, faults[side]) for side in SIDES
         ]
-    try:
-        path = _write(folder, "can", given)
-        _print_hint("arms", "can", f"rate:={rate:g} config:={path}")
-        _run(
-            lines,
-            arguments.duration,
-            lambda: any(line.driven for line in lines),
-            "the arms have torques",
-        )
-    finally:
-        for line in lines:
-            line.close()
-    return DONE
+    _announce("arms", "can", folder, given, f"rate:={rate:g} ")
+
+    def driven() -> bool:
+        return any(line.driven for line in lines)
+
+    _run(lines, lines, arguments.duration, driven, "the arms have torques")
 
 
 def _faults(
@@ -236,9 +217,8 @@ def _faults(
 
 def _simulated(rig: RigParameters, side: str, rate: float, seed: int) -> Device:
     """Return one side of the virtual rig."""
-    if side == MASTER:
-        return MASTERS["simulated"](rig.master, rate, seed)
-    return SLAVES["simulated"](rig.slave, rate, seed)
+    devices = MASTERS if side == MASTER else SLAVES
+    return devices["simulated"](getattr(rig, side), rate, seed)
 
 
 def _board(
@@ -253,11 +233,12 @@ def _board(
     from haptic_accel.devices.serial.protocol import Identity, axes_bits
     from haptic_accel.emulators.serial_line import EmulatedBoard
 
-    is_master = side == MASTER
-    gravity = arguments.master_gravity if is_master else 0.0
+    gravity = full_scale = 0.0
     actuator = rig.master.actuator
-    full_scale = actuator.peak_force / abs(actuator.force_constant) if is_master else 0.0
-    sensor = rig.master.accelerometer if is_master else rig.slave.accelerometer
+    if side == MASTER:
+        gravity = arguments.master_gravity
+        full_scale = actuator.peak_force / abs(actuator.force_constant)
+    sensor = getattr(rig, side).accelerometer
 
     def measure(time: float) -> float:
         sample = device.read(time)
@@ -284,36 +265,40 @@ def _driver_parameters(arguments: EmulateCanArguments, side: str, folder: Path) 
     return {"interface": arguments.interface, "channel": arguments.channel, **shared, **nodes}
 
 
-def _write(folder: Path, device: str, given: Mapping[str, Mapping[str, Any]]) -> Path:
-    """Write the parameters of each side's driver for a graph; return the file."""
-    content = {
-        f"{side}_device": {"ros__parameters": {device: dict(values)}}
-        for side, values in given.items()
-    }
-    path = folder / f"{device}.yaml"
-    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    return path
-
-
-def _print_hint(emulated: str, device: str, rest: str) -> None:
-    """Print how to start a graph that uses the emulated hardware."""
+def _announce(
+    emulated: str, device: str, folder: Path, given: Mapping[str, Any], words: str = ""
+) -> None:
+    """Write the parameters of each side's driver, and print how to start a graph with them."""
+    config = folder / f"{device}.yaml"
+    nodes = {f"{side}_device": {device: values} for side, values in given.items()}
+    config.write_text(parameter_text(nodes), encoding="utf-8")
     print(
         f"emulating two {emulated}; in another terminal:\n"
-        f"  haptic-accel teleop master:={device} slave:={device} {rest}",
+        f"  haptic-accel teleop master:={device} slave:={device} {words}config:={config}",
         flush=True,
     )
 
 
-def _run(parts: Sequence[Part], duration: float, begun: Callable[[], bool], line: str) -> None:
+def _run(
+    parts: Sequence[Part],
+    ports: Sequence[EmulatedBoard | CanLine],
+    duration: float,
+    begun: Callable[[], bool],
+    line: str,
+) -> None:
     """Emulate until a signal or the end of the duration in s; print a line once it has begun."""
     start, printed = monotonic(), False
-    with StopOnSignal() as stopped:
 
-        def ended() -> bool:
-            nonlocal printed
-            if begun() and not printed:
-                printed = True
-                print(line, flush=True)
-            return bool(duration and monotonic() - start >= duration) or stopped()
+    def ended() -> bool:
+        nonlocal printed
+        if begun() and not printed:
+            printed = True
+            print(line, flush=True)
+        return bool(duration and monotonic() - start >= duration) or stopped()
 
-        run(parts, ended)
+    try:
+        with stop_on_signal() as stopped:
+            run(parts, ended)
+    finally:
+        for port in ports:
+            port.close()

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from haptic_accel.core.process import FAILED
+
 
 class StoppedError(Exception):
     """A verb ends early.
 
     Parameters
     ----------
-    status : int
-        Exit status.
     line : str
         Reason for the terminal; empty if it has been shown.
+    status : int
+        Exit status.
     """
 
-    def __init__(self, status: int, line: str = "") -> None:
+    def __init__(self, line: str = "", status: int = FAILED) -> None:
         super().__init__(line)
         self.status = status

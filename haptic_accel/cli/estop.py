@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
 
-from haptic_accel.cli.options import Verb, words
+from haptic_accel.cli.options import Verb, arguments
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.process import DONE
 from haptic_accel.core.topics import EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED
-from haptic_accel.graph.words import parse_words
 
 if TYPE_CHECKING:
-    from haptic_accel.cli.calling import Caller
+    from rclpy.node import Node
 
 PATIENCE = 2.5
 """Time-out for both devices to be found and to confirm, s, before the graph is joined anew."""
@@ -44,17 +41,16 @@ class StopArguments(Checked):
 
 
 @click.command(cls=Verb, examples=["haptic-accel estop", "haptic-accel estop release:=true"])
-@words(StopArguments)
-def estop(words: Sequence[str]) -> int:
+@arguments(StopArguments)
+def estop(arguments: StopArguments) -> None:
     """Remove all forces from both devices at once; they refuse new ones until release:=true."""
-    arguments = parse_words(words, StopArguments)
     # ROS takes a while to import: wrong words are refused without it.
     from haptic_accel.cli.calling import CallError, connected
 
     stop = not arguments.release
     for _ in range(ATTEMPTS):
-        with connected(arguments.namespace) as caller:
-            missing, coupler_answers = _confirmed(caller, stop)
+        with connected(arguments.namespace) as node:
+            missing, coupler_answers = _confirmed(node, stop)
         if not missing:
             break
     else:
@@ -66,10 +62,9 @@ def estop(words: Sequence[str]) -> int:
         else "emergency stop released: both devices take forces again"
     )
     print(done + ("" if coupler_answers else "; the coupler does not answer"))
-    return DONE
 
 
-def _confirmed(caller: Caller, stop: bool) -> tuple[list[str], bool]:
+def _confirmed(node: Node, stop: bool) -> tuple[list[str], bool]:
     """Return the devices that did not confirm, and true if the coupler did."""
     import rclpy
     from std_msgs.msg import Bool
@@ -77,7 +72,6 @@ def _confirmed(caller: Caller, stop: bool) -> tuple[list[str], bool]:
 
     from haptic_accel.nodes.interface import quality
 
-    node = caller.node
     # The topic first: it reaches the devices even if no other node is left.
     publisher = node.create_publisher(Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, 1))
     publisher.publish(Bool(data=stop))

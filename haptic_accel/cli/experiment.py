@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -16,18 +16,11 @@ from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.metrics import AnalysedTrial
 from haptic_accel.analysis.page import Setting
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
-from haptic_accel.cli.options import (
-    Verb,
-    controllers_option,
-    json_option,
-    lockstep_option,
-    out_option,
-    word_options,
-    words,
-)
+from haptic_accel.cli import options
+from haptic_accel.cli.analyze import print_analysis
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import results_folder
-from haptic_accel.cli.running import StopOnSignal, conclude, progress_bar
-from haptic_accel.cli.tables import print_analysis
+from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
@@ -36,6 +29,7 @@ from haptic_accel.graph.arguments import SIMULATED, GraphArguments, parse_argume
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.graph.words import given_keys
 
 SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
@@ -48,8 +42,6 @@ EVALUATED = ("nrmse_percent", "slope_desired_on_actual", "slope_actual_on_desire
 
 AGES = ("p50", "p99", "max")
 """Quantiles of the age of forces in the JSON file."""
-
-MOST_SEEDS = 1000
 
 RECORDED = "surface:=recording"
 """Word that a recording implies."""
@@ -87,35 +79,26 @@ AVERAGE_NOTE = (
 )
 
 
-class StopRequestedError(Exception):
-    """The user asked to stop."""
-
-
-class GraphFailedError(Exception):
-    """The graph of a condition failed, which has been shown; its exit status."""
-
-    def __init__(self, status: int) -> None:
-        super().__init__(f"status {status}")
-        self.status = status
-
-
 @click.command(
-    cls=Verb,
+    cls=options.Verb,
     examples=[
         "haptic-accel experiment --lockstep",
         "haptic-accel experiment --lockstep --seeds 8 --controllers none,dynamic,inverse",
         "haptic-accel experiment surface:=text duration:=5",
     ],
 )
-@words(GraphArguments)
-@lockstep_option
-@controllers_option(CONTROLLERS, default=PAPER_CONTROLLERS)
-@word_options(["rig", "rate", "grip", "recording", "recording_rate"])
+@options.words(GraphArguments)
+@options.lockstep_option
+@options.controllers_option(CONTROLLERS, default=PAPER_CONTROLLERS)
+@options.word_options(["rig", "rate", "grip", "recording", "recording_rate"])
 @click.option(
-    "--seeds", type=int, default=1, help="Number of users and pieces of material, in lockstep."
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    default=1,
+    help="Number of users and pieces of material, in lockstep.",
 )
-@json_option
-@out_option
+@options.json_option
+@options.out_option
 def experiment(
     words: Sequence[str],
     *,
@@ -131,153 +114,122 @@ def experiment(
     surface and controller restrict the conditions; duration is that of one condition, 10 s by
     default. A recording takes the place of the surfaces.
     """
-    if any(word.startswith("recording:=") for word in words):
+    if "recording" in given_keys(words):
         words = [*(word for word in words if word != RECORDED), RECORDED]
-    arguments = _with_duration(words)
-    _check_seeds(seeds, lockstep)
-    _check_devices(arguments, lockstep)
-    plan = _plan(words, arguments, seeds, controllers)
+    given = given_keys(words)
+    arguments = _checked(parse_arguments(words), given, seeds, lockstep)
+    plan = [
+        replace(arguments, surface=surface, controller=controller, seed=arguments.seed + seed)
+        for seed in range(seeds)
+        for surface in ([arguments.surface] if "surface" in given else SURFACES)
+        for controller in ([arguments.controller] if "controller" in given else controllers)
+    ]
     for planned in plan:
         graph(planned)  # everything that can be wrong is found before anything runs
     folder = results_folder(out)
     done: dict[Path, GraphArguments] = {}
     status = DONE
-    console = Console()
     try:
-        with StopOnSignal() as stop:
-            for bag, arguments_of_bag in _run_all(plan, lockstep, folder / "bags", stop, console):
-                done[bag] = arguments_of_bag
-    except StopRequestedError:
-        status = INTERRUPTED
-        print(f"interrupted after {len(done)} of {len(plan)} conditions", file=sys.stderr)
-    except GraphFailedError as failure:
-        status = failure.status
-    if done:
-        complete = _conclude(done, arguments, lockstep, folder, json_file, console)
-        status = status if complete or status != DONE else FAILED
+        _run(plan, lockstep, folder / "bags", done)
+    except StoppedError as end:
+        status = end.status
+        if status == INTERRUPTED:
+            print(f"interrupted after {len(done)} of {len(plan)} conditions", file=sys.stderr)
+    if done and not _report(done, arguments, lockstep, folder, json_file):
+        status = status or FAILED
     return status
 
 
-def _check_seeds(seeds: int, lockstep: bool) -> None:
-    if not 1 <= seeds <= MOST_SEEDS:
-        raise ParameterError(f"seeds = {seeds}: must be from 1 to {MOST_SEEDS}")
-    if seeds > 1 and not lockstep:
-        raise ParameterError(f"seeds = {seeds}: more than one only with --lockstep")
-
-
-def _check_devices(arguments: GraphArguments, lockstep: bool) -> None:
-    for arm, device in (("master", arguments.master), ("slave", arguments.slave)):
-        if lockstep and device != SIMULATED:
-            raise ParameterError(f"{arm} = {device!r}: must be {SIMULATED} with --lockstep")
-
-
-def _with_duration(words: Sequence[str]) -> GraphArguments:
-    arguments = parse_arguments(words)
-    if not any(word.startswith("duration:=") for word in words):
-        return replace(arguments, duration=DURATION)
-    if arguments.duration < 1:
+def _checked(
+    arguments: GraphArguments, given: Sequence[str], seeds: int, lockstep: bool
+) -> GraphArguments:
+    """Return the arguments with the duration of a condition; refuse those that cannot be run."""
+    if "duration" not in given:
+        arguments = replace(arguments, duration=DURATION)
+    elif arguments.duration < 1:
         raise ParameterError(
             f"duration = {arguments.duration:g}: must be at least 1 s in an experiment"
         )
+    if seeds > 1 and not lockstep:
+        raise ParameterError(f"seeds = {seeds}: more than one only with --lockstep")
+    for arm, device in (("master", arguments.master), ("slave", arguments.slave)):
+        if lockstep and device != SIMULATED:
+            raise ParameterError(f"{arm} = {device!r}: must be {SIMULATED} with --lockstep")
+    for key in given:
+        if key in ("bag", "record"):
+            raise ParameterError(f"{key}: not for an experiment, which records in its folder")
     return arguments
 
 
-def _plan(
-    words: Sequence[str], arguments: GraphArguments, seeds: int, controllers: Sequence[str]
-) -> list[GraphArguments]:
-    """Return the arguments of every condition; bags are named later."""
-    for key in ("bag", "record"):
-        if any(word.startswith(f"{key}:=") for word in words):
-            raise ParameterError(f"{key}: not for an experiment, which records in its folder")
-    surfaces = _restricted(words, "surface", arguments.surface, SURFACES)
-    controllers = _restricted(words, "controller", arguments.controller, controllers)
-    return [
-        replace(arguments, surface=surface, controller=controller, seed=arguments.seed + seed)
-        for seed in range(seeds)
-        for surface in surfaces
-        for controller in controllers
-    ]
+def _run(
+    plan: Sequence[GraphArguments], lockstep: bool, folder: Path, done: dict[Path, GraphArguments]
+) -> None:
+    """Run one condition after the other, with a progress bar; add each to those done, by its bag.
 
-
-def _restricted(words: Sequence[str], key: str, given: str, every: Sequence[str]) -> list[str]:
-    return [given] if any(word.startswith(f"{key}:=") for word in words) else list(every)
-
-
-def _run_all(
-    plan: Sequence[GraphArguments],
-    lockstep: bool,
-    folder: Path,
-    stop: Callable[[], bool],
-    console: Console,
-) -> Iterator[tuple[Path, GraphArguments]]:
-    """Run one condition after the other, with a progress bar; yield the bag of each."""
-    several = len({arguments.seed for arguments in plan}) > 1
-    with progress_bar(console) as progress:
+    Raises
+    ------
+    StoppedError
+        A graph failed, or the user asked to stop.
+    """
+    several = plan[0].seed != plan[-1].seed
+    with stop_on_signal() as stop, progress_bar(Console()) as progress:
         bar = progress.add_task("", total=len(plan))
         for index, arguments in enumerate(plan):
             surface = Path(arguments.surface).stem
             name = f"{surface} / {arguments.controller} / seed {arguments.seed}"
             label = f"{index + 1} of {len(plan)}: {name}"
             progress.update(bar, description=label, completed=index)
-            if not console.is_terminal:
-                console.print(label)
+            if not progress.console.is_terminal:
+                progress.console.print(label)
 
             def asked(index: int = index, started: float = time.monotonic()) -> bool:
                 part = (time.monotonic() - started) / (arguments.duration + AROUND)  # noqa: B023
                 progress.update(bar, completed=index + min(part, 1.0))
                 return stop()
 
-            bag = folder / f"{surface}_{arguments.controller}"
-            if several:
-                bag = bag.with_name(f"{bag.name}_seed{arguments.seed}")
+            seed = f"_seed{arguments.seed}" if several else ""
+            bag = folder / f"{surface}_{arguments.controller}{seed}"
             if lockstep:
                 start = time.time_ns()
                 record_trial(bag, lockstep_trial(arguments), arguments, start)
             else:
-                _run_live(replace(arguments, bag=str(bag)), asked)
-            yield bag, arguments
+                run_to_end(Supervisor(graph(replace(arguments, bag=str(bag)))), asked)
+            done[bag] = arguments
             if stop():
-                raise StopRequestedError
+                raise StoppedError(status=INTERRUPTED)
         progress.update(bar, completed=len(plan), description="done")
 
 
-def _run_live(arguments: GraphArguments, stop: Callable[[], bool]) -> None:
-    """Run one condition through the graph, which records it."""
-    outcome = Supervisor(graph(arguments)).run(stop)
-    if not outcome.first:
-        raise StopRequestedError
-    status = conclude(outcome)
-    if status != DONE:
-        raise GraphFailedError(status)
-
-
-def _conclude(
+def _report(
     done: Mapping[Path, GraphArguments],
     arguments: GraphArguments,
     lockstep: bool,
     folder: Path,
     json_file: Path | None,
-    console: Console,
 ) -> bool:
     """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
     analysis = analyse(list(done))
-    warnings = _warnings(analysis)
+    warnings = list(_warnings(analysis))
     notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, AVERAGE_NOTE]
     notes += [RIG_NOTES[arguments.rig]] if arguments.rig in RIG_NOTES else []
     seeds = list(dict.fromkeys(given.seed for given in done.values()))
-    shown = [bag for bag, given in done.items() if given.seed == seeds[0]]
+    settings = {
+        key: str(value)
+        for key, value in asdict(arguments).items()
+        if value != "" and key not in ("surface", "controller", "record")
+    }
     page = write_analysis(
         analysis,
         folder,
         setting=Setting(
             "Haptic display of tool contact: the paper's experiment",
             [*notes, *warnings],
-            _settings(arguments, lockstep),
+            {"run": "lockstep" if lockstep else "live graph", **settings},
         ),
         files={
             f"signals_{trial.name}.csv": signal_table(trial.segment)
             for trial in analysis.trials
-            if trial.segment.bag in shown
+            if done[trial.segment.bag].seed == seeds[0]
         },
     )
     if json_file:
@@ -292,10 +244,7 @@ def _conclude(
             ],
         }
         write_json(defined(content), json_file)
-    print_analysis(analysis, None, console)
-    for warning in warnings:
-        console.print(warning, highlight=False)
-    console.print(f"report: {page}", soft_wrap=True, highlight=False)
+    print_analysis(analysis, None, *warnings, f"report: {page}")
     return {trial.segment.bag for trial in analysis.trials} == set(done)
 
 
@@ -311,21 +260,13 @@ def _metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:
     if not lockstep:
         delivery = trial.segment.delivery
         ages = {label: delivery.age_us[label] for label in AGES if label in delivery.age_us}
-        metrics |= {"age_us": ages, "lost": delivery.lost, "late": delivery.late}
-        metrics["missed"] = delivery.missed
+        counts = {name: getattr(delivery, name) for name in ("lost", "late", "missed")}
+        metrics |= {"age_us": ages, **counts}
     return metrics
 
 
-def _settings(arguments: GraphArguments, lockstep: bool) -> dict[str, str]:
-    shown = {key: str(value) for key, value in asdict(arguments).items() if value != ""}
-    for key in ("surface", "controller", "record"):
-        del shown[key]
-    return {"run": "lockstep" if lockstep else "live graph", **shown}
-
-
-def _warnings(analysis: Analysis) -> list[str]:
-    """Return reasons to doubt the metrics: missing samples, warnings of nodes."""
-    warnings = []
+def _warnings(analysis: Analysis) -> Iterator[str]:
+    """Yield reasons to doubt the metrics: missing samples, warnings of nodes."""
     for trial in analysis.trials:
         delivery = trial.segment.delivery
         missing = [
@@ -336,9 +277,8 @@ def _warnings(analysis: Analysis) -> list[str]:
         share = max(missing, default=0) / (trial.segment.seconds * trial.segment.rate)
         name = f"{trial.surface} / {trial.controller}"
         if share > LOST_SHARE:
-            warnings.append(
+            yield (
                 f"{name}: {100 * share:.1f} % of the samples are missing: the machine was too"
                 " busy, and the error is larger for it."
             )
-        warnings += [f"{name}: {warning}." for warning in delivery.warnings]
-    return warnings
+        yield from (f"{name}: {warning}." for warning in delivery.warnings)

@@ -12,30 +12,14 @@ from typing import Any
 
 import click
 import numpy as np
-import yaml
-from rich.console import Console
-from rich.table import Table
 
-from haptic_accel.analysis.identification_report import (
-    ModelError,
-    explained,
-    fits_by_column,
-    parameter_rows,
-    write_identification_report,
-)
+from haptic_accel.analysis import identification_report as report
 from haptic_accel.bags.excitation import read_excited, read_force_age
+from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import (
-    Verb,
-    json_option,
-    listed_words,
-    lockstep_option,
-    out_option,
-    word_options,
-    words,
-)
 from haptic_accel.cli.output import results_folder, save
-from haptic_accel.cli.running import StopOnSignal, conclude, progress_bar
+from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
+from haptic_accel.cli.tables import print_table
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification.estimate import RecordingError, dft_ratio
 from haptic_accel.core.identification.evaluation import Identification, centred, identify_handle
@@ -47,23 +31,15 @@ from haptic_accel.core.identification.sweep import (
     find_trials,
     kept_repeats,
 )
-from haptic_accel.core.model import (
-    ACTUATOR,
-    POSTURES,
-    ComplexArray,
-    HandleParameters,
-    Suspension,
-    held,
-)
+from haptic_accel.core.model import ACTUATOR, POSTURES, HandleParameters, Suspension, held
 from haptic_accel.core.parameters import ParameterError, own_schema, schema
-from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.trial import RigParameters, run_identification
 from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import AVERAGE_GRIP, SIMULATED, IdentifyArguments
+from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import graph_parameters, identification_graph
+from haptic_accel.graph.processes import graph_parameters, identification_graph, rig_parameters
 from haptic_accel.graph.supervisor import Supervisor
-from haptic_accel.graph.words import parse_words
 
 LOWEST_COMPARED = 15.0
 """Frequency below which the compensator's high-pass passes nothing (paper), Hz."""
@@ -82,18 +58,18 @@ Recorded = dict[str, list[IdentificationTrial]]
 
 
 @click.command(
-    cls=Verb,
+    cls=options.Verb,
     examples=[
         "haptic-accel identify --lockstep --grips pinch,hook",
         "haptic-accel identify master:=serial config:=mine.yaml",
         "haptic-accel identify --from results/identify/bag",
     ],
 )
-@words(IdentifyArguments)
-@lockstep_option
+@options.arguments(IdentifyArguments)
+@options.lockstep_option
 @click.option(
     "--grips",
-    type=listed_words,
+    type=options.some_of(POSTURES),
     default="",
     show_default=False,
     metavar="GRIP,GRIP,...",
@@ -108,24 +84,20 @@ Recorded = dict[str, list[IdentificationTrial]]
     f" {' and '.join(COLUMNS)}, to evaluate in place of a run; may be given many times.",
 )
 @click.option(
-    "--recording-rate",
-    type=float,
-    default=0.0,
-    metavar="HZ",
-    help="Sampling rate of the CSV files, Hz.",
+    "--recording-rate", default=0.0, metavar="HZ", help="Sampling rate of the CSV files, Hz."
 )
 @click.option(
     "--free",
-    type=listed_words,
+    type=options.listed_words,
     default=",".join(DEFAULT_FREE),
     metavar="NAME,NAME,...",
     help="Parameters of the model to fit.",
 )
-@word_options([*schema(SweepParameters), "trials", "rig"])
-@json_option
-@out_option
+@options.word_options([*schema(SweepParameters), "trials", "rig"])
+@options.json_option
+@options.out_option
 def identify(
-    words: Sequence[str],
+    arguments: IdentifyArguments,
     *,
     lockstep: bool,
     grips: Sequence[str],
@@ -134,28 +106,30 @@ def identify(
     free: Sequence[str],
     json_file: Path | None,
     out: Path | None,
-) -> int:
+) -> None:
     """Excite the handle with the paper's sweep and fit its model.
 
     Writes a parameter file for config:=FILE, and the paper's figures 4 and 5.
     """
-    arguments = parse_words(words, IdentifyArguments)
-    grips = _checked_grips(grips, arguments)
+    if len(set(grips)) < len(grips):
+        raise ParameterError(f"grips = {', '.join(grips)}: must hold each grip once")
     if lockstep and arguments.master != SIMULATED:
         raise ParameterError(f"master = {arguments.master!r}: with --lockstep must be simulated")
     if lockstep and sources:
         raise ParameterError("from: not with --lockstep, which makes its own recordings")
-    for grip in grips:
-        identification_graph(replace(arguments, grip=grip))  # everything wrong is found first
+    by_grip = {grip: replace(arguments, grip=grip) for grip in grips or [arguments.grip]}
+    for each in by_grip.values():
+        identification_graph(each)  # everything wrong is found first
     folder = results_folder(out, "identify_")
     _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
     actuator, sensor = known[ACTUATOR], known["accelerometer"]
     try:
         if lockstep:
-            recorded, age = _run_lockstep(arguments, grips), 0.0
+            recorded, age = {grip: _run_lockstep(each) for grip, each in by_grip.items()}, 0.0
+        elif sources:
+            recorded, age = _read(_named(sources, arguments.grip), arguments, recording_rate)
         else:
-            places = _named(sources, arguments) if sources else _run_live(arguments, grips, folder)
-            recorded, age = _read(places, arguments, recording_rate)
+            recorded, age = _read(_run_live(by_grip, folder), arguments, recording_rate)
         found = identify_handle(
             recorded,
             arguments.sweep,
@@ -167,87 +141,69 @@ def identify(
             free=free,
         )
     except RecordingError as reason:
-        raise StoppedError(FAILED, str(reason)) from None
+        raise StoppedError(str(reason)) from None
     truth, errors = None, {}
-    band = (
-        max(LOWEST_COMPARED, arguments.sweep.start_frequency),
-        min(0.9 * arguments.sweep.end_frequency, HIGHEST_COMPARED),
-    )
-    if arguments.master == SIMULATED and not sources and len(grips) == 1:
-        rig = _rig(replace(arguments, grip=grips[0]))
+    lowest, highest = arguments.sweep.start_frequency, 0.9 * arguments.sweep.end_frequency
+    band = max(LOWEST_COMPARED, lowest), min(highest, HIGHEST_COMPARED)
+    if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
+        rig = _rig(*by_grip.values())
         truth, errors = rig.master.handle, _errors(found, rig, arguments.sweep, band, lockstep)
     run = "lockstep" if lockstep else "live graph"
     if sources:
         run = "recordings: " + ", ".join(sources)
-    notes = _notes(found)
+    settings = {name: str(value) for name, value in asdict(arguments).items() if value != ""}
+    notes = list(_notes(found))
     parameters = folder / "handle.yaml"
     parameters.write_text(parameter_file(found, actuator, age), encoding="utf-8")
-    page = write_identification_report(
+    page = report.write_identification_report(
         found,
         arguments.sweep,
         folder,
-        settings={"run": run}
-        | {name: str(value) for name, value in asdict(arguments).items() if value != ""},
+        settings={"run": run, **settings},
         truth=truth,
         errors=errors,
         band=band,
         notes=notes,
     )
     save(_metrics(found, errors, band), json_file)
-    Console().print(_table(found, truth))
+    _print(found, truth)
     for name, error in errors.items():
         print(
             f"{name} model against the true response, {band[0]:g} to {band[1]:g} Hz: at most"
             f" {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
         )
-    print(*notes, explained(found), f"parameters: {parameters}", f"report: {page}", sep="\n")
-    return DONE
-
-
-def _checked_grips(grips: Sequence[str], arguments: IdentifyArguments) -> list[str]:
-    for grip in grips:
-        if grip not in POSTURES:
-            raise ParameterError(f"grips = {grip!r}: must be among {', '.join(POSTURES)}")
-    if len(set(grips)) < len(grips):
-        raise ParameterError(f"grips = {', '.join(grips)}: must hold each grip once")
-    return list(grips) or [arguments.grip]
+    print(*notes, report.explained(found), sep="\n")
+    print(f"parameters: {parameters}", f"report: {page}", sep="\n")
 
 
 # Recordings
 
 
-def _run_lockstep(arguments: IdentifyArguments, grips: Sequence[str]) -> Recorded:
-    return {
-        grip: run_identification(
-            _rig(replace(arguments, grip=grip)).master,
-            arguments.sweep,
-            arguments.rate,
-            arguments.seed,
-            arguments.trials,
-        )
-        for grip in grips
-    }
+def _run_lockstep(arguments: IdentifyArguments) -> list[IdentificationTrial]:
+    return run_identification(
+        _rig(arguments).master, arguments.sweep, arguments.rate, arguments.seed, arguments.trials
+    )
 
 
 def _run_live(
-    arguments: IdentifyArguments, grips: Sequence[str], folder: Path
+    by_grip: Mapping[str, IdentifyArguments], folder: Path
 ) -> Iterator[tuple[str, Path]]:
     """Run the graph once for each grip; yield each grip and its bag."""
-    bags = Path(arguments.bag) if arguments.bag else folder / "bags"
-    for grip in grips:
-        bag = bags if arguments.bag and len(grips) == 1 else bags / grip
-        if arguments.master != SIMULATED and len(grips) > 1 and sys.stdin.isatty():
+    for grip, arguments in by_grip.items():
+        bag = Path(arguments.bag or folder / "bags")
+        if len(by_grip) > 1 or not arguments.bag:
+            bag /= grip
+        if arguments.master != SIMULATED and len(by_grip) > 1 and sys.stdin.isatty():
             input(f"hold the handle with the {grip} grip, then press Enter")
-        _run_graph(replace(arguments, grip=grip, bag=str(bag)))
+        _run_graph(replace(arguments, bag=str(bag)))
         yield grip, bag
 
 
 def _run_graph(arguments: IdentifyArguments) -> None:
     repeats = arguments.sweep.repeats
-    with StopOnSignal() as stop, progress_bar() as progress:
-        task = progress.add_task(
-            f"{arguments.grip} grip: starting", total=arguments.trials * repeats
-        )
+    grip, total = f"{arguments.grip} grip", arguments.trials * repeats
+    with stop_on_signal() as stop, progress_bar() as progress:
+        task = progress.add_task(f"{grip}: starting", total=total)
 
         def follow(executable: str, line: str) -> None:
             if executable == "identifier" and "trial " in line:
@@ -255,31 +211,20 @@ def _run_graph(arguments: IdentifyArguments) -> None:
                 place = line[line.rindex("trial ") :]
                 trial, repeat = int(place.split()[1]), int(place.split()[5])
                 done = (trial - 1) * repeats + repeat - 1
-                progress.update(
-                    task, description=f"{arguments.grip} grip: {place}", completed=done
-                )
+                progress.update(task, description=f"{grip}: {place}", completed=done)
                 if not progress.console.is_terminal:
-                    progress.console.print(f"{arguments.grip} grip: {place}", highlight=False)
+                    progress.console.print(f"{grip}: {place}", highlight=False)
 
-        outcome = Supervisor(identification_graph(arguments), on_line=follow).run(stop)
-        if outcome.first and outcome.status == 0:
-            progress.update(
-                task,
-                completed=arguments.trials * repeats,
-                description=f"{arguments.grip} grip: done",
-            )
-    if not outcome.first:
-        raise StoppedError(INTERRUPTED, f"interrupted; recorded so far: {arguments.bag}")
-    status = conclude(outcome)
-    if status != DONE:
-        raise StoppedError(status)
+        supervisor = Supervisor(identification_graph(arguments), on_line=follow)
+        run_to_end(supervisor, stop, f"interrupted; recorded so far: {arguments.bag}")
+        progress.update(task, completed=total, description=f"{grip}: done")
 
 
-def _named(sources: Sequence[str], arguments: IdentifyArguments) -> Iterator[tuple[str, Path]]:
-    """Yield grip and path of each source, ``GRIP=PATH`` or ``PATH``."""
+def _named(sources: Sequence[str], grip: str) -> Iterator[tuple[str, Path]]:
+    """Yield grip and path of each source, ``GRIP=PATH``, or ``PATH`` with the grip given."""
     for source in sources:
-        grip, separator, path = source.partition("=")
-        yield (grip, Path(path)) if separator else (arguments.grip, Path(source))
+        name, separator, path = source.partition("=")
+        yield (name, Path(path)) if separator else (grip, Path(source))
 
 
 def _read(
@@ -331,8 +276,7 @@ def _trials(bag: Path, arguments: IdentifyArguments) -> list[IdentificationTrial
 
 def _rig(arguments: IdentifyArguments) -> RigParameters:
     """Return the simulated rig with its master as one user holds it, for any seed of the noise."""
-    _, devices = node_parameters("master_device", graph_parameters(arguments)["master_device"])
-    master = RigParameters(devices[SIMULATED]).master
+    master = rig_parameters(graph_parameters(arguments)).master
     handle = held(master.handle, master.grip, arguments.seed)
     grip = replace(master.grip, variation=0.0, posture=AVERAGE_GRIP)
     return RigParameters(replace(master, handle=handle, grip=grip))
@@ -341,25 +285,23 @@ def _rig(arguments: IdentifyArguments) -> RigParameters:
 # Results
 
 
-def _notes(found: Identification) -> list[str]:
-    """Return warnings to the reader of the metrics."""
-    notes = []
+def _notes(found: Identification) -> Iterator[str]:
+    """Yield warnings to the reader of the metrics."""
     stopped = [
         name
         for name, grip in found.grips.items()
         if any(trial.status.get("travel_stops_hit") for trial in grip.trials)
     ]
     if stopped:
-        notes.append(
+        yield (
             f"the actuator hit its stops ({', '.join(stopped)}): use a smaller amplitude, do not"
             " use the fit"
         )
     if len(found.grips) > 1:
-        notes.append(
+        yield (
             "all grips pooled are a compromise between them, the discrete model most of all; for"
             " the best model of one grip identify it alone"
         )
-    return notes
 
 
 def parameter_file(found: Identification, actuator: ActuatorParameters, age: float = 0.0) -> str:
@@ -378,28 +320,24 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
     handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
     mount = _plain(asdict(fit.mount))
     suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
-    content = {
-        "/**": {"ros__parameters": {ACTUATOR: _plain(asdict(actuator) | suspension)}},
+    nodes: dict[str, dict[str, Any]] = {
+        "/**": {ACTUATOR: _plain(asdict(actuator) | suspension)},
         "master_device": {
-            "ros__parameters": {
-                "simulated": {
-                    "handle": handle,
-                    "mount": mount,
-                    "drive": {"delay": float(f"{max(0.0, fit.delay - age):.6f}")},
-                }
+            "simulated": {
+                "handle": handle,
+                "mount": mount,
+                "drive": {"delay": float(f"{max(0.0, fit.delay - age):.6f}")},
             }
         },
         "compensator": {
-            "ros__parameters": {
-                "constant": _plain({"mass": fit.handle.m_h}),
-                "dynamic": _plain(asdict(found.approximate)),
-                "plant": {
-                    "handle": handle,
-                    "mount": mount,
-                    "delay": float(f"{max(0.0, fit.delay):.6f}"),
-                    "bandwidth": fit.low_pass_frequency,
-                },
-            }
+            "constant": _plain({"mass": fit.handle.m_h}),
+            "dynamic": _plain(asdict(found.approximate)),
+            "plant": {
+                "handle": handle,
+                "mount": mount,
+                "delay": float(f"{max(0.0, fit.delay):.6f}"),
+                "bandwidth": fit.low_pass_frequency,
+            },
         },
     }
     head = (
@@ -407,7 +345,7 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
         f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay {fit.delay * 1e6:.0f} us beside"
         f" the loop's own sample,\n# residual {fit.residual:.2f} (1: noise alone).\n"
     )
-    return head + yaml.safe_dump(content, sort_keys=False)
+    return head + parameter_text(nodes)
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, float]:
@@ -420,7 +358,7 @@ def _errors(
     sweep: SweepParameters,
     band: tuple[float, float],
     lockstep: bool,
-) -> dict[str, ModelError]:
+) -> dict[str, report.ModelError]:
     """Compare models with the response of the rig without noise, friction and converters.
 
     In the live graph the age of the forces adds to the rig's own delay, and belongs into the
@@ -439,21 +377,21 @@ def _errors(
         for values in (trial.actuator_force, centred(trial.handle_acceleration))
     )
     true = dft_ratio(force, acceleration, rate, band, sweep.repeats - 1)
-    return {
-        "discrete": _error(found.discrete.response(true.frequency) / true.response),
-        "physical": _error(found.fit.response(true.frequency, rate) / true.response),
-    }
-
-
-def _error(ratio: ComplexArray) -> ModelError:
-    return ModelError(
-        float(np.max(np.abs(20 * np.log10(np.abs(ratio))))),
-        float(np.max(np.abs(np.angle(ratio))) * (180 / math.pi)),
-    )
+    errors = {}
+    for name, response in (
+        ("discrete", found.discrete.response(true.frequency)),
+        ("physical", found.fit.response(true.frequency, rate)),
+    ):
+        ratio = response / true.response
+        errors[name] = report.ModelError(
+            float(np.max(np.abs(20 * np.log10(np.abs(ratio))))),
+            float(np.max(np.abs(np.angle(ratio))) * (180 / math.pi)),
+        )
+    return errors
 
 
 def _metrics(
-    found: Identification, errors: Mapping[str, ModelError], band: tuple[float, float]
+    found: Identification, errors: Mapping[str, report.ModelError], band: tuple[float, float]
 ) -> dict[str, Any]:
     """Return the metrics for a JSON file; its errors without a model are the discrete model's."""
     discrete = errors.get("discrete")
@@ -490,15 +428,14 @@ def _fit_metrics(fit: HandleFit) -> dict[str, Any]:
     }
 
 
-def _table(found: Identification, truth: HandleParameters | None) -> Table:
-    table = Table(title="the handle, with standard errors")
-    columns = [name for name, _ in fits_by_column(found)]
-    for heading in ("", "unit", *(["true"] if truth else []), *columns):
-        table.add_column(heading, justify="right" if heading in columns else "left")
-    for row in parameter_rows(found, truth):
+def _print(found: Identification, truth: HandleParameters | None) -> None:
+    left = ("name", "unit", "true") if truth else ("name", "unit")
+    rows = []
+    for row in report.parameter_rows(found, truth):
         cells = [
             f"{value} ± {error}" if error[0].isdigit() else f"{value} {error}"
             for value, error in row.cells
         ]
-        table.add_row(row.name, row.unit, *([row.true] if truth else []), *cells)
-    return table
+        rows.append([*(getattr(row, name) for name in left), *cells])
+    headings = ("", *left[1:], *(name for name, _ in report.fits_by_column(found)))
+    print_table(headings, rows, left=len(left), title="the handle, with standard errors")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import click
@@ -14,15 +15,14 @@ from haptic_accel.core.parameters import suggestion
 class LazyGroup(click.Group):
     """Verbs under headings, imported one by one.
 
-    An emergency stop must not wait for the import of what draws plots.
+    An emergency stop must not wait for the import of what draws plots. A verb is in the module of
+    its name or, where this package has none, in that of its group.
 
     Parameters
     ----------
     name : str
     sections : mapping
         By heading, the summaries of the verbs by name.
-    modules : mapping
-        Modules of verbs whose module in this package does not have their name.
     groups : sequence of click.Group
         Those of the verbs that are groups of further verbs.
     examples : sequence of str
@@ -34,7 +34,6 @@ class LazyGroup(click.Group):
         name: str,
         sections: Mapping[str, Mapping[str, str]],
         *,
-        modules: Mapping[str, str] | None = None,
         groups: Sequence[click.Group] = (),
         examples: Sequence[str] = (),
         **settings: Any,
@@ -42,7 +41,6 @@ class LazyGroup(click.Group):
         super().__init__(name, no_args_is_help=False, subcommand_metavar="VERB ...", **settings)
         self.sections = sections
         self.verbs = [verb for verbs in sections.values() for verb in verbs]
-        self.modules = modules or {}
         self.groups = {group.name: group for group in groups}
         self.examples = examples
 
@@ -62,7 +60,8 @@ class LazyGroup(click.Group):
             return None
         if cmd_name in self.groups:
             return self.groups[cmd_name]
-        module = import_module(f"haptic_accel.cli.{self.modules.get(cmd_name, cmd_name)}")
+        own = f"haptic_accel.cli.{cmd_name}"
+        module = import_module(own if find_spec(own) else f"haptic_accel.cli.{self.name}")
         commands = (found for found in vars(module).values() if isinstance(found, click.Command))
         return next(command for command in commands if command.name == cmd_name)
 

@@ -11,7 +11,7 @@ from haptic_accel import __version__
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import INTERRUPTED, WRONG_ARGUMENTS
+from haptic_accel.core.process import DONE, INTERRUPTED, WRONG_ARGUMENTS
 
 BAG = LazyGroup(
     "bag",
@@ -21,7 +21,6 @@ BAG = LazyGroup(
             "repair": "repair bags whose recording was cut off",
         }
     },
-    modules={"info": "bag", "repair": "bag"},
     help="Inspect bags, and repair those whose recording was cut off.",
     examples=["haptic-accel bag info bags/text", "haptic-accel bag repair bags/*"],
 )
@@ -33,7 +32,6 @@ EMULATE = LazyGroup(
             "serial": "boards of handle and tool on USB serial",
         }
     },
-    modules={"can": "emulate", "serial": "emulate"},
     help="Emulate boards or arms to test the drivers without hardware.",
     examples=["haptic-accel emulate serial", "haptic-accel emulate can faults:=estimates@2"],
 )
@@ -45,7 +43,6 @@ BENCH = LazyGroup(
             "fidelity": "tracking error of each controller on every rig, grip and input",
         }
     },
-    modules={"latency": "bench"},
     help="Measure latency, CPU, losses and tracking error.",
     examples=["haptic-accel bench latency rig:=ideal --rate 2000", "haptic-accel bench fidelity"],
 )
@@ -109,14 +106,14 @@ def run(command: click.Command, name: str, words: Sequence[str] | None = None) -
     Parameters
     ----------
     command : Command
-        Returns the exit status.
+        Returns its exit status, or nothing once it is done.
     name : str
         Name of the program.
     words : sequence of str, optional
         Command line; that of this process if not given.
     """
     try:
-        sys.exit(command.main(words, name, standalone_mode=False))
+        sys.exit(command.main(words, name, standalone_mode=False) or DONE)
     except (click.ClickException, ParameterError) as error:
         message = error.format_message() if isinstance(error, click.ClickException) else str(error)
         print(f"{name}: {' '.join(message.split())}", file=sys.stderr)

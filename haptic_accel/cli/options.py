@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -12,10 +13,9 @@ from click.shell_completion import CompletionItem
 from haptic_accel.cli.lazy import write_examples
 from haptic_accel.cli.output import check_writable
 from haptic_accel.core.parameters import Checked, schema, suggestion
-from haptic_accel.graph.words import described
+from haptic_accel.graph.words import described, parse_words
 
 F = TypeVar("F", bound=Callable[..., Any])
-T = TypeVar("T")
 Describe: TypeAlias = Callable[[], Sequence[tuple[str, str, str]]]
 
 
@@ -28,6 +28,8 @@ class Words(click.Argument):
         Dataclasses that declare the keys.
     describe : callable, optional
         Returns name, default and description of every key; those of `kinds` otherwise.
+    read : callable, optional
+        Makes of the words what the verb receives; a list of them otherwise.
     """
 
     def __init__(
@@ -35,10 +37,12 @@ class Words(click.Argument):
         declarations: Sequence[str],
         kinds: Sequence[type[Checked]],
         describe: Describe | None = None,
+        read: Callable[[Sequence[str]], Any] = list,
         **settings: Any,
     ) -> None:
         super().__init__(declarations, nargs=-1, **settings)
         self.kinds = kinds
+        self.read = read
         self.describe = describe or (lambda: [line for kind in kinds for line in described(kind)])
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
@@ -48,13 +52,8 @@ class Words(click.Argument):
             keys = [f"{name}:=" for name, _, _ in self.describe()]
             found = [CompletionItem(key) for key in keys if key.startswith(incomplete)]
             return found or [CompletionItem(incomplete, type="file")]
-        choices = [
-            choice
-            for kind in self.kinds
-            if key in schema(kind)
-            for choice in schema(kind)[key][1].choices
-        ]
-        words = [f"{key}:={choice}" for choice in choices]
+        known = [schema(kind)[key][1] for kind in self.kinds if key in schema(kind)]
+        words = [f"{key}:={choice}" for given in known for choice in given.choices]
         return [CompletionItem(word) for word in words if word.startswith(incomplete)]
 
 
@@ -84,24 +83,30 @@ class Verb(click.Command):
         file, folder = ctx.params.get("json_file"), ctx.params.get("out")
         if file and folder not in file.parents:
             check_writable(file)
+        for words in self.params:
+            if isinstance(words, Words):
+                given = [*ctx.params[words.name], *self._from_options(ctx)]
+                ctx.params[words.name] = words.read(given)
+        return super().invoke(ctx)
+
+    def _from_options(self, ctx: click.Context) -> Iterator[str]:
+        """Take the options that mean a word out of the parameters, and yield their words."""
         for parameter in self.params:
             if isinstance(parameter, WordOption):
-                value = ctx.params.pop(str(parameter.name))
+                value = ctx.params.pop(parameter.name)
                 if value is not None:
-                    ctx.params["words"] += (f"{parameter.name}:={value}",)
-        return super().invoke(ctx)
+                    yield f"{parameter.name}:={value}"
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the words and the examples."""
         for parameter in self.params:
             if isinstance(parameter, Words):
+                lines = [
+                    (name, f"{text} (default: {default or 'empty'})")
+                    for name, default, text in parameter.describe()
+                ]
                 with formatter.section("Arguments, each as key:=value"):
-                    formatter.write_dl(
-                        [
-                            (name, f"{text} (default: {default or 'empty'})")
-                            for name, default, text in parameter.describe()
-                        ]
-                    )
+                    formatter.write_dl(lines)
         write_examples(formatter, self.examples)
 
 
@@ -123,27 +128,25 @@ def one_of(known: Iterable[str]) -> Callable[[str], str]:
     return read
 
 
-def listed_numbers(kind: Callable[[str], T]) -> Callable[[str], list[T]]:
-    """Return what reads numbers with commas between."""
+def some_of(known: Iterable[str]) -> Callable[[str], list[str]]:
+    """Return what reads some of the known words with commas between, or names the nearest."""
+    read = one_of(known)
+    return lambda text: [read(word) for word in listed_words(text)]
 
-    def read(text: str) -> list[T]:
-        try:
-            return [kind(word) for word in text.split(",")]
-        except ValueError:
-            raise click.BadParameter(f"{text!r}: must be numbers with commas between") from None
 
-    return read
+def listed_numbers(text: str) -> list[float]:
+    """Read numbers with commas between."""
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise click.BadParameter(f"{text!r}: must be numbers with commas between") from None
 
 
 FILE = click.Path(path_type=Path)
 """A path that need not exist."""
 
 json_option = click.option(
-    "--json",
-    "json_file",
-    type=FILE,
-    metavar="FILE",
-    help="Write the results as JSON.",
+    "--json", "json_file", type=FILE, metavar="FILE", help="Write the results as JSON."
 )
 out_option = click.option(
     "--out",
@@ -161,10 +164,9 @@ lockstep_option = click.option(
 def controllers_option(known: Iterable[str], default: Iterable[str] = ()) -> Callable[[F], F]:
     """Let a verb take several controllers."""
     names = list(known)
-    read = one_of(names)
     return click.option(
         "--controllers",
-        type=lambda text: [read(word) for word in listed_words(text)],
+        type=some_of(names),
         default=",".join(default),
         show_default=bool(default),
         metavar="NAME,NAME,...",
@@ -179,14 +181,22 @@ def words(
     return click.argument("words", cls=Words, kinds=kinds, describe=describe, metavar=metavar)
 
 
-def word_options(names: Iterable[str], metavar: str = "VALUE") -> Callable[[F], F]:
+def arguments(kind: type[Checked]) -> Callable[[F], F]:
+    """Let a verb take ``key:=value`` words, which it receives as the dataclass they declare."""
+    read = partial(parse_words, kind=kind)
+    return click.argument(
+        "arguments", cls=Words, kinds=[kind], read=read, metavar="[key:=value ...]"
+    )
+
+
+def word_options(names: Iterable[str]) -> Callable[[F], F]:
     """Let a verb take some of its words as options too."""
 
     def declare(verb: F) -> F:
         for name in reversed([*names]):
             option = f"--{name.replace('_', '-')}"
-            text = f"The same as {name}:={metavar}."
-            verb = click.option(option, cls=WordOption, metavar=metavar, help=text)(verb)
+            text = f"The same as {name}:=VALUE."
+            verb = click.option(option, cls=WordOption, metavar="VALUE", help=text)(verb)
         return verb
 
     return declare

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import click
 
-from haptic_accel.cli.options import Verb, one_of, words
+from haptic_accel.cli.options import Verb, arguments, one_of
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.process import DONE
-from haptic_accel.graph.words import parse_words
 
 PATIENCE = 30.0
 """Maximum time for an answer, s: a file that is finished is brought to the disk first."""
@@ -34,14 +31,12 @@ class RecordArguments(Checked):
 
 @click.command(cls=Verb, examples=["haptic-accel record pause", "haptic-accel record status"])
 @click.argument("action", type=one_of(ACTIONS), metavar="|".join(ACTIONS))
-@words(RecordArguments)
-def record(action: str, words: Sequence[str]) -> int:
+@arguments(RecordArguments)
+def record(action: str, arguments: RecordArguments) -> None:
     """Control the recording of a running graph."""
-    arguments = parse_words(words, RecordArguments)
     # ROS takes a while to import: wrong words are refused without it.
-    from haptic_accel.cli.calling import connected
+    from haptic_accel.cli.calling import connected, send
     from haptic_accel.nodes.graph_requests import trigger
 
-    with connected(arguments.namespace) as graph:
-        print(graph.send(trigger(f"recorder/{action}"), PATIENCE))
-    return DONE
+    with connected(arguments.namespace) as node:
+        print(send(node, trigger(f"recorder/{action}"), PATIENCE))

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import click
 
-from haptic_accel.cli.options import Verb, words
-from haptic_accel.cli.running import StopOnSignal
+from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.options import Verb, arguments
+from haptic_accel.cli.running import stop_on_signal
 from haptic_accel.core.parameters import parameter, schema
-from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.core.process import FAILED
 from haptic_accel.graph.node_parameters import ScopeNodeParameters
-from haptic_accel.graph.processes import scope_process
+from haptic_accel.graph.processes import SCOPE, Process
 from haptic_accel.graph.supervisor import Supervisor
-from haptic_accel.graph.words import parse_words
 from haptic_accel.scope.access import TOKEN_VARIABLE
 
 __all__ = ["TOKEN_VARIABLE", "ScopeArguments", "scope"]
@@ -28,26 +27,22 @@ class ScopeArguments(ScopeNodeParameters):
 
 
 @click.command(
-    cls=Verb,
-    examples=["haptic-accel scope", "haptic-accel scope host:=0.0.0.0 control:=true"],
+    cls=Verb, examples=["haptic-accel scope", "haptic-accel scope host:=0.0.0.0 control:=true"]
 )
-@words(ScopeArguments)
-def scope(words: Sequence[str]) -> int:
+@arguments(ScopeArguments)
+def scope(arguments: ScopeArguments) -> None:
     """Serve a page with signals, spectra, errors and states of a running graph until Ctrl-C.
 
     With control:=true the page has controls. An address other than this machine's own needs a
     token, which is printed with the address; HAPTIC_ACCEL_SCOPE_TOKEN in the environment sets
     it.
     """
-    arguments = parse_words(words, ScopeArguments)
     parameters = {name: getattr(arguments, name) for name in schema(ScopeNodeParameters)}
     name = arguments.namespace.strip("/")
     namespace = f"/{name}" if name else ""
     # The only process here: its end is the end of the verb.
-    process = replace(scope_process(parameters, namespace=namespace), optional=False)
-    with StopOnSignal() as stop:
+    process = Process(SCOPE, (), {SCOPE: parameters}, namespace=namespace)
+    with stop_on_signal() as stop:
         outcome = Supervisor([process], on_line=lambda _, line: print(line, flush=True)).run(stop)
-    if not outcome.first:
-        return DONE
-    # The reason has been printed already.
-    return outcome.status if outcome.status >= 0 else FAILED
+    if outcome.first:  # which has printed the reason
+        raise StoppedError(status=outcome.status if outcome.status >= 0 else FAILED)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import click
 
-from haptic_accel.cli.options import Verb, words
-from haptic_accel.cli.running import StopOnSignal, conclude, show
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments
+from haptic_accel.cli.options import Verb, arguments
+from haptic_accel.cli.running import run_shown
+from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import graph
-from haptic_accel.graph.supervisor import Supervisor
 
 
 @click.command(
@@ -21,11 +18,7 @@ from haptic_accel.graph.supervisor import Supervisor
         "haptic-accel teleop scope:=true",
     ],
 )
-@words(GraphArguments)
-def teleop(words: Sequence[str]) -> int:
+@arguments(GraphArguments)
+def teleop(arguments: GraphArguments) -> None:
     """Run the five nodes of the teleoperation graph until Ctrl-C."""
-    arguments = parse_arguments(words)
-    processes = graph(arguments)
-    with StopOnSignal() as stop:
-        outcome = Supervisor(processes, on_line=show).run(stop)
-    return conclude(outcome, endless=arguments.duration == 0)
+    run_shown(graph(arguments), endless=arguments.duration == 0)

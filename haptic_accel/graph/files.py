@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,26 +39,27 @@ def config_folder() -> Path:
     return share_folder() / "config"
 
 
-def rig_file(rig: str) -> Path:
-    """Return a virtual rig's parameter file, by its name or as a path ending in ``.yaml``.
+def preset_file(kind: str, name: str) -> Path:
+    """Return the parameter file of a virtual rig or a surface.
+
+    Parameters
+    ----------
+    kind : str
+        rig or surface.
+    name : str
+        Name of a file in ``config/<kind>s``, or a path ending in ``.yaml``.
 
     Raises
     ------
     ParameterError
         There is none.
     """
-    return _preset("rig", rig)
-
-
-def surface_file(surface: str) -> Path:
-    """Return a surface's parameter file, by its name or as a path ending in ``.yaml``.
-
-    Raises
-    ------
-    ParameterError
-        There is none.
-    """
-    return _preset("surface", surface)
+    known = {path.stem: path for path in sorted((config_folder() / f"{kind}s").glob("*.yaml"))}
+    if name in known:
+        return known[name]
+    if name.endswith(".yaml") and Path(name).is_file():
+        return Path(name).absolute()
+    raise ParameterError(f"{kind} = {name!r}: must be one of {', '.join(known)}, or a .yaml file")
 
 
 def surface_parameters(surface: str) -> dict[str, Any]:
@@ -75,22 +77,12 @@ def surface_parameters(surface: str) -> dict[str, Any]:
     ParameterError
         There is none, or its file is wrong.
     """
-    given = read_parameter_file(surface_file(surface))["slave_device"]
+    given = read_parameter_file(preset_file("surface", surface))["slave_device"]
     return {
         name: checked(name, given.get(name, default), default, specification)
         for name, (default, specification) in node_schema("slave_device").items()
         if name.startswith(SURFACE)
     }
-
-
-def _preset(kind: str, name: str) -> Path:
-    """Return ``config/<kind>s/<name>.yaml``, or the file that is named."""
-    known = {path.stem: path for path in sorted((config_folder() / f"{kind}s").glob("*.yaml"))}
-    if name in known:
-        return known[name]
-    if name.endswith(".yaml") and Path(name).is_file():
-        return Path(name).absolute()
-    raise ParameterError(f"{kind} = {name!r}: must be one of {', '.join(known)}, or a .yaml file")
 
 
 def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
@@ -132,6 +124,12 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
     return values
 
 
+def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the ROS parameter file with the values of each node, nested or by dotted name."""
+    content = {node: {"ros__parameters": dict(values)} for node, values in nodes.items()}
+    return str(yaml.safe_dump(content, sort_keys=False))
+
+
 def _named(node: str, what: str) -> list[str]:
     if node in _WILDCARDS:
         return list(NODES)
@@ -156,9 +154,8 @@ def _flat(section: Any, what: str, prefix: str = "") -> dict[str, Any]:
 def _known(flat: dict[str, Any], executable: str, node: str, what: str) -> dict[str, Any]:
     """Keep a node's own parameters; refuse unknown ones, of a named node also other nodes'."""
     schema = node_schema(executable)
-    everywhere = node in _WILDCARDS
+    others = NODES if node in _WILDCARDS else ()
     for name in flat:
-        known = name in schema or (everywhere and any(name in node_schema(n) for n in NODES))
-        if not known:
+        if name not in schema and not any(name in node_schema(other) for other in others):
             raise ParameterError(f"{what}: {node}: {name}: no such parameter")
     return {name: value for name, value in flat.items() if name in schema}

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import yaml
 
@@ -25,7 +25,7 @@ from haptic_accel.graph.arguments import (
     GraphArguments,
     IdentifyArguments,
 )
-from haptic_accel.graph.files import config_folder, read_parameter_file, rig_file, surface_file
+from haptic_accel.graph.files import config_folder, preset_file, read_parameter_file
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 
 RECORDER = "recorder"
@@ -36,6 +36,11 @@ SCOPE = "scope"
 
 COMPOSED = "composed"
 """Executable that runs all nodes but the recorder in one process."""
+
+
+Arguments: TypeAlias = GraphArguments | IdentifyArguments
+Values: TypeAlias = dict[str, dict[str, Any]]
+"""Parameters of each node by dotted name, or those of its options by name."""
 
 
 @dataclass(frozen=True)
@@ -121,11 +126,7 @@ def identification_graph(arguments: IdentifyArguments) -> list[Process]:
 
 
 def _processes(
-    arguments: GraphArguments | IdentifyArguments,
-    values: Mapping[str, Mapping[str, Any]],
-    own: dict[str, dict[str, Any]],
-    *,
-    composed: bool = False,
+    arguments: Arguments, values: Values, own: Values, *, composed: bool = False
 ) -> list[Process]:
     """Return the processes for the parameters of their own, by executable."""
     files = tuple(_files(arguments))
@@ -134,48 +135,28 @@ def _processes(
     if composed:
         processes = [Process(COMPOSED, files, own)]
     if recorder is not None:
-        recorder["facts"] = _facts(arguments, values, own)
+        effective = {
+            node: {name: default for name, (default, _) in node_schema(node).items()}
+            | values[node]
+            for node in own
+        }
+        recorder["facts"] = facts_text(asdict(arguments), effective)
         # First, so that it misses as little as can be of the others.
         processes.insert(0, Process(RECORDER, files, {RECORDER: recorder}, last=True))
     if scope is not None:
         # Last, as what makes the forces need not wait for it.
-        processes.append(scope_process(scope, files))
+        processes.append(Process(SCOPE, files, {SCOPE: scope}, optional=True))
     return processes
 
 
-def _checked_options(values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+def _checked_options(values: Values) -> Values:
     """Check every parameter of every node; return their options by executable and name."""
     return {executable: node_parameters(executable, values[executable])[1] for executable in NODES}
 
 
-def _facts(
-    arguments: GraphArguments | IdentifyArguments,
-    values: Mapping[str, Mapping[str, Any]],
-    nodes: Iterable[str],
-) -> str:
-    """Return the facts for the bag: the graph's arguments, and every value of its nodes."""
-    effective = {
-        node: {
-            name: values[node].get(name, default)
-            for name, (default, _) in node_schema(node).items()
-        }
-        for node in nodes
-    }
-    return facts_text(asdict(arguments), effective)
-
-
-def scope_process(
-    parameters: dict[str, Any], files: tuple[Path, ...] = (), namespace: str = ""
-) -> Process:
-    """Return the process that shows a graph; it may end and the graph goes on."""
-    return Process(SCOPE, files, {SCOPE: parameters}, optional=True, namespace=namespace)
-
-
-def graph_parameters(
-    arguments: GraphArguments | IdentifyArguments,
-) -> dict[str, dict[str, Any]]:
+def graph_parameters(arguments: Arguments) -> Values:
     """Return the values that files and arguments give each node, by dotted name."""
-    values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
+    values: Values = {executable: {} for executable in NODES}
     for path in _files(arguments):
         content = read_parameter_file(path)
         for executable in NODES:
@@ -184,18 +165,14 @@ def graph_parameters(
         values[executable] |= own
     if arguments.master == SIMULATED:
         # A simulated handle needs no bench to measure its sensor on.
-        values["identifier"] = _bench_values(values["master_device"]) | values["identifier"]
+        _, devices = node_parameters("master_device", values["master_device"])
+        sensor = asdict(devices[SIMULATED].accelerometer)
+        known = {f"accelerometer.{name}": value for name, value in sensor.items()}
+        values["identifier"] = known | values["identifier"]
     return values
 
 
-def _bench_values(master: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the simulated handle's values that an identifier needs, by dotted name."""
-    _, devices = node_parameters("master_device", master)
-    sensor = asdict(devices[SIMULATED].accelerometer)
-    return {f"accelerometer.{name}": value for name, value in sensor.items()}
-
-
-def rig_parameters(values: Mapping[str, Mapping[str, Any]]) -> RigParameters:
+def rig_parameters(values: Values) -> RigParameters:
     """Return the virtual rig that the simulated devices of a graph make up.
 
     Parameters
@@ -209,83 +186,65 @@ def rig_parameters(values: Mapping[str, Mapping[str, Any]]) -> RigParameters:
     return RigParameters(masters["simulated"], slaves["simulated"], coupling)
 
 
-def _files(arguments: GraphArguments | IdentifyArguments) -> list[Path]:
+def _files(arguments: Arguments) -> list[Path]:
     """Return the parameter files in the order in which they count."""
-    paths = [config_folder() / "teleop.yaml", rig_file(arguments.rig)]
+    paths = [config_folder() / "teleop.yaml", preset_file("rig", arguments.rig)]
     if isinstance(arguments, GraphArguments):
-        paths.append(surface_file(arguments.surface))
+        paths.append(preset_file("surface", arguments.surface))
     if arguments.config:
         paths.append(Path(arguments.config).absolute())
     return paths
 
 
-def _own_parameters(
-    arguments: GraphArguments | IdentifyArguments,
-) -> dict[str, dict[str, Any]]:
+def _own_parameters(arguments: Arguments) -> Values:
     """Return the parameters that arguments set, by executable."""
     sampled = {"rate": arguments.rate}
-    device = {**sampled, "seed": arguments.seed}
+    device: dict[str, Any] = {**sampled, "seed": arguments.seed}
     master = {**device, "device": arguments.master}
     if arguments.grip != AVERAGE_GRIP:  # which a file may change
         master[f"{SIMULATED}.grip.posture"] = arguments.grip
-    recorder = {"bag": arguments.bag and _absolute(arguments.bag)}
+    recorder = {"bag": _absolute(arguments.bag)}
     for name, (default, _) in schema(RecordingOptions).items():
         if getattr(arguments, name) != default:  # which a file may change
             recorder[name] = getattr(arguments, name)
     if isinstance(arguments, IdentifyArguments):
         procedure = {**asdict(arguments.sweep), "trials": arguments.trials, "listeners": 2}
-        return {
-            "master_device": master,
-            "identifier": {**sampled, **procedure},
-            RECORDER: recorder,
-        }
-    recording = {}
+        identifier = {**sampled, **procedure}
+        return {"master_device": master, "identifier": identifier, RECORDER: recorder}
+    slave = {**device, "device": arguments.slave}
+    source = {"rate": arguments.recording_rate, "column": arguments.recording_column}
     if arguments.surface == RECORDING:
-        recording = {
-            "simulated.recording.file": arguments.recording and _absolute(arguments.recording),
-            "simulated.recording.rate": arguments.recording_rate,
-            "simulated.recording.column": arguments.recording_column,
+        recording = {"file": _absolute(arguments.recording), **source}
+        slave |= {f"simulated.recording.{name}": value for name, value in recording.items()}
+    if arguments.replay:
+        replay = {"file": _absolute(arguments.replay), **source}
+        replay |= {
+            name: getattr(arguments, f"replay_{name}") for name in ("speed", "loop", "start")
         }
-    slave = {**device, "device": arguments.slave, **recording, **_replay(arguments)}
+        for arm in (master, slave):
+            arm |= {f"{REPLAY}.{name}": value for name, value in replay.items()}
     # Of each signal: the node that it is for, and the recorder.
     listeners = 2 if arguments.record else 1
-    restamper = {**sampled, "listeners": listeners}
-    from_topics = arguments.slave == PLAYED_TOPICS
-    page = {
-        "host": arguments.scope_host,
-        "port": arguments.scope_port,
-        "control": arguments.scope_control,
+    own = {"master_device": master, "slave_device": slave}
+    if arguments.slave == PLAYED_TOPICS:
+        own = {"master_device": master, "restamper": {**sampled, "listeners": listeners}}
+    own["coupler"] = {
+        "duration": arguments.duration,
+        # The hand starts to explore when the arms engage: all others must be there.
+        "compensated": True,
+        "listeners": listeners,
     }
-    return {
-        "master_device": master | _replay(arguments),
-        **({"restamper": restamper} if from_topics else {"slave_device": slave}),
-        "coupler": {
-            "duration": arguments.duration,
-            # The hand starts to explore when the arms engage: all others must be there.
-            "compensated": True,
-            "listeners": listeners,
-        },
-        "compensator": {**sampled, "controller": arguments.controller},
-        **({RECORDER: recorder} if arguments.record else {}),
-        **({SCOPE: page} if arguments.scope else {}),
-    }
+    own["compensator"] = {**sampled, "controller": arguments.controller}
+    if arguments.record:
+        own[RECORDER] = recorder
+    if arguments.scope:
+        own[SCOPE] = {
+            name: getattr(arguments, f"scope_{name}") for name in ("host", "port", "control")
+        }
+    return own
 
 
-def _replay(arguments: GraphArguments) -> dict[str, Any]:
-    """Return the parameters of the devices that play a recording, if there is one."""
-    if not arguments.replay:
-        return {}
-    return {
-        f"{REPLAY}.file": _absolute(arguments.replay),
-        f"{REPLAY}.rate": arguments.recording_rate,
-        f"{REPLAY}.column": arguments.recording_column,
-        f"{REPLAY}.speed": arguments.replay_speed,
-        f"{REPLAY}.loop": arguments.replay_loop,
-        f"{REPLAY}.start": arguments.replay_start,
-    }
-
-
-def _check_replay(arguments: GraphArguments, options: Mapping[str, Mapping[str, Any]]) -> None:
+def _check_replay(arguments: GraphArguments, options: Values) -> None:
     """Refuse a replay without a device that plays it, and one that cannot be played."""
     if arguments.replay and {REPLAY, PLAYED_TOPICS}.isdisjoint(
         (arguments.master, arguments.slave)
@@ -295,10 +254,9 @@ def _check_replay(arguments: GraphArguments, options: Mapping[str, Mapping[str, 
         )
     if arguments.composed and arguments.slave == PLAYED_TOPICS:
         raise ParameterError(f"composed = true: not with slave:={PLAYED_TOPICS}")
-    if arguments.master == REPLAY:
-        MASTERS[REPLAY](options["master_device"][REPLAY], arguments.rate, arguments.seed)
-    if arguments.slave == REPLAY:
-        SLAVES[REPLAY](options["slave_device"][REPLAY], arguments.rate, arguments.seed)
+    for arm, devices in (("master", MASTERS), ("slave", SLAVES)):
+        if getattr(arguments, arm) == REPLAY:
+            devices[REPLAY](options[f"{arm}_device"][REPLAY], arguments.rate, arguments.seed)
 
 
 def _check_recording(arguments: GraphArguments, slave: Mapping[str, Any]) -> None:
@@ -316,4 +274,5 @@ def _check_recording(arguments: GraphArguments, slave: Mapping[str, Any]) -> Non
 
 
 def _absolute(path: str) -> str:
-    return str(Path(path).absolute())
+    """Return the absolute path of a file or folder; empty for an empty one."""
+    return path and str(Path(path).absolute())

@@ -42,6 +42,11 @@ def parse_words(words: Iterable[str], kind: type[A]) -> A:
     return kind(**values)
 
 
+def given_keys(words: Iterable[str]) -> list[str]:
+    """Return the keys of the words that have the form ``key:=value``."""
+    return [word.partition(":=")[0] for word in words if ":=" in word]
+
+
 def unknown_key(key: str, known: Iterable[str]) -> ParameterError:
     """Return the error that names the nearest key, and every key there is."""
     known = list(known)

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haptic_accel.cli.fidelity import SPREAD, Case, Input, hand, run_case
+from haptic_accel.cli.fidelity import SPREAD, Case, hand, run_case
 from haptic_accel.core.model import HandleParameters
+from haptic_accel.graph.arguments import GraphArguments
 from running import Command
 from verbs import refusal
 
@@ -69,26 +70,32 @@ def test_the_table_is_printed_and_saved(haptic_accel: Start, tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_adaptation_halves_what_another_hand_costs() -> None:
-    grips = ((1.0, hand(2, 3, HandleParameters())),)
+    grips = ((1.0, hand(2, 3)),)
     adaptive, inverse = (
         run_case(
-            Case("hands", "ideal", 1000.0, Input("text", "text"), "hand", name, 0, grips, 3.0)
+            Case(
+                "hands",
+                "hand",
+                GraphArguments(rig="ideal", surface="text", controller=name),
+                grips,
+                start=3.0,
+            )
         )
         for name in ("adaptive", "inverse")
     )
-    assert adaptive.nrmse_percent < max(6.0, inverse.nrmse_percent / 2)
-    assert adaptive.bound_percent < adaptive.nrmse_percent
+    assert adaptive["nrmse_percent"] < max(6.0, inverse["nrmse_percent"] / 2)
+    assert adaptive["bound_percent"] < adaptive["nrmse_percent"]
 
 
 def test_hands_lie_within_their_spread_and_are_the_same_again() -> None:
     average = HandleParameters()
-    hands = [hand(5, number, average) for number in range(200)]
+    hands = [hand(5, number) for number in range(200)]
     for name, (low, high) in SPREAD.items():
         factors = [getattr(each, name) / getattr(average, name) for each in hands]
         assert low <= min(factors) < low * 1.1
         assert high * 0.9 < max(factors) <= high
-    assert hand(5, 7, average) == hands[7]
-    assert hand(6, 7, average) != hands[7]
+    assert hand(5, 7) == hands[7]
+    assert hand(6, 7) != hands[7]
 
 
 @pytest.mark.parametrize(

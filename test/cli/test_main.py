@@ -114,8 +114,8 @@ def test_an_option_may_stand_for_a_word(monkeypatch: pytest.MonkeyPatch) -> None
     ("end", "status", "written"),
     [
         (KeyboardInterrupt(), 130, ""),
-        (StoppedError(1, "no such bag"), 1, "haptic-accel: no such bag"),
-        (StoppedError(130), 130, ""),
+        (StoppedError("no such bag"), 1, "haptic-accel: no such bag"),
+        (StoppedError(status=130), 130, ""),
         (
             ParameterError("rate = 0: must be above 0"),
             2,

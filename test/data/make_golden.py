@@ -18,7 +18,6 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from bag_maker import write_bag
-from haptic_accel.cli.replay import replay_lockstep
 from haptic_accel.core import topics
 from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
@@ -29,6 +28,7 @@ from haptic_accel.core.topics import SLAVE_SIGNALS, Topic
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from verbs import status_of
 
 FOLDER = Path(__file__).parent
 FIGURES = FOLDER / "golden.json"
@@ -47,8 +47,8 @@ def main() -> None:
             shutil.rmtree(bag, ignore_errors=True)
             said = {"haptic_accel.arguments": json.dumps(asdict(arguments))}
             write_bag(bag, samples(arguments), arguments.rate, custom=said, compressed=True)
-    words = [str(bag) for bag in bags]
-    replay_lockstep(words, controllers=CONTROLLERS, json_file=FIGURES)
+    words = ["replay", *bags, "--lockstep", "--controllers", ",".join(CONTROLLERS)]
+    assert status_of(*words, "--json", FIGURES) == 0
     content = json.loads(FIGURES.read_text(encoding="utf-8"))
     for condition in content["conditions"]:
         condition["bag"] = Path(condition["bag"]).name

@@ -10,16 +10,15 @@ from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.files import (
     config_folder,
+    preset_file,
     read_parameter_file,
-    rig_file,
-    surface_file,
 )
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 
 
 @pytest.mark.parametrize("rig", ["ideal", "paper"])
 def test_a_rig_says_what_the_devices_know(rig: str) -> None:
-    values = read_parameter_file(rig_file(rig))
+    values = read_parameter_file(preset_file("rig", rig))
     _, masters = node_parameters("master_device", values["master_device"])
     _, slaves = node_parameters("slave_device", values["slave_device"])
     # Table I in both.
@@ -30,7 +29,7 @@ def test_a_rig_says_what_the_devices_know(rig: str) -> None:
 
 def test_a_rig_there_is_none_of_is_refused_with_those_there_are() -> None:
     with pytest.raises(ParameterError, match=r"rig = 'mine'.*ideal, paper.*\.yaml"):
-        rig_file("mine")
+        preset_file("rig", "mine")
 
 
 def test_the_default_file_says_what_the_code_does() -> None:
@@ -45,7 +44,7 @@ def test_the_default_file_says_what_the_code_does() -> None:
 
 @pytest.mark.parametrize("surface", ["plywood", "text", "vinyl", "recording"])
 def test_every_surface_has_its_own_name_and_is_allowed(surface: str) -> None:
-    values = read_parameter_file(surface_file(surface))
+    values = read_parameter_file(preset_file("surface", surface))
     _, slaves = node_parameters("slave_device", values["slave_device"])
     assert slaves["simulated"].surface.name == surface
 
@@ -53,9 +52,9 @@ def test_every_surface_has_its_own_name_and_is_allowed(surface: str) -> None:
 def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:
     mine = tmp_path / "cork.yaml"
     mine.write_text("slave_device: {ros__parameters: {simulated: {surface: {name: cork}}}}")
-    assert surface_file(str(mine)) == mine
+    assert preset_file("surface", str(mine)) == mine
     with pytest.raises(ParameterError, match="plywood"):
-        surface_file("cork")
+        preset_file("surface", "cork")
 
 
 def test_wildcards_reach_the_nodes_that_have_the_parameter(tmp_path: Path) -> None:

@@ -8,11 +8,11 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.node_parameters import node_schema
 from haptic_accel.graph.processes import (
+    Process,
     graph,
     graph_parameters,
     identification_graph,
     rig_parameters,
-    scope_process,
 )
 
 TELEOPERATION = {"recorder", "master_device", "slave_device", "coupler", "compensator"}
@@ -70,7 +70,7 @@ def test_a_scope_is_added_last_and_the_graph_can_do_without_it(composed: bool) -
 
 
 def test_a_namespace_is_a_process_argument() -> None:
-    words = scope_process({"port": 0}, namespace="/left").ros_arguments
+    words = Process("scope", (), {"scope": {"port": 0}}, namespace="/left").ros_arguments
     assert words[1:] == ["-p", "port:=0", "-r", "__ns:=/left"]
 
 
