@@ -13,16 +13,11 @@ from haptic_accel.core.trial import GripChange, Trial, run_trial
 from haptic_accel.devices.simulated import played
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
-
-RECORDER = "recorder"
+from haptic_accel.graph.processes import RECORDER, graph, graph_parameters, rig_parameters
 
 
 def lockstep_trial(
-    arguments: GraphArguments,
-    *,
-    track: Track | None = None,
-    grips: Sequence[GripChange] = (),
+    arguments: GraphArguments, *, track: Track | None = None, grips: Sequence[GripChange] = ()
 ) -> Trial:
     """Run the condition that arguments describe without ROS.
 
@@ -73,7 +68,5 @@ def record_trial(bag: Path, trial: Trial, arguments: GraphArguments, start: int)
     ParameterError
         The folder exists already, or cannot be written.
     """
-    described = replace(arguments, controller=trial.controller, record=True)
-    recorder = next(p for p in graph(described) if p.executable == RECORDER)
-    facts = custom_data(recorder.parameters[RECORDER]["facts"])
-    write_trial(bag, trial, facts, start)
+    recorder = next(p for p in graph(replace(arguments, record=True)) if p.executable == RECORDER)
+    write_trial(bag, trial, custom_data(recorder.parameters[RECORDER]["facts"]), start)

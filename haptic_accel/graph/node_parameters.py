@@ -9,11 +9,7 @@ from typing import Any
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
-from haptic_accel.core.control.compensation import (
-    PLANT,
-    CompensationParameters,
-    check_rate,
-)
+from haptic_accel.core.control.compensation import PLANT, CompensationParameters, check_rate
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.coupling.engagement import EngagementParameters
@@ -166,17 +162,16 @@ class ScopeNodeParameters(Checked):
     control: bool = parameter(False, "let the scope's page control the graph, not only show it")
 
 
+def _kinds(classes: Mapping[str, Any]) -> dict[str, type]:
+    """Return the parameters of each kind of device or controller, by its name."""
+    return {name: kind.Parameters for name, kind in classes.items()}
+
+
 NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     "recorder": (RecorderNodeParameters, {}),
     "scope": (ScopeNodeParameters, {}),
-    "master_device": (
-        MasterNodeParameters,
-        {**{n: d.Parameters for n, d in MASTERS.items()}, SAFETY: MasterSafetyParameters},
-    ),
-    "slave_device": (
-        SlaveNodeParameters,
-        {**{n: d.Parameters for n, d in SLAVES.items()}, SAFETY: SafetyParameters},
-    ),
+    "master_device": (MasterNodeParameters, {**_kinds(MASTERS), SAFETY: MasterSafetyParameters}),
+    "slave_device": (SlaveNodeParameters, {**_kinds(SLAVES), SAFETY: SafetyParameters}),
     "restamper": (RestamperNodeParameters, {}),
     "coupler": (CouplerNodeParameters, {}),
     "identifier": (
@@ -185,11 +180,7 @@ NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     ),
     "compensator": (
         CompensatorNodeParameters,
-        {
-            **{name: controller.Parameters for name, controller in CONTROLLERS.items()},
-            ACTUATOR: ActuatorParameters,
-            PLANT: Plant,
-        },
+        {**_kinds(CONTROLLERS), ACTUATOR: ActuatorParameters, PLANT: Plant},
     ),
 }
 """Per executable its own parameters, and those of what it can be made of, by name."""

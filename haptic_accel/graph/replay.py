@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.parameters import Checked, ParameterError, checked, like, parameter, schema
 from haptic_accel.core.trial import DEFAULT_RATE
-from haptic_accel.devices.playback import (
-    MASTER,
-    SLAVE,
-    ReplayParameters,
-    bag_rate,
-    is_bag,
-)
-from haptic_accel.graph.arguments import (
-    PLAYED_TOPICS,
-    REPLAY,
-    GraphArguments,
-    parse_arguments,
-)
+from haptic_accel.devices.playback import MASTER, SLAVE, ReplayParameters, bag_rate, is_bag
+from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, GraphArguments, parse_arguments
 from haptic_accel.graph.node_parameters import HIGHEST_RATE
-from haptic_accel.graph.words import described, parse_words, unknown_key
+from haptic_accel.graph.words import described, given_keys, parse_words, unknown_key
 
 if TYPE_CHECKING:
     from haptic_accel.bags.reading import Bag
@@ -34,15 +23,8 @@ DEVICE = "device"
 INHERITED = ("controller", "rig", "grip", "surface", "master", "config", "seed")
 """Arguments of the graph that are as they were when the bag was recorded, unless given."""
 
-_SAID_BY_OWN = (
-    "bag",
-    "rate",
-    "recording",
-    "replay",
-    "replay_speed",
-    "replay_loop",
-    "replay_start",
-)
+REPLAYED = ("replay", "replay_speed", "replay_loop", "replay_start", "rate", "bag")
+"""Arguments of the graph that the arguments of the replay stand for."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +95,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
     values: dict[str, Any] = {"slave": slave, **inherited, **given}
     _check_source(own, values, bag)
     values |= {
-        # Also where `ros2 bag play` plays it: what is recorded must say what it was.
+        # Also where `ros2 bag play` plays it: the recording must name what was played.
         "replay": str(Path(own.bag).absolute()),
         "replay_speed": own.rate,
         "replay_loop": own.loop,
@@ -132,14 +114,14 @@ def described_replay() -> list[tuple[str, str, str]]:
             rest.append((name, "", f"{text}; empty as in the bag, or {default or 'none'}"))
         elif name == "slave":
             rest.append((name, "", f"{text}; empty by source"))
-        elif name not in _SAID_BY_OWN:
+        elif name not in (*REPLAYED, "recording"):
             rest.append((name, default, text))
     return [*described(ReplayArguments), *rest]
 
 
 def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
     """Return a replay's own arguments, and those of the graph that were given."""
-    own_names, graph_names = schema(ReplayArguments), schema(GraphArguments)
+    own_names = schema(ReplayArguments)
     known = [name for name, _, _ in described_replay()]
     own: list[str] = []
     rest: list[str] = []
@@ -153,9 +135,8 @@ def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
         raise ParameterError("bag = '': must be a bag, or a CSV or WAV file")
     if not Path(parsed.bag).exists():
         raise ParameterError(f"bag = '{parsed.bag}': no such bag or file")
-    graph = parse_arguments(rest)
-    keys = {word.partition(":=")[0] for word in rest}
-    return parsed, {name: getattr(graph, name) for name in graph_names if name in keys}
+    graph, keys = parse_arguments(rest), given_keys(rest)
+    return parsed, {name: getattr(graph, name) for name in schema(GraphArguments) if name in keys}
 
 
 def _check_source(own: ReplayArguments, values: dict[str, Any], bag: Bag | None) -> None:
@@ -191,12 +172,7 @@ def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
     recorded = bag.facts.get("arguments")
     if not isinstance(recorded, dict):
         return {}
-    known = {field.name for field in fields(GraphArguments)}
-    found = {
-        name: recorded[name]
-        for name in INHERITED
-        if name in recorded and name in known and name not in given
-    }
+    found = {name: recorded[name] for name in INHERITED if name in recorded.keys() - given}
     if found.get("master") == REPLAY:
         del found["master"]
     try:

@@ -15,6 +15,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from haptic_accel.core.process import SUPERVISOR
@@ -62,10 +63,10 @@ class Outcome:
         to be killed. One that had not yet come to handle the signal we sent it has done
         nothing wrong, nor has one whose middleware had to be cut short.
         """
-        bad = {name: status for name, status in self.statuses.items() if status != 0}
-        if self.status != 0:
-            return {n: s for n, s in bad.items() if n == self.first or s == -signal.SIGKILL}
-        return {name: status for name, status in bad.items() if status not in _OUR_SIGNALS}
+        statuses = self.statuses.items()
+        if self.status == 0:
+            return {name: status for name, status in statuses if status not in (0, *_OUR_SIGNALS)}
+        return {n: s for n, s in statuses if n == self.first or s == -signal.SIGKILL}
 
 
 @dataclass
@@ -113,9 +114,13 @@ class Supervisor:
             for process in self.processes:
                 self._start(process)
             while not first and not stop():
-                first = self._next_end()
+                with suppress(queue.Empty):
+                    first = self._ended.get(timeout=LOOK_PERIOD)
                 if first in optional:
-                    self._note_end(first)
+                    status = self._running[first].returncode
+                    self.on_line(
+                        first, f"ended with status {status}; the graph goes on without it"
+                    )
                     first = ""
         finally:
             self._stop_all()
@@ -127,6 +132,7 @@ class Supervisor:
 
     def _start(self, process: Process) -> None:
         name = process.executable
+        own = {"PYTHONUNBUFFERED": "1", SUPERVISOR: str(os.getpid())}
         child = subprocess.Popen(
             command(process),
             stdin=subprocess.DEVNULL,
@@ -134,12 +140,7 @@ class Supervisor:
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
-            env={
-                **os.environ,
-                "PYTHONUNBUFFERED": "1",
-                SUPERVISOR: str(os.getpid()),
-                **self.environment,
-            },
+            env={**os.environ, **own, **self.environment},
             # Ctrl-C is for us: the graph is stopped in order, not all at once.
             start_new_session=True,
         )
@@ -160,17 +161,6 @@ class Supervisor:
             child.wait()
             self._ended.put(name)
 
-    def _next_end(self) -> str:
-        try:
-            return self._ended.get(timeout=LOOK_PERIOD)
-        except queue.Empty:
-            return ""
-
-    def _note_end(self, name: str) -> None:
-        """Log the end of an optional process."""
-        status = self._running[name].returncode
-        self.on_line(name, f"ended with status {status}; the graph goes on without it")
-
     def _stop_all(self) -> None:
         patient = {process.executable for process in self.processes if process.last}
         self._stop([child for name, child in self._running.items() if name not in patient])
@@ -185,7 +175,8 @@ class Supervisor:
                     child.send_signal(number)
             deadline = time.monotonic() + patience
             for child in children:
-                _wait(child, deadline)
+                with suppress(subprocess.TimeoutExpired):
+                    child.wait(timeout=max(0.0, deadline - time.monotonic()))
             if all(child.poll() is not None for child in children):
                 return
 
@@ -194,10 +185,3 @@ def command(process: Process) -> list[str]:
     """Return the command line that runs a process of the graph."""
     module = f"haptic_accel.nodes.{process.executable}"
     return [sys.executable, "-m", module, *process.ros_arguments]
-
-
-def _wait(child: subprocess.Popen[str], deadline: float) -> None:
-    try:
-        child.wait(timeout=max(0.0, deadline - time.monotonic()))
-    except subprocess.TimeoutExpired:
-        return
