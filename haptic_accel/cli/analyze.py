@@ -17,7 +17,7 @@ from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.writing import as_json, write_analysis, write_json
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import FILE, Verb, json_option, out_option
+from haptic_accel.cli.options import FILE, json_option, out_option, verb
 from haptic_accel.cli.output import results_folder
 from haptic_accel.cli.running import progress_bar
 from haptic_accel.cli.tables import print_table
@@ -36,13 +36,10 @@ SHOWN = (
 """Metrics of the second table, by controller over all its trials."""
 
 
-@click.command(
-    cls=Verb,
-    examples=[
-        "haptic-accel analyze bags/",
-        "haptic-accel analyze bags/ --compare controller:constant,inverse",
-        "haptic-accel analyze monday tuesday --compare",
-    ],
+@verb(
+    "haptic-accel analyze bags/",
+    "haptic-accel analyze bags/ --compare controller:constant,inverse",
+    "haptic-accel analyze monday tuesday --compare",
 )
 @click.argument("places", metavar="BAG...", type=FILE, nargs=-1, required=True)
 @click.option(

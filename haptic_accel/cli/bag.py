@@ -15,7 +15,7 @@ from haptic_accel.bags.folder import MCAP, MUST_BE, storage_files
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.bags.repair import DamagedError, Repair, inspect, repair
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import FILE, Verb, json_option
+from haptic_accel.cli.options import FILE, json_option, verb
 from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
@@ -26,7 +26,7 @@ MEGABYTE = 1e6
 REPAIR = "haptic-accel bag repair makes it whole"
 
 
-@click.command(cls=Verb)
+@verb()
 @click.argument("path", metavar="BAG", type=FILE)
 @json_option
 def info(path: Path, json_file: Path | None) -> None:
@@ -67,7 +67,7 @@ def info(path: Path, json_file: Path | None) -> None:
     save(metrics, json_file)
 
 
-@click.command(cls=Verb, name="repair")
+@verb(name="repair")
 @click.argument("paths", metavar="BAG...", type=FILE, nargs=-1, required=True)
 @json_option
 def repair_bags(paths: Sequence[Path], json_file: Path | None) -> None:

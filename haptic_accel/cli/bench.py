@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from haptic_accel.bags.delivery import AGE_OF, LABELS, Delivery, durations, read_delivery
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import FILE, Verb, json_option, listed_numbers, words
+from haptic_accel.cli.options import FILE, json_option, listed_numbers, verb, words
 from haptic_accel.cli.output import save
 from haptic_accel.cli.running import run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
@@ -97,12 +97,9 @@ class Usage:
         self.cpu_cores["total"] = sum(self.cpu_cores.values())
 
 
-@click.command(
-    cls=Verb,
-    examples=[
-        "haptic-accel bench latency rig:=ideal --rate 2000",
-        "haptic-accel bench latency composed:=true --rates 500,1000,2000,4000 --seconds 5",
-    ],
+@verb(
+    "haptic-accel bench latency rig:=ideal --rate 2000",
+    "haptic-accel bench latency composed:=true --rates 500,1000,2000,4000 --seconds 5",
 )
 @words(GraphArguments)
 @click.option("--rate", default=1000.0, help="Sampling rate, Hz.")

@@ -8,11 +8,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
 import numpy as np
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import Verb, arguments
+from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError, like, parameter
@@ -64,13 +63,10 @@ class CalibrateArguments(PortParameters):
     file: str = parameter("", "file to write; empty for calibration_<side>.yaml")
 
 
-@click.command(
-    "calibrate",
-    cls=Verb,
-    examples=[
-        "haptic-accel calibrate port:=/dev/ttyACM0",
-        "haptic-accel calibrate port:=/dev/ttyACM0 side:=slave",
-    ],
+@verb(
+    "haptic-accel calibrate port:=/dev/ttyACM0",
+    "haptic-accel calibrate port:=/dev/ttyACM0 side:=slave",
+    name="calibrate",
 )
 @arguments(CalibrateArguments)
 def calibrate_board(arguments: CalibrateArguments) -> None:
@@ -156,8 +152,6 @@ def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Cal
     }
     part = values if arguments.device == SERIAL else {"handle": values}
     nodes = {f"{arguments.side}_device": {arguments.device: part}}
-    if arguments.side == MASTER:
-        nodes["/**"] = {ACTUATOR: {"force_constant": arguments.force_constant}}
     head = [
         f"Board {identity.serial_number}, {datetime.now():%Y-%m-%d %H:%M}, by gravity"
         f" (haptic-accel calibrate), {arguments.seconds:g} s in each position.",
@@ -165,6 +159,7 @@ def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Cal
         f" offset {found.offset_error:.2g} counts. Noise at rest {found.noise:.3f} m/s^2.",
     ]
     if arguments.side == MASTER:
+        nodes["/**"] = {ACTUATOR: {"force_constant": arguments.force_constant}}
         head.append("The force constant is the data sheet's.")
     comment = "".join(f"# {line}\n" for line in head)
     return comment + parameter_text(nodes)

@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from haptic_accel.cli.options import Verb, arguments
+from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
@@ -41,13 +39,10 @@ class ControlArguments(Checked):
     namespace: str = parameter("", "namespace of the graph")
 
 
-@click.command(
-    cls=Verb,
-    examples=[
-        "haptic-accel control controller:=adaptive",
-        "haptic-accel control surface:=vinyl grip:=hook",
-        "haptic-accel control engage:=false",
-    ],
+@verb(
+    "haptic-accel control controller:=adaptive",
+    "haptic-accel control surface:=vinyl grip:=hook",
+    "haptic-accel control engage:=false",
 )
 @arguments(ControlArguments)
 def control(arguments: ControlArguments) -> None:

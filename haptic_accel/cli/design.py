@@ -6,22 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
-from haptic_accel.cli.options import Verb, json_option, words
+from haptic_accel.cli.options import json_option, verb, words
 from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseParameters
-from haptic_accel.core.control.inversion import (
-    Prediction,
-    causal_bound,
-    measured_spectrum,
-    predict,
-)
+from haptic_accel.core.control.inversion import causal_bound, measured_spectrum, predict
 from haptic_accel.core.control.inversion.spectrum import ToolSpectrum
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices.recordings import read_recording
@@ -37,12 +31,9 @@ DESIGNED = ("inverse", "feedback", "adaptive")
 """Controllers that are designed for a plant."""
 
 
-@click.command(
-    cls=Verb,
-    examples=[
-        "haptic-accel design controller:=feedback rate:=4000",
-        "haptic-accel design surface:=recording recording:=drag.csv recording_rate:=1000",
-    ],
+@verb(
+    "haptic-accel design controller:=feedback rate:=4000",
+    "haptic-accel design surface:=recording recording:=drag.csv recording_rate:=1000",
 )
 @words(GraphArguments)
 @json_option
@@ -74,10 +65,12 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         granted_delay=parameters.granted_delay,
         high_pass_frequency=loop.high_pass_frequency,
     )
-    shown = _shown(found)
+    frequencies = [frequency for frequency in SHOWN if frequency < found.frequency[-1]]
+    nearest = [int(np.argmin(np.abs(found.frequency - frequency))) for frequency in frequencies]
+    gains, phases = found.gain[nearest].tolist(), np.degrees(found.phase[nearest]).tolist()
     rows = [
         (f"{frequency:g}", f"{gain:.3f}", f"{phase:+.1f}")
-        for frequency, gain, phase in zip(*shown.values(), strict=True)
+        for frequency, gain, phase in zip(frequencies, gains, phases, strict=True)
     ]
     title = "handle over desired acceleration, after the granted delay"
     print_table(("frequency (Hz)", "gain", "phase (degrees)"), rows, left=0, title=title)
@@ -94,18 +87,12 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         "force_rms_n": found.force_rms,
         "travel_rms_mm": 1e3 * found.travel_rms,
         "landing_travel_mm": 1e3 * found.landing_travel,
-        **shown,
+        "frequency_hz": frequencies,
+        "gain": gains,
+        "phase_deg": phases,
     }
     if isinstance(parameters, FeedbackParameters):
         summary = parameters.design(loop).summary()
         print(summary)
         metrics["feedback"] = summary.splitlines()
     save(metrics, json_file)
-
-
-def _shown(found: Prediction) -> dict[str, list[float]]:
-    """Return frequency, gain and phase where they are shown, below half the sampling rate."""
-    frequencies = [frequency for frequency in SHOWN if frequency < found.frequency[-1]]
-    nearest = [int(np.argmin(np.abs(found.frequency - frequency))) for frequency in frequencies]
-    gain, phase = found.gain[nearest], np.degrees(found.phase[nearest])
-    return {"frequency_hz": frequencies, "gain": gain.tolist(), "phase_deg": phase.tolist()}

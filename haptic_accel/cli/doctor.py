@@ -16,12 +16,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-import click
 import psutil
 from rich.markup import escape
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import Verb, json_option
+from haptic_accel.cli.options import json_option, verb
 from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.process import EXECUTOR
@@ -128,7 +127,7 @@ class Finding:
     fix: str = ""
 
 
-@click.command(cls=Verb)
+@verb()
 @json_option
 def doctor(json_file: Path | None) -> None:
     """Find causes of timing jitter on this machine and suggest fixes.

@@ -10,10 +10,8 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import Verb, arguments
+from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import stop_on_signal
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.parameters import Checked, ParameterError, from_flat, like, parameter
@@ -141,11 +139,11 @@ class EmulateCanArguments(EmulationArguments):
     fault_arm: str = parameter(SLAVE, "arm with the faults", choices=SIDES)
 
 
-@click.command(cls=Verb, name="serial", examples=["haptic-accel emulate serial duration:=60"])
+@verb("haptic-accel emulate serial duration:=60", name="serial")
 @arguments(EmulateSerialArguments)
 def emulate_serial(arguments: EmulateSerialArguments) -> None:
     """Emulate the boards of handle and tool on pseudo-terminals until Ctrl-C."""
-    faults = _faults(arguments, arguments.fault_board, SERIAL_FAULTS)
+    faults = _faults(arguments, arguments.faults, arguments.fault_board, SERIAL_FAULTS)
     rig = arguments.virtual_rig()
     devices = {side: _simulated(rig, side, DEFAULT_RATE, arguments.seed) for side in SIDES}
     try:
@@ -165,14 +163,14 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     _run(parts, boards, arguments.duration, lambda: arms.coupled, "the hand begins to explore")
 
 
-@click.command(cls=Verb, name="can", examples=["haptic-accel emulate can kinematics:=stage"])
+@verb("haptic-accel emulate can kinematics:=stage", name="can")
 @arguments(EmulateCanArguments)
 def emulate_can(arguments: EmulateCanArguments) -> None:
     """Emulate master and slave arms of ODrives on CAN until Ctrl-C.
 
     They are behind slcan adapters on pseudo-terminals or on any bus of python-can.
     """
-    faults = _faults(arguments, arguments.fault_arm, CAN_FAULTS)
+    faults = _faults(arguments, arguments.faults, arguments.fault_arm, CAN_FAULTS)
     rig = arguments.virtual_rig()
     folder = arguments.made_folder("can")
     given = {side: _driver_parameters(arguments, side, folder) for side in SIDES}
@@ -206,12 +204,10 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
 
 
 def _faults(
-    arguments: EmulateSerialArguments | EmulateCanArguments,
-    faulty: str,
-    kinds: Mapping[str, FaultKind],
+    arguments: EmulationArguments, names: str, faulty: str, kinds: Mapping[str, FaultKind]
 ) -> dict[str, Faults]:
-    """Return the faults of each side: one has those of the arguments, the other none."""
-    given = Faults(arguments.faults, kinds, arguments.fault_seconds, arguments.seed)
+    """Return the faults of each side: one has those that are named, the other none."""
+    given = Faults(names, kinds, arguments.fault_seconds, arguments.seed)
     return {side: given if side == faulty else Faults() for side in SIDES}
 
 

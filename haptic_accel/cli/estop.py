@@ -6,9 +6,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import click
-
-from haptic_accel.cli.options import Verb, arguments
+from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.topics import EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED
 
@@ -40,7 +38,7 @@ class StopArguments(Checked):
     namespace: str = parameter("", "namespace of the graph")
 
 
-@click.command(cls=Verb, examples=["haptic-accel estop", "haptic-accel estop release:=true"])
+@verb("haptic-accel estop", "haptic-accel estop release:=true")
 @arguments(StopArguments)
 def estop(arguments: StopArguments) -> None:
     """Remove all forces from both devices at once; they refuse new ones until release:=true."""

@@ -79,13 +79,10 @@ AVERAGE_NOTE = (
 )
 
 
-@click.command(
-    cls=options.Verb,
-    examples=[
-        "haptic-accel experiment --lockstep",
-        "haptic-accel experiment --lockstep --seeds 8 --controllers none,dynamic,inverse",
-        "haptic-accel experiment surface:=text duration:=5",
-    ],
+@options.verb(
+    "haptic-accel experiment --lockstep",
+    "haptic-accel experiment --lockstep --seeds 8 --controllers none,dynamic,inverse",
+    "haptic-accel experiment surface:=text duration:=5",
 )
 @options.words(GraphArguments)
 @options.lockstep_option

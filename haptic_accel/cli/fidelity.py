@@ -15,7 +15,7 @@ import click
 import numpy as np
 
 from haptic_accel.cli.experiment import SURFACES
-from haptic_accel.cli.options import Verb, controllers_option, json_option
+from haptic_accel.cli.options import controllers_option, json_option, verb
 from haptic_accel.cli.output import save
 from haptic_accel.cli.running import progress_bar
 from haptic_accel.cli.tables import print_table
@@ -74,7 +74,7 @@ class Case:
     start: float = 0.0
 
 
-@click.command(cls=Verb)
+@verb()
 @controllers_option(CONTROLLERS, default=CONTROLLERS)
 @click.option(
     "--recording",

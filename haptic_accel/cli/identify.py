@@ -21,16 +21,10 @@ from haptic_accel.cli.output import results_folder, save
 from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import RecordingError, dft_ratio
 from haptic_accel.core.identification.evaluation import Identification, centred, identify_handle
 from haptic_accel.core.identification.fit import DEFAULT_FREE, HandleFit
-from haptic_accel.core.identification.sweep import (
-    SAMPLES_MISSING,
-    IdentificationTrial,
-    SweepParameters,
-    find_trials,
-    kept_repeats,
-)
 from haptic_accel.core.model import ACTUATOR, POSTURES, HandleParameters, Suspension, held
 from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.trial import RigParameters, run_identification
@@ -53,17 +47,14 @@ MOST_MISSING = 0.01
 COLUMNS = ("actuator_force", "handle_acceleration")
 """Columns of a CSV file, N and m/s^2."""
 
-Recorded = dict[str, list[IdentificationTrial]]
+Recorded = dict[str, list[sweeps.IdentificationTrial]]
 """Trials by the name of the grip."""
 
 
-@click.command(
-    cls=options.Verb,
-    examples=[
-        "haptic-accel identify --lockstep --grips pinch,hook",
-        "haptic-accel identify master:=serial config:=mine.yaml",
-        "haptic-accel identify --from results/identify/bag",
-    ],
+@options.verb(
+    "haptic-accel identify --lockstep --grips pinch,hook",
+    "haptic-accel identify master:=serial config:=mine.yaml",
+    "haptic-accel identify --from results/identify/bag",
 )
 @options.arguments(IdentifyArguments)
 @options.lockstep_option
@@ -93,7 +84,7 @@ Recorded = dict[str, list[IdentificationTrial]]
     metavar="NAME,NAME,...",
     help="Parameters of the model to fit.",
 )
-@options.word_options([*schema(SweepParameters), "trials", "rig"])
+@options.word_options([*schema(sweeps.SweepParameters), "trials", "rig"])
 @options.json_option
 @options.out_option
 def identify(
@@ -179,7 +170,7 @@ def identify(
 # Recordings
 
 
-def _run_lockstep(arguments: IdentifyArguments) -> list[IdentificationTrial]:
+def _run_lockstep(arguments: IdentifyArguments) -> list[sweeps.IdentificationTrial]:
     return run_identification(
         _rig(arguments).master, arguments.sweep, arguments.rate, arguments.seed, arguments.trials
     )
@@ -242,7 +233,7 @@ def _read(
             force, acceleration = (
                 read_recording(str(path), rate, rate, column=column) for column in COLUMNS
             )
-            trials = find_trials(force, acceleration, arguments.sweep, rate)
+            trials = sweeps.find_trials(force, acceleration, arguments.sweep, rate)
         recorded.setdefault(grip, []).extend(trials)
     rates = {trial.rate for trials in recorded.values() for trial in trials}
     if len(rates) > 1:
@@ -250,7 +241,7 @@ def _read(
     return recorded, fmean(ages) if ages else 0.0
 
 
-def _trials(bag: Path, arguments: IdentifyArguments) -> list[IdentificationTrial]:
+def _trials(bag: Path, arguments: IdentifyArguments) -> list[sweeps.IdentificationTrial]:
     """Return the trials of a bag, without those that miss too many samples.
 
     Raises
@@ -259,11 +250,11 @@ def _trials(bag: Path, arguments: IdentifyArguments) -> list[IdentificationTrial
         No trial is left.
     """
     force, acceleration, missing = read_excited(bag, arguments.rate)
-    found = find_trials(force, acceleration, arguments.sweep, arguments.rate, missing)
+    found = sweeps.find_trials(force, acceleration, arguments.sweep, arguments.rate, missing)
     most = MOST_MISSING * len(found[0].actuator_force)
-    whole = [trial for trial in found if trial.status[SAMPLES_MISSING] <= most]
+    whole = [trial for trial in found if trial.status[sweeps.SAMPLES_MISSING] <= most]
     if len(whole) < len(found):
-        counts = ", ".join(str(trial.status[SAMPLES_MISSING]) for trial in found)
+        counts = ", ".join(str(trial.status[sweeps.SAMPLES_MISSING]) for trial in found)
         reason = (
             f"{bag}: {len(found) - len(whole)} of {len(found)} trials left out, of which more than"
             f" {100 * MOST_MISSING:g} % of the samples are missing ({counts})"
@@ -355,7 +346,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, float]:
 def _errors(
     found: Identification,
     rig: RigParameters,
-    sweep: SweepParameters,
+    sweep: sweeps.SweepParameters,
     band: tuple[float, float],
     lockstep: bool,
 ) -> dict[str, report.ModelError]:
@@ -373,7 +364,7 @@ def _errors(
     )
     (trial,) = run_identification(clean, sweep, rate)
     force, acceleration = (
-        kept_repeats(values, sweep, rate)
+        sweeps.kept_repeats(values, sweep, rate)
         for values in (trial.actuator_force, centred(trial.handle_acceleration))
     )
     true = dft_ratio(force, acceleration, rate, band, sweep.repeats - 1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -28,8 +27,6 @@ class Words(click.Argument):
         Dataclasses that declare the keys.
     describe : callable, optional
         Returns name, default and description of every key; those of `kinds` otherwise.
-    read : callable, optional
-        Makes of the words what the verb receives; a list of them otherwise.
     """
 
     def __init__(
@@ -37,12 +34,10 @@ class Words(click.Argument):
         declarations: Sequence[str],
         kinds: Sequence[type[Checked]],
         describe: Describe | None = None,
-        read: Callable[[Sequence[str]], Any] = list,
         **settings: Any,
     ) -> None:
         super().__init__(declarations, nargs=-1, **settings)
         self.kinds = kinds
-        self.read = read
         self.describe = describe or (lambda: [line for kind in kinds for line in described(kind)])
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
@@ -86,7 +81,8 @@ class Verb(click.Command):
         for words in self.params:
             if isinstance(words, Words):
                 given = [*ctx.params[words.name], *self._from_options(ctx)]
-                ctx.params[words.name] = words.read(given)
+                parsed = words.name == "arguments"
+                ctx.params[words.name] = parse_words(given, *words.kinds) if parsed else given
         return super().invoke(ctx)
 
     def _from_options(self, ctx: click.Context) -> Iterator[str]:
@@ -108,6 +104,11 @@ class Verb(click.Command):
                 with formatter.section("Arguments, each as key:=value"):
                     formatter.write_dl(lines)
         write_examples(formatter, self.examples)
+
+
+def verb(*examples: str, name: str | None = None) -> Callable[[Callable[..., Any]], Verb]:
+    """Declare a verb, with examples for its help, and a name if not that of its function."""
+    return click.command(name, cls=Verb, examples=examples)
 
 
 def listed_words(text: str) -> list[str]:
@@ -183,10 +184,7 @@ def words(
 
 def arguments(kind: type[Checked]) -> Callable[[F], F]:
     """Let a verb take ``key:=value`` words, which it receives as the dataclass they declare."""
-    read = partial(parse_words, kind=kind)
-    return click.argument(
-        "arguments", cls=Words, kinds=[kind], read=read, metavar="[key:=value ...]"
-    )
+    return click.argument("arguments", cls=Words, kinds=[kind], metavar="[key:=value ...]")
 
 
 def word_options(names: Iterable[str]) -> Callable[[F], F]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import click
 
-from haptic_accel.cli.options import Verb, arguments, one_of
+from haptic_accel.cli.options import arguments, one_of, verb
 from haptic_accel.core.parameters import Checked, parameter
 
 PATIENCE = 30.0
@@ -29,7 +29,7 @@ class RecordArguments(Checked):
     namespace: str = parameter("", "namespace of the graph")
 
 
-@click.command(cls=Verb, examples=["haptic-accel record pause", "haptic-accel record status"])
+@verb("haptic-accel record pause", "haptic-accel record status")
 @click.argument("action", type=one_of(ACTIONS), metavar="|".join(ACTIONS))
 @arguments(RecordArguments)
 def record(action: str, arguments: RecordArguments) -> None:

@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
-from rich.table import Column, Table
 
 from haptic_accel.cli import options
 from haptic_accel.cli.output import make_folder, save
 from haptic_accel.cli.running import run_shown
+from haptic_accel.cli.tables import print_table
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS
@@ -33,17 +32,11 @@ Metrics = dict[str, Any]
 COLUMNS = ("NRMSE\n%", "slope\na on d", "slope\nd on a", "R²")
 """Headings of the table's metrics; the slopes are of actual on desired, and the reverse."""
 
-NAME_WIDTH = 19
-"""Characters of a bag's name on one line: as many as the default one has."""
 
-
-@click.command(
-    cls=options.Verb,
-    examples=[
-        "haptic-accel replay bags/text controller:=inverse",
-        "haptic-accel replay bags/* --lockstep --controllers none,dynamic,inverse",
-        "haptic-accel replay drag.csv loop:=true",
-    ],
+@options.verb(
+    "haptic-accel replay bags/text controller:=inverse",
+    "haptic-accel replay bags/* --lockstep --controllers none,dynamic,inverse",
+    "haptic-accel replay drag.csv loop:=true",
 )
 @options.words(
     ReplayArguments, GraphArguments, describe=described_replay, metavar="[BAG | key:=value ...]"
@@ -193,14 +186,8 @@ def _name(asked: Replay, controller: str) -> str:
 
 
 def _print(done: Sequence[Metrics]) -> None:
-    headings = [
-        Column("bag", overflow="fold", min_width=NAME_WIDTH),
-        *(Column(heading, no_wrap=True) for heading in ("surface", "controller")),
-        *(Column(heading, no_wrap=True, justify="right") for heading in COLUMNS),
-    ]
-    table = Table(*headings, title="Replayed in lockstep", show_edge=False)
-    for row in done:
-        table.add_row(
+    rows = [
+        (
             Path(row["bag"]).name,
             row["surface"],
             row["controller"],
@@ -209,4 +196,7 @@ def _print(done: Sequence[Metrics]) -> None:
             f"{row['slope_desired_on_actual']:.3f}",
             f"{row['r2']:.3f}",
         )
-    Console().print(table)
+        for row in done
+    ]
+    headings = ("bag", "surface", "controller", *COLUMNS)
+    print_table(headings, rows, left=3, title="Replayed in lockstep", show_edge=False)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import click
-
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import Verb, arguments
+from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import stop_on_signal
 from haptic_accel.core.parameters import parameter, schema
 from haptic_accel.core.process import FAILED
@@ -26,9 +24,7 @@ class ScopeArguments(ScopeNodeParameters):
     namespace: str = parameter("", "namespace of the graph")
 
 
-@click.command(
-    cls=Verb, examples=["haptic-accel scope", "haptic-accel scope host:=0.0.0.0 control:=true"]
-)
+@verb("haptic-accel scope", "haptic-accel scope host:=0.0.0.0 control:=true")
 @arguments(ScopeArguments)
 def scope(arguments: ScopeArguments) -> None:
     """Serve a page with signals, spectra, errors and states of a running graph until Ctrl-C.

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import click
-
-from haptic_accel.cli.options import Verb, arguments
+from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import run_shown
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import graph
 
 
-@click.command(
-    cls=Verb,
-    examples=[
-        "haptic-accel teleop controller:=inverse surface:=vinyl duration:=10",
-        "haptic-accel teleop master:=serial slave:=serial config:=mine.yaml",
-        "haptic-accel teleop scope:=true",
-    ],
+@verb(
+    "haptic-accel teleop controller:=inverse surface:=vinyl duration:=10",
+    "haptic-accel teleop master:=serial slave:=serial config:=mine.yaml",
+    "haptic-accel teleop scope:=true",
 )
 @arguments(GraphArguments)
 def teleop(arguments: GraphArguments) -> None:

@@ -12,12 +12,7 @@ from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import like, parameter, schema
 from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.devices.playback import ReplayParameters
-from haptic_accel.graph.node_parameters import (
-    DeviceNodeParameters,
-    IdentifierNodeParameters,
-    SampledParameters,
-    ScopeNodeParameters,
-)
+from haptic_accel.graph import node_parameters as nodes
 from haptic_accel.graph.words import parse_words
 
 AVERAGE_GRIP = "average"
@@ -70,7 +65,7 @@ class GraphArguments(RecordingOptions):
     replay_speed: float = like(ReplayParameters, "speed")
     replay_loop: bool = like(ReplayParameters, "loop")
     replay_start: float = like(ReplayParameters, "start")
-    rate: float = like(SampledParameters, "rate")
+    rate: float = like(nodes.SampledParameters, "rate")
     duration: float = parameter(
         0.0, "time from engaging to the end; 0 = until stopped", unit="s", low=0.0, high=1e6
     )
@@ -80,18 +75,18 @@ class GraphArguments(RecordingOptions):
         False, "run all nodes but the recorder in one process: quicker, less robust"
     )
     scope: bool = parameter(False, "serve a page that shows the graph while it runs")
-    scope_host: str = like(ScopeNodeParameters, "host")
-    scope_port: int = like(ScopeNodeParameters, "port")
-    scope_control: bool = like(ScopeNodeParameters, "control")
+    scope_host: str = like(nodes.ScopeNodeParameters, "host")
+    scope_port: int = like(nodes.ScopeNodeParameters, "port")
+    scope_control: bool = like(nodes.ScopeNodeParameters, "control")
     config: str = parameter("", "ROS parameter file, applied over config/teleop.yaml")
-    seed: int = like(DeviceNodeParameters, "seed")
+    seed: int = like(nodes.DeviceNodeParameters, "seed")
 
 
 @dataclass(frozen=True)
 class IdentifyArguments(SweepParameters, RecordingOptions):
     """Arguments of an identification: the excitation, and the graph that runs."""
 
-    trials: int = like(IdentifierNodeParameters, "trials")
+    trials: int = like(nodes.IdentifierNodeParameters, "trials")
     rig: str = like(GraphArguments, "rig")
     grip: str = like(GraphArguments, "grip")
     master: str = like(GraphArguments, "master")
