@@ -127,16 +127,12 @@ def compared(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> Co
     paired = {*pairs.trial_first, *pairs.trial_second}
     surfaces = list(dict.fromkeys(pairs.surface)) if pairs.surface.nunique() > 1 else []
     parts = {"all": pairs} | {surface: pairs[pairs.surface == surface] for surface in surfaces}
-    return Comparison(
-        names[0],
-        names[1],
-        pairs,
-        [name for side in sides for name in side.trial if name not in paired],
-        {
-            surface: paired_difference(part["first"].tolist(), part["second"].tolist())
-            for surface, part in parts.items()
-        },
-    )
+    unpaired = [name for side in sides for name in side.trial if name not in paired]
+    differences = {
+        surface: paired_difference(part["first"].tolist(), part["second"].tolist())
+        for surface, part in parts.items()
+    }
+    return Comparison(names[0], names[1], pairs, unpaired, differences)
 
 
 def _errors(side: pd.DataFrame, name: str) -> pd.DataFrame:

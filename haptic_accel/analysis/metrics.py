@@ -216,14 +216,14 @@ def measure(
     corner = segment.high_pass_frequency
     if actual is None and segment.rate <= 2 * corner:
         notes.append(f"{segment.rate:g} samples per second are too few for its {corner:g} Hz")
-    comparison = _Comparison()
+    likeness = _Likeness()
     if desired is not None and actual is not None:
-        comparison = _compared(desired, actual, segment.rate, shift, perceptual, notes)
+        likeness = _compared(desired, actual, segment.rate, shift, perceptual, notes)
     travel = _travel(segment)
     signals = {"desired": desired, "actual": actual, "force": force, "travel": travel}
     drawn = {name: values for name, values in signals.items() if values is not None}
     delivery = segment.delivery
-    metrics = dict.fromkeys(METRICS, math.nan) | comparison.metrics
+    metrics = dict.fromkeys(METRICS, math.nan) | likeness.metrics
     if force is not None:
         metrics["force_rms_N"] = float(np.sqrt(np.mean(force**2)))
         metrics["force_peak_N"] = float(np.max(np.abs(force)))
@@ -240,18 +240,11 @@ def measure(
         metrics[f"age_{label}_us"] = delivery.age_us.get(label, math.nan)
     metrics["lost"] = float(sum(delivery.lost.values()))
     metrics["late"] = float(sum(delivery.late.values()))
-    return AnalysedTrial(
-        name,
-        source,
-        replace(segment, signals={}, delivery=replace(delivery, transit=np.empty(0))),
-        metrics,
-        comparison.bands,
-        comparison.error,
-        comparison.portrait,
-        latency,
-        Traces.of(drawn, segment.rate, comparison.shift),
-        tuple(dict.fromkeys(notes)),
-    )
+    traces = Traces.of(drawn, segment.rate, likeness.shift)
+    kept = replace(segment, signals={}, delivery=replace(delivery, transit=np.empty(0)))
+    compared = likeness.bands, likeness.error, likeness.portrait
+    unique = tuple(dict.fromkeys(notes))
+    return AnalysedTrial(name, source, kept, metrics, *compared, latency, traces, unique)
 
 
 def actual_acceleration(segment: Segment) -> FloatArray | None:
@@ -269,7 +262,7 @@ _NO_ERROR = Interval(math.nan, math.nan, math.nan, 0, "no value")
 
 
 @dataclass(frozen=True)
-class _Comparison:
+class _Likeness:
     """Result of comparing two accelerations; by default, that of none."""
 
     metrics: dict[str, float] = field(default_factory=dict)
@@ -286,7 +279,7 @@ def _compared(
     shift: Shift,
     perceptual: bool,
     notes: list[str],
-) -> _Comparison:
+) -> _Likeness:
     """Compare two accelerations; add the reason to the notes where that is impossible."""
     try:
         delay = estimate_delay(desired, actual, rate)
@@ -297,7 +290,7 @@ def _compared(
         errors = band_nrmse(desired, actual, rate, bands(rate))
     except ValueError as error:
         notes.append(f"cannot be compared: {error}")
-        return _Comparison()
+        return _Likeness()
     if math.isnan(delay.seconds):
         notes.append("no delay stands out: the handle does not follow what is desired")
     metrics = asdict(evaluation) | {
@@ -311,13 +304,9 @@ def _compared(
         notes += [perception.note] if perception.note else []
     own = nrmse_interval(desired, actual, rate)
     low, high = PERCENT * own.low, PERCENT * own.high
-    return _Comparison(
-        metrics,
-        seconds,
-        {band: PERCENT * value for band, value in errors.items()},
-        replace(own, value=evaluation.nrmse_percent, low=low, high=high),
-        portrait,
-    )
+    nrmse = replace(own, value=evaluation.nrmse_percent, low=low, high=high)
+    by_band = {band: PERCENT * value for band, value in errors.items()}
+    return _Likeness(metrics, seconds, by_band, nrmse, portrait)
 
 
 def _travel(segment: Segment) -> FloatArray | None:

@@ -131,19 +131,12 @@ class Portrait:
         """Take from two accelerations, already aligned, what is drawn of them."""
         window = most_active(desired, round(EXCERPT * rate))
         points = sampled(desired.size, MOST_POINTS)
-        return cls(
-            rate,
-            evaluation,
-            spectra(desired, actual, rate),
-            window.start / rate,
-            desired[window].copy(),
-            actual[window].copy(),
-            desired[points],
-            actual[points],
-            float(desired.mean()),
-            float(actual.mean()),
-            _extent((desired, actual)),
-        )
+        found, begin = spectra(desired, actual, rate), window.start / rate
+        excerpt = desired[window].copy(), actual[window].copy()
+        cloud = desired[points], actual[points]
+        means = float(desired.mean()), float(actual.mean())
+        largest = _extent((desired, actual))
+        return cls(rate, evaluation, found, begin, *excerpt, *cloud, *means, largest)
 
 
 Portraits = Mapping[tuple[str, str], Portrait]

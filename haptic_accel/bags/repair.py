@@ -94,8 +94,7 @@ def repair(path: Path) -> Repair:
     except MetadataError:
         before = None
     custom = before.custom if before else _custom_data(files)
-    for left_over in path.glob(f"{METADATA}.tmp"):
-        left_over.unlink()
+    (path / f"{METADATA}.tmp").unlink(missing_ok=True)
     found = [_repaired(file, dict(custom), done) for file in files]
     whole = [metadata for metadata in found if metadata]
     now = replace(

@@ -48,8 +48,8 @@ WANTED = {
         for name in node_schema("compensator")
         if name in ("controller", "high_pass_frequency") or name.startswith(f"{ACTUATOR}.")
     ),
-    "slave_device": ("device", f"{SURFACE}name"),
-    "master_device": ("device", POSTURE),
+    "slave_device": (f"{SURFACE}name",),
+    "master_device": (POSTURE,),
 }
 """Parameters of other nodes that are shown, or needed to show something."""
 
@@ -125,12 +125,11 @@ class Scope(GraphNode):
         self._signals: list[Subscription] = []
         self._reported = (time.monotonic(), 0, 0)
         self._commands = Commands(self, self._stopped) if p.control else None
-        reports, depth = topics.DIAGNOSTICS, DEPTH * len(self._remotes)
-        for kind, name, take, profile in (
-            (DiagnosticArray, reports.name, self._take_diagnostics, quality(reports, depth)),
-            (ParameterEvent, "/parameter_events", self._take_parameters, SIGNAL_DEPTH),
-        ):
-            self.create_subscription(kind, name, take, profile)
+        reports, take = topics.DIAGNOSTICS, self._take_diagnostics
+        profile = quality(reports, DEPTH * len(self._remotes))
+        self.create_subscription(DiagnosticArray, reports.name, take, profile)
+        changed = self._take_parameters
+        self.create_subscription(ParameterEvent, "/parameter_events", changed, SIGNAL_DEPTH)
         self.listen_state(topics.EMERGENCY_STOP, self._take_stop)
         self.listen_state(topics.MASTER_STOPPED, lambda stop: self._stopped.update(master=stop))
         self.listen_state(topics.SLAVE_STOPPED, lambda stop: self._stopped.update(slave=stop))

@@ -236,13 +236,9 @@ class Windows:
         stamps, handle = self.handle.last(METRICS_WINDOW + 2 * EDGE)
         actual = filters.without_hand_motion(handle, self.settings.high_pass_frequency, rate)
         edge = int(EDGE * rate)
-        return paired(
-            *self.desired.last(METRICS_WINDOW + 2 * EDGE),
-            stamps[edge : len(stamps) - edge],
-            actual[edge : len(actual) - edge],
-            math.floor(PAPER_DELAY * rate + 0.5),
-            rate,
-        )
+        inner, delay = slice(edge, len(stamps) - edge), math.floor(PAPER_DELAY * rate + 0.5)
+        desired = self.desired.last(METRICS_WINDOW + 2 * EDGE)
+        return paired(*desired, stamps[inner], actual[inner], delay, rate)
 
 
 class Derivation:
