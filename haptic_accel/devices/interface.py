@@ -67,11 +67,7 @@ class Device(ABC):
 
     @abstractmethod
     def write(
-        self,
-        time: float,
-        *,
-        arm_force: Vector | None = None,
-        actuator_force: float | None = None,
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
         """Apply forces at once; a force that is not given stays as it is.
 

@@ -32,11 +32,7 @@ class SimulatedDevice(Device):
         return self._rig.measure()
 
     def write(
-        self,
-        time: float,
-        *,
-        arm_force: Vector | None = None,
-        actuator_force: float | None = None,
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
         """Let physics run until `time`, then change the forces."""
         self._advance(time)

@@ -172,11 +172,7 @@ class SerialDevice(Device):
         return self._held
 
     def write(
-        self,
-        time: float,
-        *,
-        arm_force: Vector | None = None,
-        actuator_force: float | None = None,
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
         """Do nothing: there is no arm and no actuator."""
 
@@ -239,11 +235,7 @@ class SerialMaster(SerialDevice):
         self._actuator, self._rearm = parameters.actuator, parameters.rearm
 
     def write(
-        self,
-        time: float,
-        *,
-        arm_force: Vector | None = None,
-        actuator_force: float | None = None,
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
         """Send a set-point of the current at once, zero for a force that is not finite.
 
