@@ -47,20 +47,13 @@ PATIENCE = 32
 """Late blocks in a row after which the line counts as wrong."""
 
 
-class Unwrapped:
-    """Continuous count from one that wraps around at `modulus`."""
+COUNTS = 1 << 32
+"""Modulus of a device's clock and count of samples."""
 
-    def __init__(self, modulus: int = 1 << 32) -> None:
-        self._modulus = modulus
-        self._last: int | None = None
 
-    def add(self, count: int) -> int:
-        """Return the continuous count nearest to the last one."""
-        if self._last is None:
-            self._last = count
-        half = self._modulus // 2
-        self._last += (count - self._last + half) % self._modulus - half
-        return self._last
+def unwrapped(count: int, near: int) -> int:
+    """Return the continuous count nearest to another from one that wraps around at `COUNTS`."""
+    return near + (count - near + COUNTS // 2) % COUNTS - COUNTS // 2
 
 
 class Line:
@@ -92,26 +85,21 @@ class Line:
         return y - self.at(x) if self else 0.0
 
     def add(self, x: float, y: float) -> None:
-        """Add a point."""
+        """Add a point, and fit the line."""
         self._points.append((x, y))
-        self._fit()
+        # Relative to the last point, so that no digits are lost after hours.
+        points = np.array(self._points) - (x, y)
+        x_mean, y_mean = points.mean(axis=0).tolist()
+        self.slope = self._nominal
+        if len(points) >= LEAST_BLOCKS:
+            variance, covariance = np.cov(points, rowvar=False)[0].tolist()
+            low, high = (self._nominal * (1 + sign * LARGEST_DRIFT) for sign in (-1, 1))
+            self.slope = min(max(covariance / variance, low), high)
+        self._start = x + x_mean, y + y_mean
 
     def clear(self) -> None:
         """Remove all points."""
         self._points.clear()
-
-    def _fit(self) -> None:
-        x_last, y_last = self._points[-1]
-        # Relative to the last point, so that no digits are lost after hours.
-        x, y = (np.array(self._points) - (x_last, y_last)).T
-        x_mean, y_mean = float(x.mean()), float(y.mean())
-        self.slope = self._nominal
-        if len(self._points) >= LEAST_BLOCKS:
-            spread = float(np.sum((x - x_mean) ** 2))
-            slope = float(np.sum((x - x_mean) * (y - y_mean))) / spread
-            low, high = (self._nominal * (1 + sign * LARGEST_DRIFT) for sign in (-1, 1))
-            self.slope = min(max(slope, low), high)
-        self._start = x_last + x_mean, y_last + y_mean
 
 
 class SampleClock:
@@ -138,15 +126,9 @@ class SampleClock:
         self._host = Line(MICROSECOND)
         self._late_blocks = 0
         self._block: list[tuple[float, int, int, float]] = []
-        self._quickest: tuple[float, int, int, float] | None = None
         self.jumps = 0
         self.delay = 0.0
         self._longest_delay = (samples_per_frame - 1 + LONGEST_DELAY) / rate
-
-    @property
-    def rate(self) -> float:
-        """Sampling rate by the host's clock, Hz."""
-        return 1 / (self._stamps.slope * self._host.slope)
 
     def add(self, index: int, clock: int, arrival: float) -> None:
         """Process the stamps of a frame.
@@ -160,14 +142,12 @@ class SampleClock:
         arrival : float
             Time of arrival by the host's clock, s.
         """
-        frame = (arrival - clock * MICROSECOND * self._tick, index, clock, arrival)
-        self._block.append(frame)
+        # Seconds of the host per second of the device.
+        tick = self._host.slope / MICROSECOND
+        self._block.append((arrival - clock * MICROSECOND * tick, index, clock, arrival))
         if len(self._block) == BLOCK:
             self._take(min(self._block))
             self._block.clear()
-            self._quickest = None
-        elif not self._host and (self._quickest is None or frame < self._quickest):
-            self._quickest = frame
         late = arrival - self.time(index) > self.delay
         self.delay += DELAY_STEP * (IN_TIME if late else IN_TIME - 1)
         self.delay = min(max(self.delay, 0.0), self._longest_delay)
@@ -179,14 +159,8 @@ class SampleClock:
         """
         if self._host:
             return self._host.at(self._stamps.at(index))
-        assert self._quickest, "no frame was added"
-        _, first, _, arrival = self._quickest
+        _, first, _, arrival = min(self._block)
         return arrival + (index - first) * self._period * MICROSECOND
-
-    @property
-    def _tick(self) -> float:
-        """Seconds of the host per second of the device."""
-        return self._host.slope / MICROSECOND
 
     def _take(self, quickest: tuple[float, int, int, float]) -> None:
         _, index, clock, arrival = quickest

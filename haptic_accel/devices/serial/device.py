@@ -14,7 +14,6 @@ from haptic_accel.devices.connection import AUTO, MANUAL
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 
 if TYPE_CHECKING:
-    from haptic_accel.devices.serial.link import BoardLink
     from haptic_accel.devices.serial.protocol import Samples
 
 # pyserial and cobs are an extra of the package: only who opens a port needs them.
@@ -108,25 +107,38 @@ class SerialDevice(Device):
     by chance. Reading never waits for the port, which has a thread of its own.
     """
 
-    _actuator: ActuatorParameters | None = None
-    """None for a board without an actuator."""
-    _rearm = MANUAL
-
-    def __init__(self, parameters: SerialSlaveParameters, rate: float, seed: int) -> None:
-        if not (parameters.port or parameters.usb_serial):
+    def __init__(
+        self,
+        parameters: SerialSlaveParameters,
+        rate: float,
+        seed: int,
+        actuator: ActuatorParameters | None = None,
+        rearm: str = MANUAL,
+    ) -> None:
+        p = self._parameters = parameters
+        if not (p.port or p.usb_serial):
             raise ParameterError(
                 "serial.port = '': must be the path of a port, or serial.usb_serial a number"
             )
-        if parameters.port and parameters.usb_serial:
+        if p.port and p.usb_serial:
             raise ParameterError(
-                f"serial.usb_serial = {parameters.usb_serial!r}: must be empty with serial.port"
+                f"serial.usb_serial = {p.usb_serial!r}: must be empty with serial.port"
             )
-        self._parameters = parameters
-        self._rate = parameters.rate or round(rate)
-        self._link: BoardLink | None = None
+        try:
+            from haptic_accel.devices.serial.link import BoardLink, Requirements
+            from haptic_accel.devices.serial.protocol import Configuration, axes_bits
+        except ImportError:
+            raise DeviceError(f"serial: {MISSING_LIBRARY}") from None
+        self._configuration = Configuration(
+            p.rate or round(rate), axes_bits(p.calibration.axis), p.samples_per_frame
+        )
+        required = Requirements(
+            self._configuration, actuator is not None, rearm == AUTO, p.calibration.board
+        )
+        self._link = BoardLink(p.port, p.usb_serial, p.baud, required, self._take)
+        self._actuator = actuator
         self._waiting: deque[tuple[float, float]] = deque(maxlen=MOST_WAITING)
-        self._offset = parameters.calibration.offset
-        self._gain = parameters.calibration.gain
+        self._gain = p.calibration.gain
         self._longest_held = LONGEST_HELD / rate
         self._held: Sample | None = None
         self._held_since = 0.0
@@ -134,22 +146,8 @@ class SerialDevice(Device):
 
     def open(self) -> None:
         """Connect to the board, and start sampling."""
-        p = self._parameters
-        try:
-            from haptic_accel.devices.serial.link import BoardLink, Requirements
-            from haptic_accel.devices.serial.protocol import Configuration, axes_bits
-        except ImportError:
-            raise DeviceError(f"serial: {MISSING_LIBRARY}") from None
         self._waiting.clear()
         self._held = None
-        axes = axes_bits(p.calibration.axis)
-        required = Requirements(
-            Configuration(self._rate, axes, p.samples_per_frame),
-            actuator=self._actuator is not None,
-            rearm=self._rearm == AUTO,
-            serial_number=p.calibration.board,
-        )
-        self._link = BoardLink(p.port, p.usb_serial, p.baud, required, self._take)
         self._link.open()
 
     def read(self, time: float) -> Sample | None:
@@ -174,49 +172,56 @@ class SerialDevice(Device):
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
-        """Do nothing: there is no arm and no actuator."""
+        """Send a set-point of the current at once, zero for a force that is not finite.
+
+        The board switches the current off by itself when none comes for 5 ms. There is no arm,
+        and without an actuator there is nothing to do.
+        """
+        if actuator_force is not None and self._actuator:
+            self._link.set_current(actuator_force / self._actuator.force_constant)
 
     def close(self) -> None:
         """Leave the board without current and without samples."""
-        if self._link is not None:
-            self._link.close()
+        self._link.close()
 
     @property
     def remark(self) -> str:
         """Serial number and firmware of the board, sampling rate and calibration."""
-        identity = self._link.identity if self._link else None
+        identity = self._link.identity
         if identity is None:
             return ""
         firmware = ".".join(map(str, identity.firmware))
         calibrated = "calibrated" if self._parameters.calibration.gain else "not calibrated"
         return (
-            f"board {identity.serial_number}, firmware {firmware}, {self._rate} samples per"
-            f" second, {calibrated}"
+            f"board {identity.serial_number}, firmware {firmware}, {self._configuration.rate}"
+            f" samples per second, {calibrated}"
         )
 
     @property
     def problem(self) -> str:
         """Reason why there are no samples or no forces, in one line; empty if there is none."""
-        return self._link.refusal if self._link else ""
+        return self._link.refusal
 
     def status(self) -> dict[str, int]:
         """Return counts of the link, and of ticks without a sample of their own."""
-        link = self._link.status() if self._link else {}
-        delay = {"sample_delay_us": round(self._delay * 1e6)}
-        return {"samples_held": self._samples_held, **delay, **link}
+        delay = round(self._delay * 1e6)
+        return {
+            "samples_held": self._samples_held,
+            "sample_delay_us": delay,
+            **self._link.status(),
+        }
 
     @property
     def _delay(self) -> float:
-        if self._parameters.delay:
-            return self._parameters.delay
-        return self._link.delay if self._link else 0.0
+        return self._parameters.delay or self._link.delay
 
     def _take(self, times: Sequence[float], samples: Samples) -> None:
         if not self._gain:
-            assert self._link and self._link.identity
+            assert self._link.identity
             self._gain = self._link.identity.nominal_gain
-        for time, counts in zip(times, samples.counts, strict=True):
-            self._waiting.append((time, self._gain * (counts - self._offset)))
+        offset = self._parameters.calibration.offset
+        values = (self._gain * (counts - offset) for counts in samples.counts)
+        self._waiting.extend(zip(times, values, strict=True))
 
 
 class SerialSlave(SerialDevice):
@@ -231,25 +236,8 @@ class SerialMaster(SerialDevice):
     Parameters = SerialMasterParameters
 
     def __init__(self, parameters: SerialMasterParameters, rate: float, seed: int) -> None:
-        super().__init__(parameters, rate, seed)
-        self._actuator, self._rearm = parameters.actuator, parameters.rearm
-
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
-    ) -> None:
-        """Send a set-point of the current at once, zero for a force that is not finite.
-
-        The board switches the current off by itself when none comes for 5 ms.
-        """
-        link = self._link
-        if actuator_force is not None and link is not None:
-            assert self._actuator
-            link.set_current(actuator_force / self._actuator.force_constant)
+        super().__init__(parameters, rate, seed, parameters.actuator, parameters.rearm)
 
     def arm(self) -> bool | None:
         """Request that the board allow forces again; return False without a board."""
-        return None if self._link is not None and self._link.arm() else False
-
-    def disarm(self) -> bool:
-        """Request that the board switch the current off until `arm`; return False without one."""
-        return self._link is not None and self._link.disarm()
+        return None if self._link.arm() else False

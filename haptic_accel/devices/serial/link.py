@@ -12,30 +12,9 @@ from dataclasses import dataclass
 
 from haptic_accel.devices.connection import Connection
 from haptic_accel.devices.interface import DeviceError
-from haptic_accel.devices.serial.clock import MICROSECOND, SampleClock, Unwrapped
+from haptic_accel.devices.serial import protocol
+from haptic_accel.devices.serial.clock import MICROSECOND, SampleClock, unwrapped
 from haptic_accel.devices.serial.port import Port, find_port
-from haptic_accel.devices.serial.protocol import (
-    DELIMITER,
-    FULL_SCALE,
-    VERSION,
-    ArmRequest,
-    Configuration,
-    Configure,
-    Decoder,
-    DisarmRequest,
-    Encoder,
-    Error,
-    Frame,
-    Identify,
-    Identity,
-    Message,
-    PayloadError,
-    Samples,
-    SetCurrent,
-    State,
-    Status,
-    read_message,
-)
 
 ANSWER = 2.0
 """Longest time for a board to answer, s: some restart when their port is opened."""
@@ -52,10 +31,13 @@ ENDING = 0.1
 NO_ANSWER = "no answer; is there a board with this firmware, and the right baud rate?"
 
 REFUSALS = {
-    State.DISARMED: "not armed since the board was gone",
-    State.FAULT: "the amplifier has or had a fault; arm again",
+    protocol.State.DISARMED: "not armed since the board was gone",
+    protocol.State.FAULT: "the amplifier has or had a fault; arm again",
 }
 """Reason why a connected board allows no current, by its state."""
+
+ARMED = protocol.State.ARMED, protocol.State.TIMED_OUT
+"""States of a board that allows a current."""
 
 COUNTED = (
     "frames_wrong",
@@ -67,7 +49,7 @@ COUNTED = (
 )
 """Names of a link's own counts."""
 
-TakeSamples = Callable[[Sequence[float], Samples], None]
+TakeSamples = Callable[[Sequence[float], protocol.Samples], None]
 """Receiver of samples and of the times when they were taken, s of `time.monotonic`."""
 
 
@@ -86,7 +68,7 @@ class Requirements:
         Serial number of the only board accepted; empty for any.
     """
 
-    configuration: Configuration
+    configuration: protocol.Configuration
     actuator: bool = False
     rearm: bool = False
     serial_number: str = ""
@@ -122,21 +104,16 @@ class BoardLink(Connection):
         self._baud = baud
         self._required = required
         self._take = take
-        self._decoder = Decoder()
-        self._encoder = Encoder()
+        self._decoder = protocol.Decoder()
+        self._encoder = protocol.Encoder()
         self._writing = threading.Lock()
+        self._path = ""
         self._port: Port | None = None
         self._counts: Counter[str] = Counter(dict.fromkeys(COUNTED, 0))
         self._last_frame = 0.0
-        self._rearm = required.rearm
-        self._answered: Identity | None = None
-        self._configuration: Configuration | None = None
-        self._board: Status | None = None
-        self._version: int | None = None
-        self._clock: SampleClock | None = None
-        self._next_index: int | None = None
         self._ready = False
-        self.identity: Identity | None = None
+        self.identity: protocol.Identity | None = None
+        self._forget()
 
     # Called by the owner's thread
 
@@ -150,21 +127,16 @@ class BoardLink(Connection):
         if not abs(share) <= 1:
             self._counts["set_points_limited"] += 1
             share = math.copysign(1.0, share) if math.isfinite(share) else 0.0
-        self._send(SetCurrent(round(share * FULL_SCALE)))
+        self._send(protocol.SetCurrent(round(share * protocol.FULL_SCALE)))
 
     def arm(self) -> bool:
         """Request that a current be allowed, also after a fault; return False without a board."""
         if not self._ready:
             return False
-        self._rearm = self._required.rearm
-        if self._board is not None and self._board.state is State.FAULT:
-            self._send(DisarmRequest())
-        return self._send(ArmRequest())
-
-    def disarm(self) -> bool:
-        """Request that the current be switched off; return False without a board."""
-        self._rearm = False
-        return self._send(DisarmRequest())
+        board = self._board
+        if board is not None and board.state is protocol.State.FAULT:
+            self._send(protocol.DisarmRequest())
+        return self._send(protocol.ArmRequest())
 
     @property
     def connected(self) -> bool:
@@ -175,14 +147,13 @@ class BoardLink(Connection):
     def delay(self) -> float:
         """Age at which samples are there for almost every tick, s."""
         clock = self._clock
-        return clock.delay if clock is not None else 0.0
+        return clock.delay if clock else 0.0
 
     @property
     def armed(self) -> bool:
         """True while the board reports that it allows a current."""
         board = self._board
-        allows = board is not None and board.state in (State.ARMED, State.TIMED_OUT)
-        return self._ready and allows
+        return self._ready and board is not None and board.state in ARMED
 
     @property
     def refusal(self) -> str:
@@ -212,49 +183,55 @@ class BoardLink(Connection):
 
     # Connecting
 
+    def _forget(self) -> None:
+        """Forget all that a board has sent."""
+        self._decoder.restart()
+        self._answered: protocol.Identity | None = None
+        self._configuration: protocol.Configuration | None = None
+        self._board: protocol.Status | None = None
+        self._clock: SampleClock | None = None
+        self._next_index: int | None = None
+        self._last_clock = 0
+
     def _connect(self) -> None:
         """Open the port, identify the board, and let it sample; arm it when first opened."""
-        self._decoder.restart()
-        self._answered = self._configuration = self._board = self._version = None
-        self._clock = self._next_index = None
-        self._whole_clock, self._whole_index = Unwrapped(), Unwrapped()
-        self._port = Port(find_port(*self._where), self._baud)
+        self._forget()
+        self._path = find_port(*self._where)
+        self._port = Port(self._path, self._baud)
         # What came before the first delimiter is no frame.
-        self._write(DELIMITER)
-        self._send(DisarmRequest())
-        self._ask(Identify(), lambda: self._answered is not None, NO_ANSWER)
+        self._write(protocol.DELIMITER)
+        self._send(protocol.DisarmRequest())
+        self._ask(protocol.Identify(), lambda: self._answered is not None, NO_ANSWER)
         assert self._answered
         self._check(self._answered)
         self.identity = self._answered
         wanted = self._required.configuration
         self._clock = SampleClock(wanted.rate, wanted.samples_per_frame)
-        request = Configure(wanted.rate, wanted.axes, wanted.samples_per_frame)
+        request = protocol.Configure(wanted.rate, wanted.axes, wanted.samples_per_frame)
         self._ask(request, lambda: self._configuration == wanted, f"refuses {wanted}")
         self._last_frame = time.monotonic()
         self._ready = True
         if self._required.actuator and self._thread is None:
             refusal = "does not arm; is the amplifier at fault?"
-            self._ask(ArmRequest(), lambda: self.armed, refusal)
+            self._ask(protocol.ArmRequest(), lambda: self.armed, refusal)
 
-    def _ask(self, request: Message, answered: Callable[[], bool], otherwise: str) -> None:
-        """Repeat a request until it is answered; raise `DeviceError` with a text otherwise."""
+    def _ask(self, request: protocol.Message, answered: Callable[[], bool], problem: str) -> None:
+        """Repeat a request until it is answered; raise `DeviceError` with a problem otherwise."""
         deadline = time.monotonic() + ANSWER
-        again = 0.0
-        while not answered():
-            now = time.monotonic()
-            if now > deadline or self._closing.is_set():
-                if self._version is not None:
-                    otherwise = (
-                        f"speaks version {self._version} of the protocol, must be {VERSION}: load"
-                        " the firmware that came with this driver"
-                    )
-                raise DeviceError(f"{self._path}: {otherwise}")
-            if now > again:
-                self._send(request)
-                again = now + ASK_AGAIN
-            self._listen()
+        while time.monotonic() < deadline and not self._closing.is_set():
+            self._send(request)
+            if self._listen_until(answered, ASK_AGAIN):
+                return
+        raise DeviceError(f"{self._path}: {problem}")
 
-    def _check(self, identity: Identity) -> None:
+    def _listen_until(self, answered: Callable[[], bool], seconds: float) -> bool:
+        """Process frames until an answer is there, or a time is over; return whether it is."""
+        deadline = time.monotonic() + seconds
+        while not answered() and time.monotonic() < deadline:
+            self._listen()
+        return answered()
+
+    def _check(self, identity: protocol.Identity) -> None:
         """Raise `DeviceError` if a board does not meet the requirements."""
         required, wanted = self._required, self._required.configuration
         number = identity.serial_number
@@ -274,20 +251,14 @@ class BoardLink(Connection):
             return
         raise DeviceError(f"{self._path}: board {number} {lacking}")
 
-    @property
-    def _path(self) -> str:
-        return self._port.path if self._port else ""
-
     def _release(self) -> None:
         """Stop current and samples, and wait a little for the board to confirm."""
         self._configuration = None
-        self._send(DisarmRequest())
+        self._send(protocol.DisarmRequest())
         # Answered after the other, and unlike a status never sent without a request.
-        self._send(Configure(0, 0, 0))
-        deadline = time.monotonic() + ENDING
+        self._send(protocol.Configure(0, 0, 0))
         with suppress(DeviceError):
-            while self._configuration is None and time.monotonic() < deadline:
-                self._listen()
+            self._listen_until(lambda: self._configuration is not None, ENDING)
 
     def _disconnect(self) -> None:
         with self._writing:
@@ -312,42 +283,49 @@ class BoardLink(Connection):
             self._last_frame = arrival
             self._process(frame, arrival)
 
-    def _process(self, frame: Frame, arrival: float) -> None:
+    def _process(self, frame: protocol.Frame, arrival: float) -> None:
         try:
-            message = read_message(frame)
-        except PayloadError:
+            message = protocol.read_message(frame)
+        except protocol.PayloadError:
             self._counts["frames_wrong"] += 1
-            self._version = None if frame.version == VERSION else frame.version
+            if frame.version != protocol.VERSION and not self._ready:
+                raise DeviceError(
+                    f"{self._path}: speaks version {frame.version} of the protocol, must be"
+                    f" {protocol.VERSION}: load the firmware that came with this driver"
+                ) from None
             return
         match message:
-            case Samples():
+            case protocol.Samples():
                 self._take_samples(frame.clock, message, arrival)
-            case Status():
+            case protocol.Status():
                 self._board = message
-                if self._rearm and self._ready and message.state is State.DISARMED:
-                    self._send(ArmRequest())
-            case Identity():
+                rearms = self._required.rearm and self._ready
+                if rearms and message.state is protocol.State.DISARMED:
+                    self._send(protocol.ArmRequest())
+            case protocol.Identity():
                 self._answered = message
-            case Configuration():
+            case protocol.Configuration():
                 self._configuration = message
-            case Error():
+            case protocol.Error():
                 self._counts["refusals"] += 1
 
-    def _take_samples(self, clock: int, samples: Samples, arrival: float) -> None:
+    def _take_samples(self, clock: int, samples: protocol.Samples, arrival: float) -> None:
         axes = self._required.configuration.axes
         if self._clock is None or self._configuration is None or samples.axes != axes:
             return  # of an earlier configuration
-        index = self._whole_index.add(samples.index)
-        if self._next_index is not None:
-            self._counts["samples_lost"] += max(0, index - self._next_index)
+        if self._next_index is None:
+            self._next_index, self._last_clock = samples.index, clock
+        index = unwrapped(samples.index, self._next_index)
+        self._last_clock = unwrapped(clock, self._last_clock)
+        self._counts["samples_lost"] += max(0, index - self._next_index)
         self._next_index = index + samples.number
-        self._clock.add(index, self._whole_clock.add(clock), arrival)
+        self._clock.add(index, self._last_clock, arrival)
         times = [self._clock.time(each) for each in range(index, self._next_index)]
         self._take(times, samples)
 
     # Called by any thread
 
-    def _send(self, message: Message) -> bool:
+    def _send(self, message: protocol.Message) -> bool:
         with self._writing:
             now = round(time.monotonic() / MICROSECOND)
             return self._write(self._encoder.encode(message, now))

@@ -425,57 +425,31 @@ class Decoder:
     """
 
     def __init__(self) -> None:
-        self._pending = bytearray()
-        self._too_long = False
-        self._expected: int | None = None
         self.received = self.damaged = self.lost = 0
-
-    def feed(self, data: bytes) -> list[Frame]:
-        """Return the frames that end within some bytes; keep the rest for the next call."""
-        frames = []
-        *ended, rest = data.split(DELIMITER)
-        for piece in ended:
-            self._keep(piece)
-            frame = self._take()
-            if frame:
-                frames.append(frame)
-        self._keep(rest)
-        return frames
+        self.restart()
 
     def restart(self) -> None:
         """Expect another sender, whose sequence begins anywhere."""
-        self._pending.clear()
-        self._too_long = False
-        self._expected = None
+        self._pending = b""
+        self._expected: int | None = None
 
-    def _keep(self, piece: bytes | bytearray) -> None:
-        if len(self._pending) + len(piece) > LONGEST_ENCODED:
-            # No frame is as long: what is kept must not grow without end.
-            self._too_long = True
-            self._pending.clear()
-        elif not self._too_long:
-            self._pending += piece
-
-    def _take(self) -> Frame | None:
-        stuffed, too_long = bytes(self._pending), self._too_long
-        self._pending.clear()
-        self._too_long = False
-        if not (stuffed or too_long):
-            return None
-        frame = None if too_long else decode(stuffed)
-        if frame is None:
-            self.damaged += 1
-            return None
-        self.received += 1
-        self._count_lost(frame.sequence)
-        return frame
+    def feed(self, data: bytes) -> list[Frame]:
+        """Return the frames that end within some bytes; keep the rest for the next call."""
+        *ended, rest = (self._pending + data).split(DELIMITER)
+        # No frame is longer: what is kept must not grow without end, and is damaged.
+        self._pending = rest[: LONGEST_ENCODED + 1]
+        frames = [decode(stuffed) for stuffed in ended if stuffed]
+        intact = [frame for frame in frames if frame]
+        self.received += len(intact)
+        self.damaged += len(frames) - len(intact)
+        for frame in intact:
+            self._count_lost(frame.sequence)
+        return intact
 
     def _count_lost(self, sequence: int) -> None:
-        if self._expected is not None:
-            gap = (sequence - self._expected) % SEQUENCES
-            # More than half of all is a sender that has started anew.
-            if gap < SEQUENCES // 2:
-                self.lost += gap
+        gap = 0 if self._expected is None else (sequence - self._expected) % SEQUENCES
+        # More than half of all is a sender that has started anew.
+        self.lost += gap if gap < SEQUENCES // 2 else 0
         self._expected = (sequence + 1) % SEQUENCES
 
 
