@@ -11,28 +11,11 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.model import FloatArray
+from haptic_accel.devices.can import protocol
 from haptic_accel.devices.can.load import HEARTBEAT_RATE
 from haptic_accel.devices.can.parameters import STREAMED, CanParameters
-from haptic_accel.devices.can.protocol import (
-    ESTOP_REQUESTED,
-    PASS_THROUGH,
-    TORQUE_CONTROL,
-    WATCHDOG_TIMER_EXPIRED,
-    AxisState,
-    ClearErrors,
-    Command,
-    EmergencyStop,
-    Estimates,
-    EstimatesRequest,
-    Frame,
-    Heartbeat,
-    Message,
-    SetMode,
-    SetState,
-    SetTorque,
-    parse_order,
-)
+from haptic_accel.devices.can.protocol import AxisState, Frame
 from haptic_accel.devices.interface import Device
 
 HEARTBEAT_PERIOD = 1 / HEARTBEAT_RATE
@@ -74,7 +57,7 @@ class EmulatedAxis:
     def __init__(self, node: int, estimates_period: float, watchdog: float, firmware: str) -> None:
         self.node = node
         self.turns = self.speed = 0.0
-        self.mute: set[Command] = set()
+        self.mute: set[protocol.Command] = set()
         self._error = 0
         self._firmware = firmware
         self._state = AxisState.IDLE
@@ -82,8 +65,8 @@ class EmulatedAxis:
         self._torque = 0.0
         self._watchdog = watchdog
         self._fed = -math.inf
-        self._estimates_period = estimates_period
-        self._next_heartbeat = self._next_estimates = -math.inf
+        self._periods = {self._heartbeat: HEARTBEAT_PERIOD, self._estimates: estimates_period}
+        self._next = dict.fromkeys(self._periods, -math.inf)
 
     @property
     def armed(self) -> bool:
@@ -100,44 +83,45 @@ class EmulatedAxis:
         self._error |= error
         self._state = AxisState.IDLE
 
-    def execute(self, order: Message, now: float) -> list[Frame]:
+    def execute(self, order: protocol.Message, now: float) -> list[Frame]:
         """Execute an order and return the answer to it."""
         self._fed = now  # by any command (can_simple.cpp, do_command)
-        if isinstance(order, SetTorque):
-            self._torque = order.torque
-        elif isinstance(order, SetMode):
-            self._torque_mode = (order.control, order.input) == (TORQUE_CONTROL, PASS_THROUGH)
-        elif isinstance(order, SetState):
-            self._enter(order.state)
-        elif isinstance(order, ClearErrors):
-            self._error = 0
-        elif isinstance(order, EmergencyStop):
-            self.fail(ESTOP_REQUESTED[self._firmware])
-        elif isinstance(order, EstimatesRequest):
-            return self._unmuted([self._estimates()])
+        match order:
+            case protocol.SetTorque():
+                self._torque = order.torque
+            case protocol.SetMode():
+                mode = protocol.TORQUE_CONTROL, protocol.PASS_THROUGH
+                self._torque_mode = (order.control, order.input) == mode
+            case protocol.SetState(state=AxisState.IDLE):
+                self._state = AxisState.IDLE
+            case protocol.SetState(state=AxisState.CLOSED_LOOP_CONTROL) if not self._error:
+                self._state = AxisState.CLOSED_LOOP_CONTROL
+            case protocol.ClearErrors():
+                self._error = 0
+            case protocol.EmergencyStop():
+                self.fail(protocol.ESTOP_REQUESTED[self._firmware])
+            case protocol.EstimatesRequest():
+                return self._unmuted([self._estimates()])
         return []
 
     def due(self, now: float) -> list[Frame]:
         """Return the periodic frames due at a time."""
         if self._watchdog and self.armed and now - self._fed > self._watchdog:
-            self.fail(WATCHDOG_TIMER_EXPIRED[self._firmware])
+            self.fail(protocol.WATCHDOG_TIMER_EXPIRED[self._firmware])
         frames = []
-        if now >= self._next_heartbeat:
-            self._next_heartbeat = _next_due(self._next_heartbeat, HEARTBEAT_PERIOD, now)
-            frames.append(Heartbeat(self.node, self._error, self._state).frame())
-        if self._estimates_period and now >= self._next_estimates:
-            self._next_estimates = _next_due(self._next_estimates, self._estimates_period, now)
-            frames.append(self._estimates())
+        for report, period in self._periods.items():
+            if period and now >= self._next[report]:
+                frames.append(report())
+                # Missed ones are not sent late.
+                due = self._next[report] + period
+                self._next[report] = due if due > now else now + period
         return self._unmuted(frames)
 
-    def _enter(self, state: int) -> None:
-        if state == AxisState.CLOSED_LOOP_CONTROL and not self._error:
-            self._state = AxisState.CLOSED_LOOP_CONTROL
-        elif state == AxisState.IDLE:
-            self._state = AxisState.IDLE
+    def _heartbeat(self) -> Frame:
+        return protocol.Heartbeat(self.node, self._error, self._state).frame()
 
     def _estimates(self) -> Frame:
-        return Estimates(self.node, self.turns, self.speed).frame()
+        return protocol.Estimates(self.node, self.turns, self.speed).frame()
 
     def _unmuted(self, frames: Iterable[Frame]) -> list[Frame]:
         return [frame for frame in frames if frame.command not in self.mute]
@@ -161,6 +145,12 @@ class EmulatedArm:
         Time-out of the axes' watchdogs, s.
     seed : int
         Seed of the estimates' noise.
+
+    Attributes
+    ----------
+    axes : list of EmulatedAxis
+    driven : bool
+        True if it had a torque since it was at its origin.
     """
 
     def __init__(
@@ -172,92 +162,67 @@ class EmulatedArm:
         watchdog: float = 0.0,
         seed: int = 0,
     ) -> None:
-        self._p = parameters
+        self._firmware = parameters.firmware
         self._joints = list(parameters.joints.values())
         self._kinematics = parameters.arm()
         self._home = self._kinematics.position(self._kinematics.home)
+        self._inverse = _damped_inverse(self._kinematics.jacobian(self._kinematics.home))
         period = 1 / rate if parameters.estimates == STREAMED else 0.0
         self.axes = [
             EmulatedAxis(joint.node_id, period, watchdog, parameters.firmware)
             for joint in self._joints
         ]
-        self._by_node = {axis.node: axis for axis in self.axes}
         self._random = random.Random(seed)
         self._new_device = new_device
         self._device = new_device()
-        self._angles = self._kinematics.home
-        self._torques = (0.0,) * len(self.axes)
-        self._driven = False
+        self._torques = [0.0] * len(self.axes)
+        self.driven = False
         self._driven_at = -math.inf
-
-    @property
-    def driven(self) -> bool:
-        """True if it had a torque since it was at its origin."""
-        return self._driven
 
     def fail(self) -> None:
         """Stop the first axis with an error."""
-        self.axes[0].fail(MOTOR_ERROR[self._p.firmware])
+        self.axes[0].fail(MOTOR_ERROR[self._firmware])
 
     def take(self, frame: Frame, now: float) -> list[Frame]:
         """Process a frame and return the answers to it."""
-        order = parse_order(frame)
-        axis = self._by_node.get(frame.node)
+        order = protocol.parse_order(frame)
+        axis = next((axis for axis in self.axes if axis.node == frame.node), None)
         return axis.execute(order, now) if order and axis else []
 
     def due(self, now: float) -> list[Frame]:
         """Move the arm until a time, and return the frames that its axes send then."""
+        if self.driven and now - self._driven_at > PUT_BACK_AFTER:
+            self._device, self.driven = self._new_device(), False
+        self._drive(now)
         self._move(now)
         return [frame for axis in self.axes for frame in axis.due(now)]
 
+    def _drive(self, now: float) -> None:
+        """Apply the torques of the motors to the simulated arm, from the first one on."""
+        torques = [axis.torque for axis in self.axes]
+        if any(torques):
+            self.driven, self._driven_at = True, now
+        if torques != self._torques:
+            self._torques = torques
+            pairs = zip(self._joints, torques, strict=True)
+            of_joints = [joint.joint_torque(torque) for joint, torque in pairs]
+            x, y, z = (self._inverse.T @ of_joints).tolist()
+            self._device.write(now, arm_force=(x, y, z))
+
     def _move(self, now: float) -> None:
-        if self._driven and now - self._driven_at > PUT_BACK_AFTER:
-            self._device, self._driven = self._new_device(), False
-        self._drive(now)
+        """Bring the motors where the simulated arm is."""
         sample = self._device.read(now)
         assert sample, "simulated devices always have a sample"
         x, y, z = (a + b for a, b in zip(self._home, sample.position, strict=True))
         angles = self._kinematics.angles((x, y, z))
-        jacobian = self._jacobian(angles)
-        speeds = jacobian.T @ _damped_solve(jacobian, self._of_axes(sample.velocity))
-        for axis, joint, angle, speed in zip(
-            self.axes, self._joints, angles, speeds.tolist(), strict=True
-        ):
+        self._inverse = _damped_inverse(self._kinematics.jacobian(angles))
+        speeds = (self._inverse @ sample.velocity).tolist()
+        for axis, joint, angle, speed in zip(self.axes, self._joints, angles, speeds, strict=True):
             axis.turns = joint.turns(angle) + self._random.gauss(0.0, ESTIMATE_NOISE)
             axis.speed = speed / joint.angle_per_turn
-        self._angles = angles
-
-    def _drive(self, now: float) -> None:
-        """Apply the torques of the motors to the simulated arm, from the first one on."""
-        torques = tuple(axis.torque for axis in self.axes)
-        if any(torques):
-            self._driven, self._driven_at = True, now
-        if torques == self._torques:
-            return
-        self._torques = torques
-        joint = [j.joint_torque(torque) for j, torque in zip(self._joints, torques, strict=True)]
-        force = [0.0, 0.0, 0.0]
-        jacobian = self._jacobian(self._angles)
-        made = _damped_solve(jacobian, jacobian @ np.array(joint))
-        for place, part in zip(self._kinematics.axes, made.tolist(), strict=True):
-            force[place] = part
-        self._device.write(now, arm_force=(force[0], force[1], force[2]))
-
-    def _jacobian(self, angles: tuple[float, ...]) -> FloatArray:
-        """Return the square Jacobian, along the axes in which the tip can move."""
-        columns = self._kinematics.jacobian(angles)
-        return np.array([[column[axis] for column in columns] for axis in self._kinematics.axes])
-
-    def _of_axes(self, vector: Vector) -> FloatArray:
-        return np.array([vector[axis] for axis in self._kinematics.axes])
 
 
-def _next_due(due: float, period: float, now: float) -> float:
-    """Return the next time of a periodic frame; missed ones are not sent late."""
-    return due + period if due + period > now else now + period
-
-
-def _damped_solve(jacobian: FloatArray, vector: FloatArray) -> FloatArray:
-    """Solve J J^T x = v, also near singularities (damped least squares, Wampler 1986)."""
-    square = jacobian @ jacobian.T + DAMPING**2 * np.eye(len(jacobian))
-    return np.asarray(np.linalg.solve(square, vector))
+def _damped_inverse(jacobian: FloatArray) -> FloatArray:
+    """Return the inverse by damped least squares, also near singularities (Wampler 1986)."""
+    square = jacobian @ jacobian.T + DAMPING**2 * np.eye(3)
+    return np.asarray(jacobian.T @ np.linalg.inv(square))

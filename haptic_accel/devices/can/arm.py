@@ -9,30 +9,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.devices.can.kinematics import (
-    Angles,
-    JointParameters,
-    joint_torques,
-    tip_velocity,
-)
+from haptic_accel.core.model import ZERO, FloatArray, Vector
+from haptic_accel.devices.can import protocol
+from haptic_accel.devices.can.kinematics import Angles, JointParameters
 from haptic_accel.devices.can.parameters import REQUESTED, CanParameters
-from haptic_accel.devices.can.protocol import (
-    WATCHDOG_TIMER_EXPIRED,
-    AxisState,
-    ClearErrors,
-    Estimates,
-    EstimatesRequest,
-    Frame,
-    Heartbeat,
-    Message,
-    SetMode,
-    SetState,
-    SetTorque,
-    error_names,
-    parse_report,
-    state_name,
-)
+from haptic_accel.devices.can.protocol import AxisState, Frame, SetState, SetTorque
 from haptic_accel.devices.connection import AUTO
 from haptic_accel.devices.interface import Sample
 
@@ -45,6 +26,16 @@ ARMING_PERIOD = 0.25
 
 ON_REQUEST = "disarmed on request"
 """Reason why there are no torques after `DrivenArm.disarm`."""
+
+COUNTED = (
+    "foreign_frames",
+    "samples_missing",
+    "limited_torques",
+    "withheld_forces",
+    "rejected_forces",
+    "disarmed",
+)
+"""Names of an arm's counts."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -84,14 +75,9 @@ class Axis:
     state: int = AxisState.UNDEFINED
     reported: float = -math.inf
 
-    @property
-    def node(self) -> int:
-        """Node id of the axis."""
-        return self.joint.node_id
-
     def __str__(self) -> str:
         """Return the name of the axis for messages."""
-        return f"{self.name} (node {self.node})"
+        return f"{self.name} (node {self.joint.node_id})"
 
 
 class DrivenArm:
@@ -107,6 +93,11 @@ class DrivenArm:
 
     Attributes
     ----------
+    nodes : list of int
+        Node ids of the axes.
+    state : State
+    torques : tuple of float
+        Torques of the motors, as last commanded, N m.
     fault : str
         Reason why there are no torques, or were none until it was armed again; empty if none.
     """
@@ -116,72 +107,50 @@ class DrivenArm:
         self._send_frames = send
         self._kinematics = parameters.arm()
         self._axes = [Axis(name, joint) for name, joint in parameters.joints.items()]
-        self._by_node = {axis.node: axis for axis in self._axes}
+        self._by_node = {axis.joint.node_id: axis for axis in self._axes}
+        self.nodes = list(self._by_node)
         self._lock = threading.RLock()
-        self._state = State.DISARMED
-        self._torques = self._zero = (0.0,) * len(self._axes)
+        self.state = State.DISARMED
+        self.torques = self._zero = (0.0,) * len(self._axes)
         self._arming_since = self._arming_sent = self._torques_sent = -math.inf
         self._estimates_requested = -math.inf
         self._recovers = False
         self.fault = ""
-        self._counts = dict.fromkeys(
-            (
-                "foreign_frames",
-                "samples_missing",
-                "limited_torques",
-                "withheld_forces",
-                "rejected_forces",
-                "disarmed",
-            ),
-            0,
-        )
-
-    @property
-    def state(self) -> State:
-        """Permission of torques."""
-        return self._state
-
-    @property
-    def nodes(self) -> list[int]:
-        """Node ids of the axes."""
-        return list(self._by_node)
-
-    @property
-    def torques(self) -> Angles:
-        """Torques of the motors, as last commanded, N m."""
-        return self._torques
+        self._counts = dict.fromkeys(COUNTED, 0)
 
     def status(self) -> dict[str, int]:
         """Return counts by name."""
-        return {"armed": int(self._state is State.ARMED), **self._counts}
+        return {"armed": int(self.state is State.ARMED), **self._counts}
 
     # Called by the thread that reads the bus
 
     def take(self, frame: Frame, now: float) -> None:
         """Process a frame received at a time."""
-        report = parse_report(frame)
+        report = protocol.parse_report(frame)
         axis = self._by_node.get(frame.node)
         if report is None or axis is None:
             self._counts["foreign_frames"] += 1
-        elif isinstance(report, Estimates):
+        elif isinstance(report, protocol.Estimates):
             axis.turns, axis.speed, axis.estimated = report.position, report.velocity, now
-        elif isinstance(report, Heartbeat):
+        elif isinstance(report, protocol.Heartbeat):
             axis.error, axis.state, axis.reported = report.error, report.state, now
             self._react(axis)
 
     def update(self, now: float) -> None:
         """Disarm if something is wrong, continue arming, feed the drives' watchdogs."""
         with self._lock:
-            if self._state is State.ARMED:
-                self._check(now)
-            elif self._state is State.ARMING:
+            if self.state is State.ARMED:
+                for axis in self._axes:
+                    if lost := self._overdue(axis, now):
+                        self._disarm_for(lost, recovers=True)
+            elif self.state is State.ARMING:
                 self._continue_arming(now)
             elif self._may_rearm(now):
                 self.arm(now)
             # Zero may be repeated for ever. Other torques only the commanding thread may repeat,
             # so that the watchdogs stop the drives when that one hangs.
-            if self._state is not State.DISARMED and not any(self._torques):
-                self._repeat(now)
+            if self.state is not State.DISARMED and not any(self.torques):
+                self._send_torques(now, REPEAT_PERIOD)
             self._request_estimates(now, REPEAT_PERIOD)
 
     def lose(self) -> None:
@@ -190,10 +159,11 @@ class DrivenArm:
         for axis in self._axes:
             axis.reported = axis.estimated = -math.inf
 
-    def find(self) -> None:
-        """Release the axes when the bus is back: they may still exert their last torques."""
+    def release(self) -> None:
+        """Release all axes: they may still exert their last torques when a bus is back."""
         with self._lock:
-            self._release()
+            self.state, self.torques = State.DISARMED, self._zero
+            self._send(_idle(self.nodes))
 
     # Called by the thread that moves the arm
 
@@ -204,14 +174,14 @@ class DrivenArm:
     def arm(self, now: float) -> None:
         """Begin to arm: clear errors, then closed loop with zero torques."""
         with self._lock:
-            self._state, self._arming_since = State.ARMING, now
-            self._torques, self._recovers = self._zero, False
+            self.state, self._arming_since = State.ARMING, now
+            self.torques, self._recovers = self._zero, False
             self._send_arming(now)
 
     def disarm(self) -> None:
         """Release all axes until armed again: zero torque, then idle."""
         with self._lock:
-            self._release()
+            self.release()
             self._recovers, self.fault = False, ON_REQUEST
 
     def apply(self, force: Vector, now: float) -> None:
@@ -220,11 +190,10 @@ class DrivenArm:
             self._counts["rejected_forces"] += 1
             force = ZERO
         angles = self._angles()
-        joint = joint_torques(self._kinematics.jacobian(angles), force)
-        torques = self._limited(joint)
+        torques = self._limited(self._kinematics.jacobian(angles).T @ force)
         with self._lock:
-            if self._state is State.ARMED:
-                self._torques = torques
+            if self.state is State.ARMED:
+                self.torques = torques
                 self._send_torques(now)
             elif any(torques):
                 self._counts["withheld_forces"] += 1
@@ -236,64 +205,56 @@ class DrivenArm:
         accelerometer: the acceleration is zero.
         """
         with self._lock:
-            if self._state is State.ARMED:
-                self._repeat(now)
+            if self.state is State.ARMED:
+                self._send_torques(now, REPEAT_PERIOD)
         self._request_estimates(now, 0.0)
         if any(self._stale(axis, now) for axis in self._axes):
             self._counts["samples_missing"] += 1
             return None
         angles = self._angles()
         speeds = [axis.joint.angle_per_turn * axis.speed for axis in self._axes]
-        velocity = tip_velocity(self._kinematics.jacobian(angles), speeds)
-        return Sample(self._kinematics.position(angles), velocity, 0.0)
+        x, y, z = (self._kinematics.jacobian(angles) @ speeds).tolist()
+        return Sample(self._kinematics.position(angles), (x, y, z), 0.0)
 
     def _disarm_for(self, reason: str, *, recovers: bool = False) -> None:
         """Release all axes for a reason; `recovers` allows to arm again without a request."""
         with self._lock:
-            if self._state is State.DISARMED:
+            if self.state is State.DISARMED:
                 return
-            self._release()
+            self.release()
             self._recovers, self.fault = recovers, reason
             self._counts["disarmed"] += 1
             _LOG.warning("can: no torque: %s", reason)
 
-    def _release(self) -> None:
-        self._state, self._torques = State.DISARMED, self._zero
-        self._send(_idle(self.nodes))
-
     def _angles(self) -> Angles:
         return tuple(axis.joint.angle(axis.turns) for axis in self._axes)
 
-    def _limited(self, joint: Angles) -> Angles:
+    def _limited(self, joint_torques: FloatArray) -> Angles:
         """Return the motors' torques, all scaled alike, so that the force keeps its direction."""
-        torques = [a.joint.motor_torque(t) for a, t in zip(self._axes, joint, strict=True)]
-        excess = 1.0
-        for axis, torque in zip(self._axes, torques, strict=True):
-            limit = axis.joint.torque_limit
-            if abs(torque) > limit * excess:
-                excess = abs(torque) / limit if limit > 0 else math.inf
-        self._counts["limited_torques"] += excess > 1.0
-        if not math.isfinite(excess):
-            return self._zero
-        return tuple(torque / excess for torque in torques)
+        joints = [axis.joint for axis in self._axes]
+        pairs = zip(joints, joint_torques.tolist(), strict=True)
+        torques = [joint.motor_torque(torque) for joint, torque in pairs]
+        pairs = zip(joints, torques, strict=True)
+        scale = min([1.0, *(joint.torque_limit / abs(t) for joint, t in pairs if t)])
+        self._counts["limited_torques"] += scale < 1.0
+        # An infinite torque times a scale of zero would be no number.
+        return tuple(torque * scale for torque in torques) if scale else self._zero
 
-    def _send(self, messages: Iterable[Message]) -> None:
+    def _send(self, messages: Iterable[protocol.Message]) -> None:
         self._send_frames([message.frame() for message in messages])
 
-    def _send_torques(self, now: float) -> None:
-        self._torques_sent = now
-        torques = zip(self.nodes, self._torques, strict=True)
-        self._send([SetTorque(node, torque) for node, torque in torques])
-
-    def _repeat(self, now: float) -> None:
-        if now - self._torques_sent >= REPEAT_PERIOD:
-            self._send_torques(now)
+    def _send_torques(self, now: float, period: float = 0.0) -> None:
+        """Send the torques, unless done within a period."""
+        if now - self._torques_sent >= period:
+            self._torques_sent = now
+            torques = zip(self.nodes, self.torques, strict=True)
+            self._send([SetTorque(node, torque) for node, torque in torques])
 
     def _request_estimates(self, now: float, period: float) -> None:
         """Request estimates that are not streamed, unless done within a period."""
         if self._p.estimates == REQUESTED and now - self._estimates_requested >= period:
             self._estimates_requested = now
-            self._send([EstimatesRequest(node) for node in self.nodes])
+            self._send([protocol.EstimatesRequest(node) for node in self.nodes])
 
     def _silent(self, axis: Axis, now: float) -> bool:
         return now - axis.reported > self._p.heartbeat_timeout
@@ -305,24 +266,18 @@ class DrivenArm:
         """Disarm when an axis reports a problem; stop one that should be idle."""
         with self._lock:
             wrong = self._wrong(axis)
-            if wrong and self._state is State.ARMED:
+            if wrong and self.state is State.ARMED:
                 self._disarm_for(wrong)
-            elif axis.state == AxisState.CLOSED_LOOP_CONTROL and self._state is State.DISARMED:
+            elif axis.state == AxisState.CLOSED_LOOP_CONTROL and self.state is State.DISARMED:
                 # The command was lost, or another program left it so.
-                self._send(_idle([axis.node]))
-
-    def _check(self, now: float) -> None:
-        """Disarm when the reports of an axis are overdue."""
-        lost = next(filter(None, (self._overdue(axis, now) for axis in self._axes)), "")
-        if lost:
-            self._disarm_for(lost, recovers=True)
+                self._send(_idle([axis.joint.node_id]))
 
     def _wrong(self, axis: Axis) -> str:
         """Return the problem that an axis reports; empty for none."""
         if axis.error:
-            return f"{axis}: {error_names(axis.error, self._p.firmware)}"
+            return f"{axis}: {protocol.error_names(axis.error, self._p.firmware)}"
         if axis.state != AxisState.CLOSED_LOOP_CONTROL:
-            return f"{axis}: is not in closed loop but in {state_name(axis.state)}"
+            return f"{axis}: is not in closed loop but in {protocol.state_name(axis.state)}"
         return ""
 
     def _overdue(self, axis: Axis, now: float) -> str:
@@ -336,13 +291,13 @@ class DrivenArm:
     def _send_arming(self, now: float) -> None:
         self._torques_sent = self._arming_sent = now
         for node in self.nodes:
-            closed_loop = SetState(node, AxisState.CLOSED_LOOP_CONTROL)
-            self._send([SetMode(node), SetTorque(node, 0.0), ClearErrors(node), closed_loop])
+            orders = protocol.SetMode(node), SetTorque(node, 0.0), protocol.ClearErrors(node)
+            self._send([*orders, SetState(node, AxisState.CLOSED_LOOP_CONTROL)])
 
     def _continue_arming(self, now: float) -> None:
         missing = self._missing(now)
         if not missing:
-            self._state, self.fault = State.ARMED, ""
+            self.state, self.fault = State.ARMED, ""
         elif now - self._arming_since > self._p.start_timeout:
             self._disarm_for(missing)
         elif now - self._arming_sent > ARMING_PERIOD:
@@ -364,16 +319,13 @@ class DrivenArm:
 
     def _may_rearm(self, now: float) -> bool:
         """Return True if all lost reports are back, and arming without a request is allowed."""
-        if not (self._recovers and self._p.rearm == AUTO):
-            return False
         # A watchdog error is no fault of an axis that was cut off.
-        watchdog = WATCHDOG_TIMER_EXPIRED[self._p.firmware]
-        return all(
-            not self._overdue(axis, now) and axis.error in (0, watchdog) for axis in self._axes
-        )
+        harmless = 0, protocol.WATCHDOG_TIMER_EXPIRED[self._p.firmware]
+        back = (a.error in harmless and not self._overdue(a, now) for a in self._axes)
+        return self._recovers and self._p.rearm == AUTO and all(back)
 
 
-def _idle(nodes: Sequence[int]) -> list[Message]:
+def _idle(nodes: Sequence[int]) -> list[protocol.Message]:
     """Return the commands to release axes: no torque first, for all, then idle."""
     return [
         *(SetTorque(node, 0.0) for node in nodes),

@@ -119,11 +119,6 @@ class CanArm(Device):
         """Reason why there are no torques, in one line; empty while there are."""
         return "" if self._arm.state is State.ARMED else self._arm.fault
 
-    @property
-    def armed(self) -> bool:
-        """True while there are torques."""
-        return self._arm.state is State.ARMED
-
     def arm(self) -> bool | None:
         """Begin to arm, which takes a heartbeat or two: None, or False while the bus is gone.
 
@@ -133,11 +128,6 @@ class CanArm(Device):
             return False
         self._arm.arm(monotonic())
         return None
-
-    def disarm(self) -> bool:
-        """Release every axis until `arm`; return False while the bus is gone."""
-        self._arm.disarm()
-        return self._link.connected
 
     @property
     def _channel(self) -> str:

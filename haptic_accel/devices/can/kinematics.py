@@ -12,13 +12,16 @@ downward vertical, positive forwards.
 
 from __future__ import annotations
 
+import cmath
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
-from haptic_accel.core.model import Vector
+import numpy as np
+
+from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
 TURN = 2 * math.pi
@@ -37,9 +40,6 @@ AXES = ("x", "y", "z")
 
 Angles: TypeAlias = tuple[float, ...]
 """One value per joint: rad, rad/s or N m."""
-
-Columns: TypeAlias = tuple[Vector, ...]
-"""A Jacobian, one column a joint: m/s of the tip per rad/s of the joint."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +70,9 @@ class LinkParameters(Checked):
     )
 
 
-def node_parameter(node: int) -> int:
+def node_parameter(node: int) -> Any:
     """Declare the node id of a joint's axis."""
-    declared: int = parameter(node, "node id of its axis (ODrive: 0 to 63)", low=0, high=63)
-    return declared
+    return parameter(node, "node id of its axis (ODrive: 0 to 63)", low=0, high=63)
 
 
 @dataclass(frozen=True)
@@ -143,9 +142,6 @@ class ThirdJointParameters(JointParameters):
 class Kinematics(ABC):
     """Relation between the angles of the joints and the position of the tip."""
 
-    axes: tuple[int, ...]
-    """Indices of x, y, z along which the tip can move, as many as joints."""
-
     home: Angles
     """Angles in the middle of the workspace, far from singularities, rad."""
 
@@ -154,8 +150,8 @@ class Kinematics(ABC):
         """Return the tip's position, m, for angles in rad."""
 
     @abstractmethod
-    def jacobian(self, angles: Sequence[float]) -> Columns:
-        """Return the Jacobian, m/rad, at angles in rad."""
+    def jacobian(self, angles: Sequence[float]) -> FloatArray:
+        """Return the Jacobian, shape (3, joints), m/rad, at angles in rad."""
 
     @abstractmethod
     def angles(self, position: Vector) -> Angles:
@@ -168,30 +164,27 @@ class LinearStage(Kinematics):
     home: Angles = (0.0,)
 
     def __init__(self, parameters: StageParameters) -> None:
-        self.axes = (AXES.index(parameters.axis),)
-        per_angle = parameters.travel / TURN
-        self._per_angle = per_angle
-        x, y, z = (per_angle if axis == parameters.axis else 0.0 for axis in AXES)
-        self._column: Vector = (x, y, z)
+        self._axis = AXES.index(parameters.axis)
+        self._jacobian = np.zeros((3, 1))
+        self._jacobian[self._axis] = parameters.travel / TURN
 
     def position(self, angles: Sequence[float]) -> Vector:
         """Return the tip's position, m."""
-        x, y, z = self._column
-        return x * angles[0], y * angles[0], z * angles[0]
+        x, y, z = (self._jacobian @ angles).tolist()
+        return x, y, z
 
-    def jacobian(self, angles: Sequence[float]) -> Columns:
+    def jacobian(self, angles: Sequence[float]) -> FloatArray:
         """Return the travel per angle, m/rad."""
-        return (self._column,)
+        return self._jacobian
 
     def angles(self, position: Vector) -> Angles:
         """Return the angle for a position along the axis, rad."""
-        return (position[self.axes[0]] / self._per_angle,)
+        return (position[self._axis] / float(self._jacobian[self._axis, 0]),)
 
 
 class ArticulatedArm(Kinematics):
     """Waist, shoulder and elbow."""
 
-    axes = (0, 1, 2)
     # Upper link horizontal, forearm hanging: the links are at right angles.
     home: Angles = (0.0, 0.0, 0.0)
 
@@ -199,37 +192,32 @@ class ArticulatedArm(Kinematics):
         self._upper, self._fore = parameters.upper, parameters.fore
         self._relative = parameters.elbow == "shoulder"
 
-    def position(self, angles: Sequence[float]) -> Vector:
-        """Return the tip's position from the shoulder, m."""
-        waist, shoulder, elbow = angles
+    def _pose(self, angles: Sequence[float]) -> tuple[float, complex, complex]:
+        """Return the waist's angle, and both links as lengths outwards + j upwards, m."""
+        waist, shoulder, elbow = (0.0, *angles)[-3:]
         if self._relative:
             elbow += shoulder
-        reach = self._upper * math.cos(shoulder) + self._fore * math.sin(elbow)
-        height = self._upper * math.sin(shoulder) - self._fore * math.cos(elbow)
-        return reach * math.cos(waist), reach * math.sin(waist), height
+        return waist, cmath.rect(self._upper, shoulder), -1j * cmath.rect(self._fore, elbow)
 
-    def jacobian(self, angles: Sequence[float]) -> Columns:
+    def position(self, angles: Sequence[float]) -> Vector:
+        """Return the tip's position from the shoulder, m."""
+        waist, upper, fore = self._pose(angles)
+        tip = upper + fore
+        return tip.real * math.cos(waist), tip.real * math.sin(waist), tip.imag
+
+    def jacobian(self, angles: Sequence[float]) -> FloatArray:
         """Return the Jacobian, m/rad.
 
         It is singular where the links are in line, or the tip is above or below the waist.
         """
-        waist, shoulder, elbow = angles
-        if self._relative:
-            elbow += shoulder
+        waist, upper, fore = self._pose(angles)
+        tip = upper + fore
         cos_waist, sin_waist = math.cos(waist), math.sin(waist)
-        upper_out, upper_up = self._upper * math.cos(shoulder), self._upper * math.sin(shoulder)
-        fore_out, fore_up = self._fore * math.sin(elbow), -self._fore * math.cos(elbow)
-        reach = upper_out + fore_out
-        by_shoulder_out, by_shoulder_up = -upper_up, upper_out
-        by_elbow_out, by_elbow_up = -fore_up, fore_out
-        if self._relative:
-            by_shoulder_out += by_elbow_out
-            by_shoulder_up += by_elbow_up
-        return (
-            (-reach * sin_waist, reach * cos_waist, 0.0),
-            (by_shoulder_out * cos_waist, by_shoulder_out * sin_waist, by_shoulder_up),
-            (by_elbow_out * cos_waist, by_elbow_out * sin_waist, by_elbow_up),
-        )
+        columns = [(-tip.real * sin_waist, tip.real * cos_waist, 0.0)]
+        for turned in (tip if self._relative else upper, fore):
+            by_angle = 1j * turned
+            columns.append((by_angle.real * cos_waist, by_angle.real * sin_waist, by_angle.imag))
+        return np.array(columns[-len(self.home) :]).T
 
     def angles(self, position: Vector) -> Angles:
         """Return the angles with the elbow above the line from shoulder to tip, rad."""
@@ -241,45 +229,16 @@ class ArticulatedArm(Kinematics):
             2 * self._upper * max(distance, SHORTEST)
         )
         shoulder = math.atan2(z, out) + math.acos(min(1.0, max(-1.0, cosine)))
-        elbow = math.atan2(
-            out - self._upper * math.cos(shoulder), self._upper * math.sin(shoulder) - z
-        )
-        return math.atan2(y, x), shoulder, elbow - shoulder if self._relative else elbow
+        fore = complex(out, z) - cmath.rect(self._upper, shoulder)
+        elbow = math.atan2(fore.real, -fore.imag) - self._relative * shoulder
+        return (math.atan2(y, x), shoulder, elbow)[-len(self.home) :]
 
 
-class PlanarArm(Kinematics):
+class PlanarArm(ArticulatedArm):
     """Shoulder and elbow of the articulated arm, in the plane of x and z."""
 
-    axes = (0, 2)
     home: Angles = ArticulatedArm.home[1:]
-
-    def __init__(self, parameters: LinkParameters) -> None:
-        self._arm = ArticulatedArm(parameters)
-
-    def position(self, angles: Sequence[float]) -> Vector:
-        """Return the tip's position from the shoulder, m."""
-        return self._arm.position((0.0, *angles))
-
-    def jacobian(self, angles: Sequence[float]) -> Columns:
-        """Return the Jacobian, m/rad."""
-        return self._arm.jacobian((0.0, *angles))[1:]
 
     def angles(self, position: Vector) -> Angles:
         """Return the angles with the elbow above the line from shoulder to tip, rad."""
-        return self._arm.angles((position[0], 0.0, position[2]))[1:]
-
-
-def tip_velocity(columns: Columns, velocities: Sequence[float]) -> Vector:
-    """Return the tip's velocity, m/s, for those of the joints, rad/s: J times them."""
-    x = y = z = 0.0
-    for (dx, dy, dz), velocity in zip(columns, velocities, strict=True):
-        x += dx * velocity
-        y += dy * velocity
-        z += dz * velocity
-    return x, y, z
-
-
-def joint_torques(columns: Columns, force: Vector) -> Angles:
-    """Return the joints' torques, N m, for a force of the tip, N: J transposed times it."""
-    x, y, z = force
-    return tuple(dx * x + dy * y + dz * z for dx, dy, dz in columns)
+        return super().angles((position[0], 0.0, position[2]))

@@ -67,7 +67,7 @@ class ArmLink(Connection):
         self.configuration = self.configuration or bus_configuration(self._parameters)
         self._bus = open_bus(self.configuration, self.arm.nodes)
         if self.losses:
-            self.arm.find()
+            self.arm.release()
 
     def _receive(self) -> None:
         """Receive all frames: after a stall, those that wait must not seem lost."""

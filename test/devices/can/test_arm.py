@@ -347,7 +347,7 @@ def test_when_the_bus_is_back_the_first_thing_is_to_let_go() -> None:
     bench.push(1.0, 0.0, 0.0)
     bench.arm.lose()
     bench.sent.clear()
-    bench.arm.find()
+    bench.arm.release()
     assert bench.released()
 
 

@@ -116,7 +116,7 @@ def test_a_force_moves_the_tip_and_closing_takes_it_off(
 ) -> None:
     plugged = plug(interface, estimates=estimates)
     device = plugged.device
-    assert device.armed
+    assert device.status()["armed"]
     assert device.problem == ""
     assert "bus load up to" in device.remark
     start = device.read(0.0)
@@ -139,7 +139,7 @@ def test_a_force_moves_the_tip_and_closing_takes_it_off(
 def test_an_axis_error_takes_all_torques_off_until_it_is_armed_again(plug: Plug) -> None:
     plugged = plug("virtual", rearm="auto", faults="error@0.2")
     device = plugged.device
-    plugged.pushed_until(lambda: not device.armed, "let go")
+    plugged.pushed_until(lambda: not device.status()["armed"], "let go")
     assert device.problem == "joint1 (node 0): DRV_FAULT"
     plugged.pushed_until(lambda: not any(axis.armed for axis in plugged.arm.axes), "all idle")
     assert not plugged.exerted
@@ -154,7 +154,7 @@ def test_what_is_not_heard_takes_all_torques_off(plug: Plug, fault: str) -> None
     plugged = plug(
         "virtual", faults=fault, seconds=1e6, heartbeat_timeout=0.5, estimates_timeout=0.5
     )
-    plugged.pushed_until(lambda: not plugged.device.armed, "let go")
+    plugged.pushed_until(lambda: not plugged.device.status()["armed"], "let go")
     assert "joint1 (node 0): no " in plugged.device.problem
     wait_until(lambda: not plugged.exerted, "no torque, by command or by the drives' watchdogs")
 
@@ -163,7 +163,7 @@ def test_what_is_not_heard_takes_all_torques_off(plug: Plug, fault: str) -> None
 def test_an_adapter_may_be_unplugged_and_plugged_in_again(plug: Plug, rearm: str) -> None:
     plugged = plug("slcan", rearm=rearm, faults="unplug@0.1", seconds=0.5)
     device = plugged.device
-    plugged.pushed_until(lambda: not device.armed, "gone")
+    plugged.pushed_until(lambda: not device.status()["armed"], "gone")
     assert device.problem == "the bus has gone"
     wait_until(lambda: device.read(0.0) is None, "no sample")
     plugged.pushed_until(lambda: bool(device.status()["connected"]), "back")
@@ -173,7 +173,7 @@ def test_an_adapter_may_be_unplugged_and_plugged_in_again(plug: Plug, rearm: str
         plugged.pushed_until(
             lambda: device.status()["frames_received"] > received + 100, "well heard"
         )
-        assert not device.armed
+        assert not device.status()["armed"]
         assert not plugged.exerted
         assert device.arm() is None
     plugged.pushed_until(lambda: plugged.exerted, "torques again")

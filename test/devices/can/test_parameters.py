@@ -16,7 +16,7 @@ from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
 def test_each_kinematics_has_its_joints(kinematics: str, joints: int) -> None:
     parameters = CanParameters(kinematics=kinematics)
     assert list(parameters.joints) == ["joint1", "joint2", "joint3"][:joints]
-    assert len(parameters.arm().axes) == joints
+    assert len(parameters.arm().home) == joints
 
 
 @pytest.mark.parametrize(
