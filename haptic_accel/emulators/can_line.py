@@ -6,7 +6,7 @@ import random
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 from haptic_accel.devices.can.bus import frame_of, message_of
 from haptic_accel.devices.can.protocol import HIGHEST_ID, Command, Frame
@@ -31,25 +31,6 @@ MUTED = {HEARTBEAT: Command.HEARTBEAT, ESTIMATES: Command.ENCODER_ESTIMATES}
 """Command that an axis does not send, by fault."""
 
 
-class CanPort(Protocol):
-    """Access of emulated arms to a bus."""
-
-    def receive(self) -> list[Frame]:
-        """Return the frames that are there; never waits."""
-
-    def send(self, frames: Iterable[Frame]) -> None:
-        """Send frames; those that cannot be sent are lost."""
-
-    def send_garbage(self, noise: random.Random) -> None:
-        """Send data that no arm sends."""
-
-    def plug(self) -> None:
-        """Join the bus; nothing if joined."""
-
-    def unplug(self) -> None:
-        """Leave the bus; nothing if it was left."""
-
-
 class SlcanPort:
     """Serial adapter with slcan, as a pseudo-terminal.
 
@@ -64,7 +45,7 @@ class SlcanPort:
         self._adapter = SlcanAdapter()
 
     def receive(self) -> list[Frame]:
-        """Return the frames from the host."""
+        """Return the frames that the host has sent; never waits."""
         frames, answer = self._adapter.take(self._terminal.read() or b"")
         if answer:
             self._terminal.write(answer)
@@ -105,15 +86,12 @@ class BusPort:
         self._bus: can.BusABC | None = open_bus()
 
     def receive(self) -> list[Frame]:
-        """Return the frames that are there."""
-        frames: list[Frame] = []
-        while self._bus is not None and (message := self._bus.recv(0.0)) is not None:
-            frame = frame_of(message)
-            frames += [frame] if frame else []
-        return frames
+        """Return the frames that are there; never waits."""
+        messages = iter(lambda: self._bus.recv(0.0) if self._bus else None, None)
+        return [frame for frame in map(frame_of, messages) if frame]
 
     def send(self, frames: Iterable[Frame]) -> None:
-        """Send frames."""
+        """Send frames; those that cannot be sent are lost."""
         import can
 
         if self._bus is None:
@@ -135,6 +113,10 @@ class BusPort:
         if self._bus is not None:
             self._bus.shutdown()
             self._bus = None
+
+
+CanPort: TypeAlias = SlcanPort | BusPort
+"""Access of emulated arms to a bus."""
 
 
 class CanLine:

@@ -7,31 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from haptic_accel.devices.serial.protocol import (
-    AXES,
-    FULL_SCALE,
-    REQUESTS,
-    VERSION,
-    ArmRequest,
-    Configuration,
-    Configure,
-    Decoder,
-    DisarmRequest,
-    Encoder,
-    Error,
-    ErrorCode,
-    Frame,
-    FrameType,
-    Identify,
-    Identity,
-    Message,
-    Samples,
-    SetCurrent,
-    State,
-    Status,
-    most_samples,
-    read_message,
-)
+from haptic_accel.devices.serial import protocol
+from haptic_accel.devices.serial.protocol import CLOCKS, Configuration, ErrorCode, Frame, State
 
 TIMEOUT = 5_000
 """Longest time without a set-point while a current may flow, us."""
@@ -41,9 +18,6 @@ STATUS_PERIOD = 100_000
 
 LOWEST_RATE = 50
 """Lowest sampling rate, Hz."""
-
-CLOCKS = 1 << 32
-"""Modulus of clocks and counts of samples."""
 
 SILENT = Configuration(0, 0, 0)
 """Configuration before the host sends one."""
@@ -69,11 +43,12 @@ class Board:
         Set-point of the current, counts of `FULL_SCALE`; 0 unless armed.
     """
 
-    def __init__(self, identity: Identity, send: Callable[[bytes], bool]) -> None:
+    def __init__(self, identity: protocol.Identity, send: Callable[[bytes], bool]) -> None:
         self._identity = identity
+        self._has_actuator = identity.full_scale_current > 0
         self._send_bytes = send
-        self._decoder = Decoder()
-        self._encoder = Encoder()
+        self._decoder = protocol.Decoder()
+        self._encoder = protocol.Encoder()
         self.configuration = SILENT
         self.state = State.DISARMED
         self.current = 0
@@ -101,12 +76,10 @@ class Board:
             return
         if not self._pending:
             self._pending_clock = now
-        self._pending += [
-            values[axis] for axis in range(len(AXES)) if configuration.axes >> axis & 1
-        ]
+        self._pending += [v for axis, v in enumerate(values) if configuration.axes >> axis & 1]
         taken = len(self._pending) // configuration.axes.bit_count()
         if taken == configuration.samples_per_frame:
-            frame = Samples(self._index, configuration.axes, tuple(self._pending))
+            frame = protocol.Samples(self._index, configuration.axes, tuple(self._pending))
             self._send(frame, self._pending_clock)
             self._index = (self._index + taken) % CLOCKS
             self._pending.clear()
@@ -139,65 +112,54 @@ class Board:
     def _execute(self, frame: Frame, now: int) -> None:
         refusal = self._refusal(frame)
         if refusal:
-            self._send(Error(refusal, frame.type, frame.sequence), now)
+            self._send(protocol.Error(refusal, frame.type, frame.sequence), now)
             return
-        match read_message(frame):
-            case Identify():
+        match protocol.read_message(frame):
+            case protocol.Identify():
                 self._send(self._identity, now)
-            case Configure() as asked:
+            case protocol.Configure() as asked:
                 self._configure(asked, now)
-            case ArmRequest():
+            case protocol.ArmRequest():
                 if self.state is State.ARMED:
                     self._report(now)
                 else:
                     self._last_set = now
                     self._enter(State.ARMED, now)
-            case DisarmRequest():
+            case protocol.DisarmRequest():
                 self._enter(State.DISARMED, now)
-            case SetCurrent(counts):
+            case protocol.SetCurrent(counts):
                 self._set_current(counts, now)
 
     def _refusal(self, frame: Frame) -> ErrorCode | None:
         """Return the reason for refusing a frame; None to accept it."""
-        if frame.version != VERSION:
+        if frame.version != protocol.VERSION:
             return ErrorCode.VERSION
-        if frame.type not in REQUESTS:
+        if frame.type not in protocol.REQUESTS:
             return ErrorCode.TYPE
-        if len(frame.payload) != REQUESTS[frame.type].LAYOUT.size:
+        if len(frame.payload) != protocol.REQUESTS[frame.type].LAYOUT.size:
             return ErrorCode.LENGTH
-        if frame.type in (FrameType.ARM, FrameType.SET_CURRENT) and not self._has_actuator:
-            return ErrorCode.NO_ACTUATOR
-        if frame.type == FrameType.ARM and self.state is State.FAULT:
-            return ErrorCode.FAULT
-        if frame.type == FrameType.DISARM and self._faulty:
-            return ErrorCode.FAULT
-        if frame.type == FrameType.CONFIGURE and not self._can(frame):
-            return ErrorCode.VALUE
+        match protocol.read_message(frame):
+            case protocol.ArmRequest() | protocol.SetCurrent() if not self._has_actuator:
+                return ErrorCode.NO_ACTUATOR
+            case protocol.ArmRequest() if self.state is State.FAULT:
+                return ErrorCode.FAULT
+            case protocol.DisarmRequest() if self._faulty:
+                return ErrorCode.FAULT
+            case protocol.Configure() as asked if asked.rate and not self._can(asked):
+                return ErrorCode.VALUE
         return None
 
-    @property
-    def _has_actuator(self) -> bool:
-        return self._identity.full_scale_current > 0
-
-    def _can(self, frame: Frame) -> bool:
-        asked = read_message(frame)
-        assert isinstance(asked, Configure)
-        if asked.rate == 0:
-            return True
+    def _can(self, asked: protocol.Configure) -> bool:
         return (
             LOWEST_RATE <= asked.rate <= self._identity.highest_rate
             and asked.axes != 0
             and asked.axes & ~self._identity.axes == 0
-            and 1 <= asked.samples_per_frame <= most_samples(asked.axes)
+            and 1 <= asked.samples_per_frame <= protocol.most_samples(asked.axes)
         )
 
-    def _configure(self, asked: Configure, now: int) -> None:
+    def _configure(self, asked: protocol.Configure, now: int) -> None:
         """Restart sampling; with a rate of 0, axes and number have no meaning."""
-        self.configuration = (
-            Configuration(asked.rate, asked.axes, asked.samples_per_frame)
-            if asked.rate
-            else SILENT
-        )
+        self.configuration = Configuration(**vars(asked)) if asked.rate else SILENT
         self._index = 0
         self._pending.clear()
         self._send(self.configuration, now)
@@ -208,7 +170,7 @@ class Board:
             return
         self.state = State.ARMED
         self._last_set = now
-        self.current = max(-FULL_SCALE, counts)
+        self.current = max(-protocol.FULL_SCALE, counts)
 
     def _enter(self, state: State, now: int) -> None:
         """Change the state; no current flows until the next set-point."""
@@ -223,10 +185,8 @@ class Board:
             *(decoder.received, decoder.damaged, decoder.lost),
             *(self._refused, self._timeouts, self._unsent),
         )
-        self._send(Status(self.state, self.current, *(n % CLOCKS for n in counts)), now)
+        self._send(protocol.Status(self.state, self.current, *(n % CLOCKS for n in counts)), now)
 
-    def _send(self, message: Message, now: int) -> None:
-        if not self._contacted:
-            return
-        if not self._send_bytes(self._encoder.encode(message, now)):
+    def _send(self, message: protocol.Message, now: int) -> None:
+        if self._contacted and not self._send_bytes(self._encoder.encode(message, now)):
             self._unsent += 1

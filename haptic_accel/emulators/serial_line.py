@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.devices.interface import Device
-from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
+from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, Identity
 from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG, Faults
 from haptic_accel.emulators.pseudo_terminal import BUFFER, PseudoTerminal
-from haptic_accel.emulators.serial_board import CLOCKS, Board
+from haptic_accel.emulators.serial_board import Board
 
 STEP = 1e-3
 """Period of the coupling and of the boards' ticks, s (paper's servo loop)."""
@@ -65,8 +64,7 @@ class EmulatedBoard:
         self._measure = measure
         self._drive = drive
         self._driven = 0.0
-        self._held_out: deque[bytes] = deque()
-        self._held_in = b""
+        self._held_out = self._held_in = b""
         self._rate = 0
         self._next_sample = math.inf
         self.board = Board(identity, self._send)
@@ -99,10 +97,9 @@ class EmulatedBoard:
             self.board = Board(self._identity, self._send)
         self._receive(now)
         self.board.tick(clock(now))
-        while self._held_out and not self.faults.active(STALL):
-            if not self._port.write(self._held_out[0]):
-                break
-            self._held_out.popleft()
+        stalled = self.faults.active(STALL)
+        if self._held_out and not stalled and self._port.write(self._held_out):
+            self._held_out = b""
         if self._drive and self.current != self._driven:
             self._driven = self.current
             self._drive(now, self._driven)
@@ -118,9 +115,9 @@ class EmulatedBoard:
         if self.rate != self._rate or now - self._next_sample > LONGEST_DELAY:
             self._rate = self.rate
             # The next whole multiple of the period, so that both boards sample together.
-            self._next_sample = (
-                math.ceil(now * self._rate) / self._rate if self._rate else math.inf
-            )
+            self._next_sample = math.inf
+            if self._rate:
+                self._next_sample = math.ceil(now * self._rate) / self._rate
         while self._next_sample <= now:
             share = self._measure(self._next_sample) / self._identity.full_scale_acceleration
             counts = round(min(1.0, max(-1.0, share)) * FULL_SCALE)
@@ -129,14 +126,12 @@ class EmulatedBoard:
 
     def _receive(self, now: float) -> None:
         data = self._port.read()
+        was_open, self.open = self.open, data is not None
         if data is None:
-            if self.open:
+            if was_open:
                 self.board.disconnect()
-                self._held_out.clear()
-                self._held_in = b""
-            self.open = False
+                self._held_out = self._held_in = b""
             return
-        self.open = True
         data = self._held_in + data
         stalled = self.faults.active(STALL)
         self._held_in = data[-BUFFER:] if stalled else b""
@@ -146,9 +141,8 @@ class EmulatedBoard:
     def _send(self, data: bytes) -> bool:
         if not (self.faults.active(STALL) or self._held_out):
             return self._port.write(self._spoiled(data))
-        room = sum(map(len, self._held_out)) + len(data) <= BUFFER
-        if room:
-            self._held_out.append(data)
+        room = len(self._held_out) + len(data) <= BUFFER
+        self._held_out += data if room else b""
         return room
 
     def _spoiled(self, data: bytes) -> bytes:

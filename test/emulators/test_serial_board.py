@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.devices.serial.protocol import (
+    CLOCKS,
     FULL_SCALE,
     VERSION,
     ArmRequest,
@@ -32,7 +33,7 @@ from haptic_accel.devices.serial.protocol import (
     encode,
     read_message,
 )
-from haptic_accel.emulators.serial_board import CLOCKS, STATUS_PERIOD, TIMEOUT, Board
+from haptic_accel.emulators.serial_board import STATUS_PERIOD, TIMEOUT, Board
 
 HANDLE = Identity((1, 0, 0), 0b111, 10_000, 49.0, 2.75, "handle")
 TOOL = Identity((1, 0, 0), 0b100, 4000, 49.0, 0.0, "tool")

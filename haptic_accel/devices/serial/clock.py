@@ -13,6 +13,8 @@ from collections import deque
 
 import numpy as np
 
+from haptic_accel.devices.serial.protocol import CLOCKS
+
 MICROSECOND = 1e-6
 """Unit of a device's clock, s."""
 
@@ -47,13 +49,9 @@ PATIENCE = 32
 """Late blocks in a row after which the line counts as wrong."""
 
 
-COUNTS = 1 << 32
-"""Modulus of a device's clock and count of samples."""
-
-
 def unwrapped(count: int, near: int) -> int:
-    """Return the continuous count nearest to another from one that wraps around at `COUNTS`."""
-    return near + (count - near + COUNTS // 2) % COUNTS - COUNTS // 2
+    """Return the continuous count nearest to another from one that wraps around at `CLOCKS`."""
+    return near + (count - near + CLOCKS // 2) % CLOCKS - CLOCKS // 2
 
 
 class Line:

@@ -33,6 +33,9 @@ FULL_SCALE = 32767
 SEQUENCES = 1 << 16
 """Number of frames after which sequence numbers restart."""
 
+CLOCKS = 1 << 32
+"""Modulus of clocks, in us, and of counts of samples."""
+
 AXES = "xyz"
 """Axes of an accelerometer, in the order of their bits."""
 
@@ -408,7 +411,7 @@ class Encoder:
     def encode(self, message: Message, clock: int) -> bytes:
         """Return a message as a frame, stamped with the sender's clock in us."""
         sequence, self._sequence = self._sequence, (self._sequence + 1) % SEQUENCES
-        return encode(Frame(VERSION, message.TYPE, sequence, clock & 0xFFFFFFFF, message.pack()))
+        return encode(Frame(VERSION, message.TYPE, sequence, clock % CLOCKS, message.pack()))
 
 
 class Decoder:

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.devices.serial.clock import COUNTS, SampleClock, unwrapped
+from haptic_accel.devices.serial.clock import SampleClock, unwrapped
+from haptic_accel.devices.serial.protocol import CLOCKS
 
 SHORTEST = 200e-6
 """Of all frames' time on the way, s."""
@@ -108,4 +109,4 @@ def test_a_count_that_begins_anew_goes_on(first: int, steps: list[int]) -> None:
     assert expected == first
     for step in steps:
         before, expected = expected, expected + step
-        assert unwrapped(expected % COUNTS, before) == expected
+        assert unwrapped(expected % CLOCKS, before) == expected
