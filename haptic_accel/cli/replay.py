@@ -18,10 +18,10 @@ from haptic_accel.cli.running import run_shown
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS
+from haptic_accel.core.topics import PLAYED, SLAVE, SLAVE_SIGNALS
 from haptic_accel.core.track import Track, played_at
 from haptic_accel.core.trial import Trial
-from haptic_accel.devices.playback import SLAVE, ReplayParameters, read_track, start_offset
+from haptic_accel.devices.playback import ReplayParameters, read_track, start_offset
 from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, SIMULATED, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import graph

@@ -18,9 +18,6 @@ from haptic_accel.devices.serial.device import (
     SerialSlaveParameters,
 )
 
-ARM, HANDLE = "arm", "handle"
-"""Fields of the parameters, and prefixes of the counts."""
-
 
 class CombinedDevice(Device):
     """Arm that measures position and velocity, and handle or tool that measures acceleration.
@@ -32,19 +29,10 @@ class CombinedDevice(Device):
     ArmDevice: ClassVar[type[Device]]
     HandleDevice: ClassVar[type[Device]]
 
-    def __init_subclass__(cls, **words: Any) -> None:
-        """Collect the changeable parameters of both."""
-        super().__init_subclass__(**words)
-        cls.CHANGEABLE = tuple(
-            f"{part}.{name}"
-            for part, kind in ((ARM, cls.ArmDevice), (HANDLE, cls.HandleDevice))
-            for name in kind.CHANGEABLE
-        )
-
     def __init__(self, parameters: Any, rate: float, seed: int) -> None:
         self._arm = self.ArmDevice(parameters.arm, rate, seed)
         self._handle = self.HandleDevice(parameters.handle, rate, seed)
-        self._parts = {ARM: self._arm, HANDLE: self._handle}
+        self._parts = {"arm": self._arm, "handle": self._handle}
 
     def open(self) -> None:
         """Open both, or leave both closed."""
@@ -70,12 +58,6 @@ class CombinedDevice(Device):
         if arm_force is not None:
             self._arm.write(time, arm_force=arm_force)
 
-    def change(self, parameters: Any) -> None:
-        """Change the parameters of both."""
-        for part, device in self._parts.items():
-            if device.CHANGEABLE:
-                device.change(getattr(parameters, part))
-
     def arm(self) -> bool | None:
         """Arm both; return False if one cannot, None if one takes a while."""
         answers = self._arm.arm(), self._handle.arm()
@@ -98,11 +80,6 @@ class CombinedDevice(Device):
     def problem(self) -> str:
         """Problems of both."""
         return "; ".join(device.problem for device in self._parts.values() if device.problem)
-
-    @property
-    def ended(self) -> bool:
-        """True if either has ended."""
-        return any(device.ended for device in self._parts.values())
 
     def status(self) -> dict[str, int]:
         """Return the counts of both, with the part as prefix."""

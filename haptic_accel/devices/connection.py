@@ -24,11 +24,6 @@ class Connection(ABC):
     A subclass connects, receives and disconnects. Its methods raise `DeviceError` when the
     hardware is gone; the thread then disconnects and tries again until it is back.
 
-    Parameters
-    ----------
-    name : str
-        Name of the thread.
-
     Attributes
     ----------
     problem : str
@@ -37,8 +32,7 @@ class Connection(ABC):
         Number of times that the connection was lost, and made again.
     """
 
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self) -> None:
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self.problem = ""
@@ -64,7 +58,7 @@ class Connection(ABC):
             self._disconnect()
             raise
         self.problem = ""
-        self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
+        self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def close(self) -> None:

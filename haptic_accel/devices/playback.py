@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from haptic_accel.bags.folder import is_storage
-from haptic_accel.core import topics
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.sampling import NANOSECONDS, Stamped, coupled_stretches, sampling_rate
-from haptic_accel.core.topics import Topic
+from haptic_accel.core.topics import MASTER, SLAVE, ArmTopics, Topic
 from haptic_accel.core.track import (
     SHORTEST,
     ReplayRig,
@@ -61,19 +60,6 @@ class ReplayParameters(Checked):
         low=0.0,
         high=LONGEST_START,
     )
-
-
-@dataclass(frozen=True)
-class ArmTopics:
-    """Topics of one arm in a bag."""
-
-    acceleration: Topic
-    position: Topic
-    velocity: Topic
-
-
-MASTER = ArmTopics(topics.HANDLE_ACCELERATION, topics.MASTER_POSITION, topics.MASTER_VELOCITY)
-SLAVE = ArmTopics(topics.TOOL_ACCELERATION, topics.SLAVE_POSITION, topics.SLAVE_VELOCITY)
 
 
 class ReplayDevice(SimulatedDevice):
@@ -169,12 +155,11 @@ def bag_track(bag: Bag, arm: ArmTopics) -> Track:
         It has no acceleration of the arm, or its rate cannot be determined.
     """
     rate = bag_rate(bag, arm)
-    acceleration, position, velocity = (
-        _stamped(bag, topic) for topic in (arm.acceleration, arm.position, arm.velocity)
-    )
+    acceleration = _stamped(bag, arm.acceleration)
     assert acceleration
+    motion = _stamped(bag, arm.position), _stamped(bag, arm.velocity)
     try:
-        return gridded(acceleration, position, velocity, rate, _coupled(bag))
+        return gridded(acceleration, *motion, rate, _coupled(bag))
     except ParameterError as error:
         raise ParameterError(f"{bag.path}: {error}") from None
 
@@ -206,15 +191,11 @@ def start_offset(bag: Bag, start: float) -> float:
 
 def _coupled(bag: Bag) -> int:
     """Return the stamp from which both arms have samples and are coupled, if they ever are."""
-    firsts = [
-        int(bag.signals[arm.acceleration.name].stamps[0])
-        for arm in (MASTER, SLAVE)
-        if arm.acceleration.name in bag.signals
-    ]
-    for topic in (topics.SLAVE_ARM_FORCE, topics.MASTER_ARM_FORCE):
-        forces = _stamped(bag, topic)
-        stretches = coupled_stretches(*forces) if forces else []
-        if stretches:
+    found = (_stamped(bag, arm.acceleration) for arm in (MASTER, SLAVE))
+    firsts = [int(acceleration[0][0]) for acceleration in found if acceleration]
+    for arm in (SLAVE, MASTER):
+        forces = _stamped(bag, arm.arm_force)
+        if forces and (stretches := coupled_stretches(*forces)):
             return max(stretches[0][0], *firsts)
     return max(firsts)
 

@@ -1,4 +1,4 @@
-"""Recorded accelerations as input: read from CSV or WAV files, and resampled."""
+"""Recorded accelerations as input: read from CSV or WAV files, and resampling.resampled."""
 
 from __future__ import annotations
 
@@ -6,22 +6,16 @@ import math
 import os
 import stat
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from haptic_accel.core import resampling
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.resampling import (
-    HIGHEST_RATE,
-    LOWEST_RATE,
-    MOST_SAMPLES,
-    RATE_TOLERANCE,
-    checked_rate,
-    resampled,
-)
 
 # pandas and scipy.io take half a second to import: only who reads a file waits for them.
 
@@ -51,8 +45,8 @@ def read_recording(
     """Read a recorded acceleration and resample it.
 
     A CSV file has a first row naming its columns; commas, semicolons or tabs separate, the
-    decimal mark is a point, empty lines are skipped. A WAV file (told by its first bytes, or by
-    its name) has integer samples, of which full scale is `full_scale`, or floating-point
+    decimal mark is a point, empty lines are skipped. A WAV file (recognised by its first bytes,
+    or by its name) has integer samples, of which full scale is `full_scale`, or floating-point
     samples, which are taken as m/s^2. An offset is kept.
 
     Parameters
@@ -82,19 +76,26 @@ def read_recording(
         In one line: the file, line, column or parameter that is wrong, its value, and what is
         allowed. A recording shorter than `SHORTEST` is refused, as are NaN and infinity.
     """
-    rate = checked_rate("rate", rate)
+    rate = resampling.checked_rate("rate", rate)
     if recording_rate != 0.0:
-        recording_rate = checked_rate("recording_rate", recording_rate)
+        recording_rate = resampling.checked_rate("recording_rate", recording_rate)
     if not 0.0 < full_scale <= LARGEST:
         raise ParameterError(f"full_scale = {full_scale}: must be above 0 to {LARGEST:g} m/s^2")
     name = _shown(os.fspath(path))
     start = _start(name, path)
     if start[:4] == b"RIFF" or Path(path).suffix.lower() == ".wav":
-        recording_rate, samples = _read_wav(name, path, start, recording_rate, column, full_scale)
+        own_rate, channels = _decode_wav(name, path, start)
+        tolerance = resampling.RATE_TOLERANCE
+        if recording_rate and not math.isclose(recording_rate, own_rate, rel_tol=tolerance):
+            raise ParameterError(
+                f"recording_rate = {recording_rate:g}: must be 0 or {own_rate:g} Hz as {name} says"
+            )
+        recording_rate = own_rate
+        samples = _acceleration(name, channels, column or "1", full_scale)
     elif recording_rate == 0.0:
         raise ParameterError(
             f"recording_rate = 0: must be given for a CSV file such as {name}, "
-            f"from {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz"
+            f"from {resampling.LOWEST_RATE:g} to {resampling.HIGHEST_RATE:g} Hz"
         )
     else:
         samples = _read_csv(name, path, column)
@@ -104,31 +105,28 @@ def read_recording(
             f"{name}: {len(samples)} samples at {recording_rate:g} Hz last {seconds:.3g} s, "
             f"must be at least {SHORTEST:g} s"
         )
-    if max(len(samples), seconds * rate) > MOST_SAMPLES:
+    if max(len(samples), seconds * rate) > resampling.MOST_SAMPLES:
         raise ParameterError(
             f"{name}: {seconds:.3g} s are {seconds * rate:.3g} samples at {rate:g} Hz, "
-            f"must be at most {MOST_SAMPLES}"
+            f"must be at most {resampling.MOST_SAMPLES}"
         )
-    return resampled(samples, recording_rate, rate)
+    return resampling.resampled(samples, recording_rate, rate)
 
 
 def _start(name: str, path: str | os.PathLike[str]) -> bytes:
     """Return the first bytes of a regular file."""
-    start = b""
     try:
         # Checked before it is opened: a pipe or a device would be read for ever.
-        wrong = _unfit(os.stat(path))
-        if not wrong:
-            with Path(path).open("rb") as file:
-                start = file.read(8)
+        if wrong := _unfit(os.stat(path)):
+            raise ValueError(wrong)
+        with Path(path).open("rb") as file:
+            return file.read(8)
     except OSError as error:
         wrong = error.strerror or type(error).__name__
-    except ValueError as error:  # a NUL in the name
+    except ValueError as error:  # also a NUL in the name
         wrong = str(error)
-    if wrong:
-        shown = name or "recording = ''"
-        raise ParameterError(f"{shown}: {wrong}, must be a CSV or WAV file")
-    return start
+    shown = name or "recording = ''"
+    raise ParameterError(f"{shown}: {wrong}, must be a CSV or WAV file")
 
 
 def _unfit(status: os.stat_result) -> str:
@@ -178,13 +176,7 @@ def _read_csv(name: str, path: str | os.PathLike[str], column: str | None) -> Fl
             f"{name}: {_shown(str(error).strip())}: must be comma-separated values"
         ) from None
     titles = [str(title).strip() for title in table.iloc[0]]
-    wanted = (column,) if column else COLUMNS
-    found = next((title for title in wanted if title in titles), None)
-    if found is None:
-        raise ParameterError(
-            f"{name}: column = {_shown(' or '.join(wanted))}: no such column; "
-            f"there are {_shown(', '.join(titles))}"
-        )
+    found = _found(name, "column", (column,) if column else COLUMNS, titles)
     if titles.count(found) > 1:
         raise ParameterError(f"{name}: column = {_shown(found)}: is there more than once")
     rows = table.iloc[1:]
@@ -201,6 +193,17 @@ def _read_csv(name: str, path: str | os.PathLike[str], column: str | None) -> Fl
     return values
 
 
+def _found(name: str, kind: str, wanted: Sequence[str], titles: Sequence[str]) -> str:
+    """Return the first of the wanted titles that a file has."""
+    found = next((title for title in wanted if title in titles), None)
+    if found is None:
+        raise ParameterError(
+            f"{name}: column = {_shown(' or '.join(wanted))}: no such {kind}; "
+            f"there are {_shown(', '.join(titles))}"
+        )
+    return found
+
+
 def _number(text: str) -> float:
     """Return a number, or NaN for anything else."""
     try:
@@ -209,41 +212,9 @@ def _number(text: str) -> float:
         return math.nan
 
 
-def _read_wav(
-    name: str,
-    path: str | os.PathLike[str],
-    start: bytes,
-    recording_rate: float,
-    column: str | None,
-    full_scale: float,
-) -> tuple[float, FloatArray]:
-    """Return sampling rate and acceleration of one channel."""
-    stated, channels = _decode_wav(name, path, start)
-    own_rate = checked_rate(f"{name}: sampling rate", stated)
-    if recording_rate and not math.isclose(recording_rate, own_rate, rel_tol=RATE_TOLERANCE):
-        raise ParameterError(
-            f"recording_rate = {recording_rate:g}: must be 0 or {own_rate:g} Hz as {name} says"
-        )
-    numbers = [str(number + 1) for number in range(channels.shape[1])]
-    wanted = column or "1"
-    if wanted not in numbers:
-        raise ParameterError(
-            f"{name}: column = {_shown(wanted)}: no such channel; "
-            f"there are {_shown(', '.join(numbers))}"
-        )
-    acceleration = _acceleration(channels[:, numbers.index(wanted)], full_scale)
-    wrong = np.flatnonzero(~(np.abs(acceleration) <= LARGEST))
-    if len(wrong):
-        raise ParameterError(
-            f"{name}: sample {wrong[0]} = {acceleration[wrong[0]]:g}: "
-            f"must be from {-LARGEST:g} to {LARGEST:g} m/s^2"
-        )
-    return own_rate, acceleration
-
-
 def _decode_wav(
     name: str, path: str | os.PathLike[str], start: bytes
-) -> tuple[int, npt.NDArray[Any]]:
+) -> tuple[float, npt.NDArray[Any]]:
     """Return sampling rate and samples, shape (n, channels), as they are in the file."""
     from scipy.io import wavfile
 
@@ -263,15 +234,26 @@ def _decode_wav(
         raise ParameterError(
             f"{name}: is not a WAV file of integer or floating-point samples ({_shown(reason)})"
         ) from None
-    return rate, samples if samples.ndim == 2 else samples[:, np.newaxis]
+    own_rate = resampling.checked_rate(f"{name}: sampling rate", rate)
+    return own_rate, samples if samples.ndim == 2 else samples[:, np.newaxis]
 
 
-def _acceleration(samples: npt.NDArray[Any], full_scale: float) -> FloatArray:
-    """Convert a WAV file's samples to m/s^2."""
-    values = samples.astype(np.float64)
-    if samples.dtype.kind == "f":
-        return values
-    half = 2.0 ** (8 * samples.dtype.itemsize - 1)
-    if samples.dtype.kind == "u":  # WAV files hold 8 bits and fewer as offset binary
-        values -= half
-    return values * (full_scale / half)
+def _acceleration(
+    name: str, channels: npt.NDArray[Any], channel: str, full_scale: float
+) -> FloatArray:
+    """Return the acceleration in one channel of a WAV file, m/s^2."""
+    numbers = [str(number + 1) for number in range(channels.shape[1])]
+    samples = channels[:, numbers.index(_found(name, "channel", (channel,), numbers))]
+    acceleration = samples.astype(np.float64)
+    if samples.dtype.kind != "f":
+        half = 2.0 ** (8 * samples.dtype.itemsize - 1)
+        # WAV files hold 8 bits and fewer as offset binary.
+        acceleration -= half if samples.dtype.kind == "u" else 0.0
+        acceleration *= full_scale / half
+    wrong = np.flatnonzero(~(np.abs(acceleration) <= LARGEST))
+    if len(wrong):
+        raise ParameterError(
+            f"{name}: sample {wrong[0]} = {acceleration[wrong[0]]:g}: "
+            f"must be from {-LARGEST:g} to {LARGEST:g} m/s^2"
+        )
+    return acceleration

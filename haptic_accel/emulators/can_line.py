@@ -10,24 +10,16 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from haptic_accel.devices.can.bus import frame_of, message_of
 from haptic_accel.devices.can.protocol import HIGHEST_ID, Command, Frame
+from haptic_accel.emulators import faults as fault
 from haptic_accel.emulators.can_arm import EmulatedArm
-from haptic_accel.emulators.faults import (
-    AXIS_ERROR,
-    BUS_OFF,
-    DROP,
-    ESTIMATES,
-    GARBAGE,
-    HEARTBEAT,
-    UNPLUG,
-    Faults,
-)
+from haptic_accel.emulators.faults import Faults
 from haptic_accel.emulators.pseudo_terminal import PseudoTerminal
 from haptic_accel.emulators.slcan import SlcanAdapter, frame_line
 
 if TYPE_CHECKING:
     import can
 
-MUTED = {HEARTBEAT: Command.HEARTBEAT, ESTIMATES: Command.ENCODER_ESTIMATES}
+MUTED = {fault.HEARTBEAT: Command.HEARTBEAT, fault.ESTIMATES: Command.ENCODER_ESTIMATES}
 """Command that an axis does not send, by fault."""
 
 
@@ -182,18 +174,18 @@ class CanLine:
     def _inject(self, now: float) -> None:
         """Inject the faults that do not concern passing frames."""
         faults, axis = self._faults, self._faulty.axes[0]
-        if AXIS_ERROR in faults.advance(now):
+        if fault.AXIS_ERROR in faults.advance(now):
             self._faulty.fail()
         for name, command in MUTED.items():
             (axis.mute.add if faults.active(name) else axis.mute.discard)(command)
-        if faults.active(UNPLUG):
+        if faults.active(fault.UNPLUG):
             self._port.unplug()
         else:
             self._port.plug()
-        if faults.strikes(GARBAGE):
+        if faults.strikes(fault.GARBAGE):
             self._port.send_garbage(faults.random)
 
     def _passed(self, frames: list[Frame]) -> list[Frame]:
-        if self._faults.active(BUS_OFF):
+        if self._faults.active(fault.BUS_OFF):
             return []
-        return [frame for frame in frames if not self._faults.strikes(DROP)]
+        return [frame for frame in frames if not self._faults.strikes(fault.DROP)]

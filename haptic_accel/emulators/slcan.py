@@ -6,24 +6,23 @@ other end is python-can's interface `slcan` or Linux' slcand.
 
 from __future__ import annotations
 
-from haptic_accel.devices.can.protocol import HIGHEST_ID, Frame
+import re
+
+from haptic_accel.devices.can.protocol import Frame
 
 END, OK, ERROR = b"\r", b"\r", b"\a"
 
 LONGEST_LINE = 26
 """Most characters of a line: T, an extended id of 8, a length and 8 bytes of data."""
 
-ANSWERS = {
-    **dict.fromkeys([b"", b"O", b"L", b"C", b"S", b"s", b"Z", b"M", b"m", b"W", b"X"], OK),
-    # Frames with extended ids are accepted and ignored.
-    **dict.fromkeys([b"T", b"R"], OK),
-    b"V": b"V1013" + END,
-    b"N": b"NHAPT" + END,
-    b"F": b"F00" + END,
-}
-"""Answer to a command other than a frame, by its first letter."""
+ANSWERS = {b"V": b"V1013" + END, b"N": b"NHAPT" + END, b"F": b"F00" + END}
+"""Answer to a command that asks for something, by its first letter."""
 
-_ID_CHARACTERS = 3
+ACCEPTED = b"OLCSsZMmWXTR"
+"""First letters of other commands; frames with extended ids are accepted and ignored."""
+
+FRAME = re.compile(rb"([tr])([0-7][0-9a-fA-F]{2})([0-8])((?:[0-9a-fA-F]{2})*)")
+"""Line of a frame: data or request, id, length and data."""
 
 
 def frame_line(frame: Frame) -> bytes:
@@ -35,21 +34,14 @@ def frame_line(frame: Frame) -> bytes:
 
 def parse_frame_line(line: bytes) -> Frame | None:
     """Read a frame with a standard id from a line without its end; None if there is none."""
-    head = 2 + _ID_CHARACTERS
-    if line[:1] not in (b"t", b"r") or len(line) < head:
+    match = FRAME.fullmatch(line)
+    if not match:
         return None
-    try:
-        identifier = int(line[1 : head - 1], 16)
-        length = int(line[head - 1 : head])
-        data = bytes.fromhex(line[head:].decode("ascii"))
-    except ValueError:
+    kind, identifier, length, data = match.groups()
+    remote = kind == b"r"
+    if len(data) != (0 if remote else 2 * int(length)):
         return None
-    remote = line[:1] == b"r"
-    if identifier > HIGHEST_ID or identifier < 0 or length > 8:
-        return None
-    if len(data) != (0 if remote else length):
-        return None
-    return Frame(identifier, data, remote)
+    return Frame(int(identifier, 16), bytes.fromhex(data.decode()), remote)
 
 
 class SlcanAdapter:
@@ -87,5 +79,6 @@ class SlcanAdapter:
                 continue
             if line[:1] in (b"O", b"L", b"C"):
                 self.opened = line[:1] != b"C"
-            answers.append(ANSWERS.get(line[:1], ERROR))
+            accepted = OK if line[:1] in ACCEPTED else ERROR
+            answers.append(ANSWERS.get(line[:1], accepted))
         return frames, b"".join(answers)

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.parameters import Checked, ParameterError, checked, like, parameter, schema
+from haptic_accel.core.topics import MASTER, SLAVE
 from haptic_accel.core.trial import DEFAULT_RATE
-from haptic_accel.devices.playback import MASTER, SLAVE, ReplayParameters, bag_rate, is_bag
+from haptic_accel.devices.playback import ReplayParameters, bag_rate, is_bag
 from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, GraphArguments, parse_arguments
 from haptic_accel.graph.node_parameters import HIGHEST_RATE
 from haptic_accel.graph.words import described, given_keys, parse_words, unknown_key

@@ -13,7 +13,7 @@ from bag_maker import write_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.cli.replay import play_command
 from haptic_accel.core import topics
-from haptic_accel.devices.playback import SLAVE, ReplayParameters, read_track
+from haptic_accel.devices.playback import ReplayParameters, read_track
 from haptic_accel.graph.lockstep import lockstep_trial
 from haptic_accel.graph.replay import replay_arguments
 from running import Command
@@ -56,7 +56,7 @@ def test_golden_figures_are_as_the_paper_orders_them() -> None:
 
 def test_signals_are_the_same_bit_by_bit_and_the_tool_s_is_the_bag_s() -> None:
     asked = replay_arguments([f"bag:={DATA / 'text'}", "controller:=inverse"])
-    track = read_track(ReplayParameters(str(DATA / "text")), SLAVE, 1000.0)
+    track = read_track(ReplayParameters(str(DATA / "text")), topics.SLAVE, 1000.0)
     one, two = (lockstep_trial(asked.graph, track=track) for _ in range(2))
     for name in ("desired_acceleration", "handle_acceleration", "actuator_force"):
         assert np.array_equal(getattr(one, name), getattr(two, name))

@@ -72,10 +72,6 @@ class Arm(Noted):
 
 class Handle(Noted):
     name = "the handle"
-    CHANGEABLE = ("level",)
-
-    def change(self, parameters: NotedParameters) -> None:
-        self.parameters = parameters
 
 
 @dataclass(frozen=True)
@@ -163,13 +159,6 @@ def test_one_is_closed_though_the_other_fails(log: list[tuple[Any, ...]], broken
     with pytest.raises(DeviceError):
         built(**{f"{broken}__broken": True}).close()
     assert {event for event in log} == {("the arm", "close"), ("the handle", "close")}
-
-
-def test_what_can_be_changed_is_what_either_can_change() -> None:
-    assert Both.CHANGEABLE == ("handle.level",)
-    device = built(arm__level=1.0, handle__level=2.0)
-    device.change(from_flat(BothParameters, {"arm.level": 1.0, "handle.level": 3.0}))
-    assert device.read(0.0).acceleration == 3.0
 
 
 # Arms on CAN with boards on serial lines

@@ -58,13 +58,11 @@ def bus_configuration(parameters: CanParameters) -> dict[str, Any]:
             "can: python-can is not installed: pip install python-can, or the package python3-can"
         ) from None
     given: dict[str, Any] = dict(parameters.settings)
-    named = {"interface": parameters.interface, "channel": parameters.channel}
+    named = {name: getattr(parameters, name) for name in ("interface", "channel", "bitrate")}
     given |= {name: value for name, value in named.items() if value}
-    if parameters.bitrate:
-        given["bitrate"] = parameters.bitrate
     known = ", ".join(sorted(can.VALID_INTERFACES))
     try:
-        configuration = dict(can.util.load_config(config=given, context=parameters.context))
+        return dict(can.util.load_config(config=given, context=parameters.context))
     except can.CanInterfaceNotImplementedError as error:
         # An interface of python-can's own configuration, or none.
         found = parameters.interface or ("" if '"None"' in str(error) else one_line(error))
@@ -74,7 +72,6 @@ def bus_configuration(parameters: CanParameters) -> dict[str, Any]:
         ) from None
     except (ValueError, TypeError) as error:
         raise ParameterError(f"can: python-can's configuration: {one_line(error)}") from None
-    return configuration
 
 
 def bitrate_of(configuration: dict[str, Any]) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import monotonic, sleep
+from typing import TypeVar
 
 from haptic_accel.core.model import Vector
 from haptic_accel.devices.can.arm import State
@@ -17,6 +18,8 @@ from haptic_accel.devices.can.parameters import (
     CanSlaveParameters,
 )
 from haptic_accel.devices.interface import Device, DeviceError, Sample
+
+T = TypeVar("T")
 
 POLL_PERIOD = 2e-3
 """Period of polling while a device opens, s."""
@@ -52,15 +55,13 @@ class CanArm(Device):
         """
         self._link.open()
         try:
-            self._wait(lambda: not self._arm.missing(monotonic()))
-            silent = self._arm.missing(monotonic())
-            if silent:
+            if silent := self._wait_while(lambda: self._arm.missing(monotonic())):
                 raise DeviceError(
                     f"can: {self._channel}: no heartbeat of {silent} for"
                     f" {self._p.start_timeout:g} s: powered, wired, {self.load.bitrate:g} bit/s?"
                 )
             self.arm()
-            self._wait(lambda: self._arm.state is not State.ARMING)
+            self._wait_while(lambda: self._arm.state is State.ARMING)
             if self._arm.state is not State.ARMED:
                 raise DeviceError(f"can: {self._channel}: {self._arm.fault or 'is not armed'}")
         except DeviceError:
@@ -107,10 +108,7 @@ class CanArm(Device):
             "connected": int(link.connected),
             **self._arm.status(),
             "bus_load_percent": round(100 * load),
-            "frames_received": link.received,
-            "frames_sent": link.sent,
-            "frames_garbled": link.garbled,
-            "send_failures": link.send_failures,
+            **link.counts,
             "bus_losses": link.losses,
         }
 
@@ -135,11 +133,12 @@ class CanArm(Device):
         names = [str(configuration.get(key) or "") for key in ("interface", "channel")]
         return " ".join(name for name in names if name)
 
-    def _wait(self, condition: Callable[[], bool]) -> None:
-        """Wait until a condition holds, or the time to start is over."""
+    def _wait_while(self, pending: Callable[[], T]) -> T:
+        """Wait while something is pending and the time to start is not over; return it."""
         deadline = monotonic() + self._p.start_timeout + POLL_PERIOD
-        while not condition() and monotonic() < deadline:
+        while (still := pending()) and monotonic() < deadline:
             sleep(POLL_PERIOD)
+        return still
 
 
 class CanMaster(CanArm):

@@ -30,6 +30,10 @@ SEND_TIMEOUT = 50e-3
 then send half frames; nor shorter than a process may be delayed by others, which counts too."""
 
 
+COUNTED = "frames_received", "frames_sent", "frames_garbled", "send_failures"
+"""Names of a link's own counts."""
+
+
 class ArmLink(Connection):
     """Connection of an arm to its bus.
 
@@ -42,20 +46,20 @@ class ArmLink(Connection):
     arm : DrivenArm
     configuration : dict
         Configuration of the bus for python-can; empty before it was opened.
-    received, sent, garbled, send_failures : int
-        Frames that were received, sent, unreadable, could not be sent.
+    counts : dict
+        Number of frames that were received, sent, unreadable, could not be sent.
     bits : int
         Most bits of all frames received and sent.
     """
 
     def __init__(self, parameters: CanParameters) -> None:
-        super().__init__("can")
+        super().__init__()
         self._parameters = parameters
         self.arm = DrivenArm(parameters, self._send)
         self.configuration: dict[str, Any] = {}
         self._bus: can.BusABC | None = None
         self._sending = threading.Lock()
-        self.received = self.sent = self.garbled = self.send_failures = 0
+        self.counts = dict.fromkeys(COUNTED, 0)
         self.bits = 0
 
     @property
@@ -107,26 +111,26 @@ class ArmLink(Connection):
             try:
                 for frame in frames:
                     self._bus.send(message_of(frame), SEND_TIMEOUT)
-                    self.sent += 1
+                    self.counts["frames_sent"] += 1
                     self.bits += frame_bits(len(frame.data))
             # Drivers raise any kind of exception; the thread notices a lost bus.
             except Exception:
-                self.send_failures += 1
+                self.counts["send_failures"] += 1
                 return False
         return True
 
     def _take(self, message: can.Message) -> None:
         frame = frame_of(message)
         if frame is None:
-            self.garbled += 1
+            self.counts["frames_garbled"] += 1
             return
-        self.received += 1
+        self.counts["frames_received"] += 1
         self.bits += frame_bits(len(frame.data))
         self.arm.take(frame, time.monotonic())
 
     def _skip(self) -> None:
         """Discard unreadable data: slcan reads lines of text, of which bytes may be lost."""
-        self.garbled += 1
+        self.counts["frames_garbled"] += 1
         # The driver would keep what it could not read, and fail again.
         flush = getattr(self._bus, "flush", None)
         if flush:

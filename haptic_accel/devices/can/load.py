@@ -36,6 +36,10 @@ def frame_bits(data_bytes: int) -> int:
     return FRAME_BITS + 8 * data_bytes + stuffed
 
 
+HEARTBEATS = HEARTBEAT_RATE * frame_bits(HEARTBEAT_BYTES)
+"""Bits per second of a joint's heartbeats."""
+
+
 @dataclass(frozen=True)
 class BusLoad:
     """Largest load of a bus by an arm's frames.
@@ -57,13 +61,15 @@ class BusLoad:
     requested: bool = False
 
     @property
+    def cycle(self) -> int:
+        """Bits of a joint's frames per sample, without its heartbeats."""
+        request = frame_bits(0) if self.requested else 0
+        return request + frame_bits(ESTIMATES_BYTES) + frame_bits(TORQUE_BYTES)
+
+    @property
     def bits(self) -> float:
         """Bits per second."""
-        cycle = frame_bits(ESTIMATES_BYTES) + frame_bits(TORQUE_BYTES)
-        if self.requested:
-            cycle += frame_bits(0)
-        heartbeats = HEARTBEAT_RATE * frame_bits(HEARTBEAT_BYTES)
-        return self.joints * (self.rate * cycle + heartbeats)
+        return self.joints * (self.rate * self.cycle + HEARTBEATS)
 
     @property
     def share(self) -> float:
@@ -78,9 +84,7 @@ class BusLoad:
     @property
     def highest_rate(self) -> float:
         """Highest rate that fits, Hz."""
-        heartbeats = self.joints * HEARTBEAT_RATE * frame_bits(HEARTBEAT_BYTES)
-        cycle = (self.bits - heartbeats) / self.rate
-        return (FULL_LOAD * self.bitrate - heartbeats) / cycle
+        return (FULL_LOAD * self.bitrate / self.joints - HEARTBEATS) / self.cycle
 
     def __str__(self) -> str:
         """Return the load in one line."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import dataclass, field
 from typing import Any
@@ -28,12 +29,11 @@ STREAMED, REQUESTED = "streamed", "requested"
 """Transmission of estimates: by the drives at a rate of their own, or on request."""
 
 
-def context_parameter(context: str) -> str:
+def context_parameter(context: str) -> Any:
     """Declare the section of python-can's configuration file."""
-    declared: str = parameter(
+    return parameter(
         context, "section of python-can's configuration that takes precedence over [default]"
     )
-    return declared
 
 
 @dataclass(frozen=True)
@@ -119,20 +119,18 @@ class CanParameters(Checked):
         """
         super().__post_init__()
         self.settings  # noqa: B018
-        seen: dict[int, str] = {}
-        for name, joint in self.joints.items():
-            if joint.node_id in seen:
+        for (other, first), (name, joint) in itertools.combinations(self.joints.items(), 2):
+            if joint.node_id == first.node_id:
                 raise ParameterError(
-                    f"{name}.node_id = {joint.node_id}: must not be that of {seen[joint.node_id]}"
+                    f"{name}.node_id = {joint.node_id}: must not be that of {other}"
                 )
-            seen[joint.node_id] = name
 
     @property
     def joints(self) -> dict[str, JointParameters]:
         """Joints of these kinematics, by name."""
+        joints = self.joint1, self.joint2, self.joint3
         count = 1 + KINEMATICS.index(self.kinematics)
-        all_joints = {"joint1": self.joint1, "joint2": self.joint2, "joint3": self.joint3}
-        return dict(list(all_joints.items())[:count])
+        return {f"joint{place + 1}": joints[place] for place in range(count)}
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -143,10 +141,8 @@ class CanParameters(Checked):
         ParameterError
             The options are not a JSON object.
         """
-        if not self.options:
-            return {}
         try:
-            settings = json.loads(self.options)
+            settings = json.loads(self.options or "{}")
         except ValueError:
             settings = None
         if not isinstance(settings, dict):

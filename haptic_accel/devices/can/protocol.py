@@ -161,6 +161,10 @@ class Message:
     LAYOUT: ClassVar = struct.Struct("")
     node: int
 
+    def __init_subclass__(cls, command: Command, layout: str = "") -> None:
+        """Note the command, and the layout of its data."""
+        cls.COMMAND, cls.LAYOUT = command, struct.Struct(layout)
+
     def frame(self) -> Frame:
         """Return the message as a frame.
 
@@ -176,31 +180,27 @@ class Message:
 
 
 @dataclass(frozen=True)
-class Heartbeat(Message):
-    """Error and state of an axis, sent ten times a second by default."""
+class Heartbeat(Message, command=Command.HEARTBEAT, layout="<IB3x"):
+    """Error and state of an axis, sent ten times a second by default.
 
-    COMMAND: ClassVar = Command.HEARTBEAT
-    # The last 3 bytes differ between firmwares and are not read.
-    LAYOUT: ClassVar = struct.Struct("<IB3x")
+    The last 3 bytes differ between firmwares and are not read.
+    """
+
     error: int
     state: int
 
 
 @dataclass(frozen=True)
-class Estimates(Message):
+class Estimates(Message, command=Command.ENCODER_ESTIMATES, layout="<ff"):
     """Position and speed of a motor, turns and turns per second."""
 
-    COMMAND: ClassVar = Command.ENCODER_ESTIMATES
-    LAYOUT: ClassVar = struct.Struct("<ff")
     position: float
     velocity: float
 
 
 @dataclass(frozen=True)
-class EstimatesRequest(Message):
+class EstimatesRequest(Message, command=Command.ENCODER_ESTIMATES):
     """Request for estimates, once."""
-
-    COMMAND: ClassVar = Command.ENCODER_ESTIMATES
 
     def frame(self) -> Frame:
         """Return the message as a frame without data."""
@@ -208,46 +208,34 @@ class EstimatesRequest(Message):
 
 
 @dataclass(frozen=True)
-class EmergencyStop(Message):
+class EmergencyStop(Message, command=Command.ESTOP):
     """Order to stop with an error."""
 
-    COMMAND: ClassVar = Command.ESTOP
+
+@dataclass(frozen=True)
+class ClearErrors(Message, command=Command.CLEAR_ERRORS, layout="<x"):
+    """Order to clear errors; without a zero an axis of 0.6 blinks, and 0.5 ignores it."""
 
 
 @dataclass(frozen=True)
-class ClearErrors(Message):
-    """Order to clear errors."""
-
-    COMMAND: ClassVar = Command.CLEAR_ERRORS
-    # Without a zero an axis of 0.6 blinks; 0.5 ignores it.
-    LAYOUT: ClassVar = struct.Struct("<x")
-
-
-@dataclass(frozen=True)
-class SetState(Message):
+class SetState(Message, command=Command.SET_AXIS_STATE, layout="<I"):
     """Order to change the state of an axis."""
 
-    COMMAND: ClassVar = Command.SET_AXIS_STATE
-    LAYOUT: ClassVar = struct.Struct("<I")
     state: int
 
 
 @dataclass(frozen=True)
-class SetMode(Message):
+class SetMode(Message, command=Command.SET_CONTROLLER_MODE, layout="<II"):
     """Order to change the control mode of an axis."""
 
-    COMMAND: ClassVar = Command.SET_CONTROLLER_MODE
-    LAYOUT: ClassVar = struct.Struct("<II")
     control: int = TORQUE_CONTROL
     input: int = PASS_THROUGH
 
 
 @dataclass(frozen=True)
-class SetTorque(Message):
+class SetTorque(Message, command=Command.SET_INPUT_TORQUE, layout="<f"):
     """Order to exert a torque, N m."""
 
-    COMMAND: ClassVar = Command.SET_INPUT_TORQUE
-    LAYOUT: ClassVar = struct.Struct("<f")
     torque: float
 
     def frame(self) -> Frame:

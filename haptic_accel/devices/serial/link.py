@@ -49,6 +49,9 @@ COUNTED = (
 )
 """Names of a link's own counts."""
 
+BOARD_COUNTED = "state", "damaged", "lost", "refused", "timeouts", "unsent"
+"""Names of what is taken over from a board's status."""
+
 TakeSamples = Callable[[Sequence[float], protocol.Samples], None]
 """Receiver of samples and of the times when they were taken, s of `time.monotonic`."""
 
@@ -99,7 +102,7 @@ class BoardLink(Connection):
     def __init__(
         self, port: str, usb_serial: str, baud: int, required: Requirements, take: TakeSamples
     ) -> None:
-        super().__init__("serial")
+        super().__init__()
         self._where = port, usb_serial
         self._baud = baud
         self._required = required
@@ -169,16 +172,15 @@ class BoardLink(Connection):
         counts = {
             "connected": int(self.connected),
             "armed": int(self.armed),
-            "frames_received": decoder.received,
-            "frames_damaged": decoder.damaged,
-            "frames_lost": decoder.lost,
+            **{
+                f"frames_{each}": getattr(decoder, each)
+                for each in ("received", "damaged", "lost")
+            },
             "reconnects": self.reconnects,
             **self._counts,
         }
-        if board is not None:
-            counts["board_state"] = int(board.state)
-            for name in ("damaged", "lost", "refused", "timeouts", "unsent"):
-                counts[f"board_{name}"] = getattr(board, name)
+        for name in BOARD_COUNTED if board is not None else ():
+            counts[f"board_{name}"] = int(getattr(board, name))
         return counts
 
     # Connecting

@@ -46,8 +46,12 @@ LONGEST_ENCODED = _OVERHEAD + LONGEST_PAYLOAD + 1
 """Most bytes between two delimiters."""
 
 
+FROM_DEVICE = 0x80
+"""Bit of the types of frames from the device."""
+
+
 class FrameType(IntEnum):
-    """Type of a frame; the highest bit marks frames from the device."""
+    """Type of a frame."""
 
     IDENTIFY = 0x01
     CONFIGURE = 0x02
@@ -105,6 +109,10 @@ class Frame(NamedTuple):
     payload: bytes
 
 
+MESSAGES: dict[int, type[Message]] = {}
+"""Messages by type of frame."""
+
+
 @dataclass(frozen=True)
 class Message:
     """Base of messages: the content of a payload.
@@ -114,6 +122,13 @@ class Message:
 
     TYPE: ClassVar[FrameType]
     LAYOUT: ClassVar = struct.Struct("")
+
+    def __init_subclass__(cls, kind: FrameType, layout: str = "") -> None:
+        """Note the type of frame, and the layout of its payload if it is not that of the base."""
+        cls.TYPE = kind
+        if layout:
+            cls.LAYOUT = struct.Struct(layout)
+        MESSAGES[kind] = cls
 
     def pack(self) -> bytes:
         """Return the payload."""
@@ -132,28 +147,22 @@ class Message:
 
 
 @dataclass(frozen=True)
-class Identify(Message):
+class Identify(Message, kind=FrameType.IDENTIFY):
     """Request for the identity."""
 
-    TYPE: ClassVar = FrameType.IDENTIFY
-
 
 @dataclass(frozen=True)
-class ArmRequest(Message):
+class ArmRequest(Message, kind=FrameType.ARM):
     """Permission for a current to flow."""
 
-    TYPE: ClassVar = FrameType.ARM
-
 
 @dataclass(frozen=True)
-class DisarmRequest(Message):
+class DisarmRequest(Message, kind=FrameType.DISARM):
     """Command to switch the current off until the device is armed again."""
 
-    TYPE: ClassVar = FrameType.DISARM
-
 
 @dataclass(frozen=True)
-class SetCurrent(Message):
+class SetCurrent(Message, kind=FrameType.SET_CURRENT, layout="<h"):
     """Set-point of the current.
 
     Attributes
@@ -162,13 +171,11 @@ class SetCurrent(Message):
         Current in counts, `FULL_SCALE` for full scale: every bit pattern is a number in range.
     """
 
-    TYPE: ClassVar = FrameType.SET_CURRENT
-    LAYOUT: ClassVar = struct.Struct("<h")
     counts: int
 
 
 @dataclass(frozen=True)
-class Configuration(Message):
+class Configuration(Message, kind=FrameType.CONFIGURATION, layout="<HBB"):
     """Sampling and grouping of samples into frames.
 
     Attributes
@@ -180,22 +187,18 @@ class Configuration(Message):
     samples_per_frame : int
     """
 
-    TYPE: ClassVar = FrameType.CONFIGURATION
-    LAYOUT: ClassVar = struct.Struct("<HBB")
     rate: int
     axes: int
     samples_per_frame: int
 
 
 @dataclass(frozen=True)
-class Configure(Configuration):
+class Configure(Configuration, kind=FrameType.CONFIGURE):
     """Request for a configuration, which the device answers with the one it has."""
-
-    TYPE: ClassVar = FrameType.CONFIGURE
 
 
 @dataclass(frozen=True)
-class Identity(Message):
+class Identity(Message, kind=FrameType.IDENTITY, layout="<BBBBHff16s"):
     """Description of the device.
 
     Attributes
@@ -214,8 +217,6 @@ class Identity(Message):
         At most 16 ASCII characters.
     """
 
-    TYPE: ClassVar = FrameType.IDENTITY
-    LAYOUT: ClassVar = struct.Struct("<BBBBHff16s")
     firmware: tuple[int, int, int]
     axes: int
     highest_rate: int
@@ -245,7 +246,7 @@ class Identity(Message):
 
 
 @dataclass(frozen=True)
-class Samples(Message):
+class Samples(Message, kind=FrameType.SAMPLES, layout="<IBB"):
     """Successive samples of an accelerometer.
 
     Attributes
@@ -258,8 +259,6 @@ class Samples(Message):
         Sample by sample, within each axis by axis.
     """
 
-    TYPE: ClassVar = FrameType.SAMPLES
-    LAYOUT: ClassVar = struct.Struct("<IBB")
     index: int
     axes: int
     counts: tuple[int, ...]
@@ -285,7 +284,7 @@ class Samples(Message):
 
 
 @dataclass(frozen=True)
-class Status(Message):
+class Status(Message, kind=FrameType.STATUS, layout="<BhIIIIII"):
     """State of the device, and its counts since it started.
 
     Attributes
@@ -303,8 +302,6 @@ class Status(Message):
         Frames that the port had no room for.
     """
 
-    TYPE: ClassVar = FrameType.STATUS
-    LAYOUT: ClassVar = struct.Struct("<BhIIIIII")
     state: State
     current: int
     received: int
@@ -322,7 +319,7 @@ class Status(Message):
 
 
 @dataclass(frozen=True)
-class Error(Message):
+class Error(Message, kind=FrameType.ERROR, layout="<BBH"):
     """Refusal of a frame.
 
     Attributes
@@ -332,8 +329,6 @@ class Error(Message):
         Type and sequence number of the refused frame.
     """
 
-    TYPE: ClassVar = FrameType.ERROR
-    LAYOUT: ClassVar = struct.Struct("<BBH")
     code: ErrorCode
     type: int
     sequence: int
@@ -345,15 +340,8 @@ class Error(Message):
         return cls(ErrorCode(code), kind, sequence)
 
 
-REQUESTS: dict[int, type[Message]] = {
-    request.TYPE: request
-    for request in (Identify, ArmRequest, DisarmRequest, SetCurrent, Configure)
-}
+REQUESTS = {kind: message for kind, message in MESSAGES.items() if kind < FROM_DEVICE}
 """Messages from the host, by type of frame."""
-
-_MESSAGES = REQUESTS | {
-    answer.TYPE: answer for answer in (Configuration, Identity, Samples, Status, Error)
-}
 
 
 def most_samples(axes: int) -> int:
@@ -371,10 +359,10 @@ def read_message(frame: Frame) -> Message:
     """
     if frame.version != VERSION:
         raise PayloadError(f"version {frame.version} of the protocol, must be {VERSION}")
-    if frame.type not in _MESSAGES:
+    if frame.type not in MESSAGES:
         raise PayloadError(f"type 0x{frame.type:02X} of a frame, not known")
     try:
-        return _MESSAGES[frame.type].unpack(frame.payload)
+        return MESSAGES[frame.type].unpack(frame.payload)
     except (struct.error, ValueError) as error:
         raise PayloadError(f"payload of type 0x{frame.type:02X}: {error}") from None
 
