@@ -105,11 +105,9 @@ def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
     except ImportError:
         raise DeviceError(f"serial: {MISSING_LIBRARY}") from None
     counts: list[int] = []
-    required = Requirements(Configuration(arguments.rate, axes_bits(arguments.axis), 1))
-    link = BoardLink(
-        *(arguments.port, arguments.usb_serial, arguments.baud, required),
-        lambda times, samples: counts.extend(samples.counts),
-    )
+    configuration = Configuration(arguments.rate, axes_bits(arguments.axis), 1)
+    required = Requirements(arguments.port, arguments.usb_serial, arguments.baud, configuration)
+    link = BoardLink(required, lambda times, samples: counts.extend(samples.counts))
     link.open()
     try:
         identity = link.identity

@@ -188,9 +188,10 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
     }
     if arguments.interface:
         configuration = bus_configuration(parameters[MASTER])
-        faulty = arguments.fault_arm
         port = BusPort(lambda: open_bus(configuration, []))
-        lines = [CanLine(port, list(arms.values()), rate, faults[faulty], arms[faulty])]
+        first = arguments.fault_arm
+        in_order = [arms.pop(first), *arms.values()]
+        lines = [CanLine(port, in_order, rate, faults[first])]
     else:
         lines = [
             CanLine(SlcanPort(folder / side), [arms[side]], rate, faults[side]) for side in SIDES

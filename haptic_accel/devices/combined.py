@@ -11,12 +11,7 @@ from haptic_accel.core.parameters import Checked
 from haptic_accel.devices.can.device import CanMaster, CanSlave
 from haptic_accel.devices.can.parameters import CanMasterParameters, CanSlaveParameters
 from haptic_accel.devices.interface import Device, Sample
-from haptic_accel.devices.serial.device import (
-    SerialMaster,
-    SerialMasterParameters,
-    SerialSlave,
-    SerialSlaveParameters,
-)
+from haptic_accel.devices.serial import device as serial
 
 
 class CombinedDevice(Device):
@@ -95,7 +90,7 @@ class CanSerialMasterParameters(Checked):
     """Parameters of the arm on the CAN bus and of the board in the handle."""
 
     arm: CanMasterParameters = field(default_factory=CanMasterParameters)
-    handle: SerialMasterParameters = field(default_factory=SerialMasterParameters)
+    handle: serial.SerialMasterParameters = field(default_factory=serial.SerialMasterParameters)
 
 
 @dataclass(frozen=True)
@@ -103,18 +98,18 @@ class CanSerialSlaveParameters(Checked):
     """Parameters of the arm on the CAN bus and of the board at the tool."""
 
     arm: CanSlaveParameters = field(default_factory=CanSlaveParameters)
-    handle: SerialSlaveParameters = field(default_factory=SerialSlaveParameters)
+    handle: serial.SerialSlaveParameters = field(default_factory=serial.SerialSlaveParameters)
 
 
 class CanSerialMaster(CombinedDevice):
     """Master with an arm of ODrives, and a handle behind a microcontroller."""
 
     Parameters = CanSerialMasterParameters
-    ArmDevice, HandleDevice = CanMaster, SerialMaster
+    ArmDevice, HandleDevice = CanMaster, serial.SerialMaster
 
 
 class CanSerialSlave(CombinedDevice):
     """Slave with an arm of ODrives, and a tool behind a microcontroller."""
 
     Parameters = CanSerialSlaveParameters
-    ArmDevice, HandleDevice = CanSlave, SerialSlave
+    ArmDevice, HandleDevice = CanSlave, serial.SerialSlave

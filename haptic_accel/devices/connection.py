@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from haptic_accel.devices.interface import DeviceError
 
@@ -26,6 +26,8 @@ class Connection(ABC):
 
     Attributes
     ----------
+    connected : bool
+        True while there is a connection, from `_connect` until `_disconnect`.
     problem : str
         Reason why there is no connection, in one line; empty while there is one.
     losses, reconnects : int
@@ -35,13 +37,9 @@ class Connection(ABC):
     def __init__(self) -> None:
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
+        self.connected = False
         self.problem = ""
         self.losses = self.reconnects = 0
-
-    @property
-    @abstractmethod
-    def connected(self) -> bool:
-        """True while there is a connection."""
 
     def open(self) -> None:
         """Connect, and stay connected from now on.
@@ -112,16 +110,14 @@ def explained(error: BaseException, reasons: Mapping[int, str]) -> str:
     reasons : mapping
         Explanations by number, as of the module `errno`.
     """
-    numbers = (getattr(each, "errno", None) or 0 for each in _causes(error))
-    return next((reasons[number] for number in numbers if number in reasons), "")
+    cause: BaseException | None = error
+    while cause is not None:
+        if (number := getattr(cause, "errno", None) or 0) in reasons:
+            return reasons[number]
+        cause = cause.__cause__ or cause.__context__
+    return ""
 
 
 def one_line(error: BaseException) -> str:
     """Return an error's text in one line."""
     return " ".join(str(error).split()) or type(error).__name__
-
-
-def _causes(error: BaseException | None) -> Iterator[BaseException]:
-    while error is not None:
-        yield error
-        error = error.__cause__ or error.__context__

@@ -7,20 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from haptic_accel.bags.folder import is_storage
+from haptic_accel.core import track
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.sampling import NANOSECONDS, Stamped, coupled_stretches, sampling_rate
 from haptic_accel.core.topics import MASTER, SLAVE, ArmTopics, Topic
-from haptic_accel.core.track import (
-    SHORTEST,
-    ReplayRig,
-    Track,
-    at_rest,
-    cut,
-    gridded,
-    looped,
-    played_at,
-    quieted,
-)
 from haptic_accel.devices.recordings import read_recording
 from haptic_accel.devices.simulated import SimulatedDevice
 
@@ -74,18 +64,18 @@ class ReplayDevice(SimulatedDevice):
     Parameters = ReplayParameters
 
     _arm: ArmTopics
-    _rig: ReplayRig
+    _rig: track.ReplayRig
 
     def __init__(self, parameters: ReplayParameters, rate: float, seed: int) -> None:
         found = read_track(parameters, self._arm, rate)
-        track = played_at(found, rate, parameters.speed)
-        if track.seconds < SHORTEST:
+        played = track.played_at(found, rate, parameters.speed)
+        if played.seconds < track.SHORTEST:
             raise ParameterError(
-                f"{parameters.file}: lasts {track.seconds:.3g} s at speed = {parameters.speed:g},"
-                f" must last {SHORTEST:g} s"
+                f"{parameters.file}: lasts {played.seconds:.3g} s at speed = {parameters.speed:g},"
+                f" must last {track.SHORTEST:g} s"
             )
-        track = looped(track) if parameters.loop else quieted(track)
-        self._rig = ReplayRig(track, loop=parameters.loop)
+        played = track.looped(played) if parameters.loop else track.quieted(played)
+        self._rig = track.ReplayRig(played, loop=parameters.loop)
         self._remark = _remark(parameters, found, rate)
 
     @property
@@ -111,7 +101,7 @@ class ReplaySlave(ReplayDevice):
     _arm = SLAVE
 
 
-def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> Track:
+def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> track.Track:
     """Read one arm's samples, at the rate at which they were recorded.
 
     Parameters
@@ -132,13 +122,13 @@ def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> Tra
     if is_bag(parameters.file):
         from haptic_accel.bags.reading import read_bag
 
-        track = bag_track(read_bag(Path(parameters.file)), arm)
+        found = bag_track(read_bag(Path(parameters.file)), arm)
     else:
         if not Path(parameters.file).exists():
             raise ParameterError(f"{parameters.file}: no such bag or file")
         samples = read_recording(parameters.file, parameters.rate, rate, parameters.column)
-        track = at_rest(samples, rate)
-    return cut(track, parameters.start)
+        found = track.at_rest(samples, rate)
+    return track.cut(found, parameters.start)
 
 
 def is_bag(file: str) -> bool:
@@ -146,7 +136,7 @@ def is_bag(file: str) -> bool:
     return Path(file).is_dir() or is_storage(Path(file))
 
 
-def bag_track(bag: Bag, arm: ArmTopics) -> Track:
+def bag_track(bag: Bag, arm: ArmTopics) -> track.Track:
     """Return one arm's samples in a bag, from where its arms were coupled, if they were.
 
     Raises
@@ -159,7 +149,7 @@ def bag_track(bag: Bag, arm: ArmTopics) -> Track:
     assert acceleration
     motion = _stamped(bag, arm.position), _stamped(bag, arm.velocity)
     try:
-        return gridded(acceleration, *motion, rate, _coupled(bag))
+        return track.gridded(acceleration, *motion, rate, _coupled(bag))
     except ParameterError as error:
         raise ParameterError(f"{bag.path}: {error}") from None
 
@@ -205,15 +195,15 @@ def _stamped(bag: Bag, topic: Topic) -> Stamped | None:
     return (signal.stamps, signal.values) if signal else None
 
 
-def _remark(parameters: ReplayParameters, track: Track, rate: float) -> str:
+def _remark(parameters: ReplayParameters, found: track.Track, rate: float) -> str:
     """Describe the recording and the changes made to it."""
-    words = [f"plays {track.seconds:.1f} s of {parameters.file}"]
-    if track.rate != rate:
-        words.append(f"resampled from {track.rate:g} to {rate:g} Hz")
+    words = [f"plays {found.seconds:.1f} s of {parameters.file}"]
+    if found.rate != rate:
+        words.append(f"resampled from {found.rate:g} to {rate:g} Hz")
     if parameters.speed != 1.0:
         words.append(f"at {parameters.speed:g} times the speed: frequencies change as much")
-    if lost := int(track.lost.sum()):
+    if lost := int(found.lost.sum()):
         words.append(f"{lost} samples are missing and hold the one before")
-    if not track.position.any():
+    if not found.position.any():
         words.append("without motion, the arm stands still")
     return ", ".join(words)

@@ -117,29 +117,24 @@ def _start(name: str, path: str | os.PathLike[str]) -> bytes:
     """Return the first bytes of a regular file."""
     try:
         # Checked before it is opened: a pipe or a device would be read for ever.
-        if wrong := _unfit(os.stat(path)):
-            raise ValueError(wrong)
-        with Path(path).open("rb") as file:
-            return file.read(8)
+        status = os.stat(path)
+        if stat.S_ISDIR(status.st_mode):
+            wrong = "is a folder"
+        elif not stat.S_ISREG(status.st_mode):
+            wrong = "is not a regular file"
+        elif status.st_size == 0:
+            wrong = "is empty"
+        elif status.st_size > MOST_BYTES:
+            wrong = f"has {status.st_size} bytes, more than {MOST_BYTES}"
+        else:
+            with Path(path).open("rb") as file:
+                return file.read(8)
     except OSError as error:
         wrong = error.strerror or type(error).__name__
-    except ValueError as error:  # also a NUL in the name
+    except ValueError as error:  # a NUL in the name
         wrong = str(error)
     shown = name or "recording = ''"
     raise ParameterError(f"{shown}: {wrong}, must be a CSV or WAV file")
-
-
-def _unfit(status: os.stat_result) -> str:
-    """Return the reason why a file cannot be read, nothing if it can."""
-    if stat.S_ISDIR(status.st_mode):
-        return "is a folder"
-    if not stat.S_ISREG(status.st_mode):
-        return "is not a regular file"
-    if status.st_size == 0:
-        return "is empty"
-    if status.st_size > MOST_BYTES:
-        return f"has {status.st_size} bytes, more than {MOST_BYTES}"
-    return ""
 
 
 def _shown(value: str) -> str:

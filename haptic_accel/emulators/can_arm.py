@@ -13,6 +13,7 @@ import numpy as np
 
 from haptic_accel.core.model import FloatArray
 from haptic_accel.devices.can import protocol
+from haptic_accel.devices.can.kinematics import kinematics_of
 from haptic_accel.devices.can.load import HEARTBEAT_RATE
 from haptic_accel.devices.can.parameters import STREAMED, CanParameters
 from haptic_accel.devices.can.protocol import AxisState, Frame
@@ -164,7 +165,7 @@ class EmulatedArm:
     ) -> None:
         self._firmware = parameters.firmware
         self._joints = list(parameters.joints.values())
-        self._kinematics = parameters.arm()
+        self._kinematics = kinematics_of(parameters)
         self._home = self._kinematics.position(self._kinematics.home)
         self._inverse = _damped_inverse(self._kinematics.jacobian(self._kinematics.home))
         period = 1 / rate if parameters.estimates == STREAMED else 0.0

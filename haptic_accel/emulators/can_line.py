@@ -118,12 +118,11 @@ class CanLine:
     ----------
     port : CanPort
     arms : sequence of EmulatedArm
+        The first axis of the first one has the faults of an axis.
     rate : float
         Steps per second.
-    faults : Faults, optional
+    faults : Faults
         Their times count from the first torque on.
-    faulty : EmulatedArm, optional
-        Arm whose first axis has the faults of an axis.
 
     Attributes
     ----------
@@ -134,18 +133,12 @@ class CanLine:
     terminal = None
 
     def __init__(
-        self,
-        port: CanPort,
-        arms: Sequence[EmulatedArm],
-        rate: float,
-        faults: Faults | None = None,
-        faulty: EmulatedArm | None = None,
+        self, port: CanPort, arms: Sequence[EmulatedArm], rate: float, faults: Faults
     ) -> None:
         self._port = port
         self._arms = arms
         self._period = 1 / rate
-        self._faults = faults or Faults()
-        self._faulty = faulty or arms[0]
+        self._faults = faults
         self.due = 0.0
 
     @property
@@ -173,11 +166,12 @@ class CanLine:
 
     def _inject(self, now: float) -> None:
         """Inject the faults that do not concern passing frames."""
-        faults, axis = self._faults, self._faulty.axes[0]
+        faults, faulty = self._faults, self._arms[0]
         if fault.AXIS_ERROR in faults.advance(now):
-            self._faulty.fail()
+            faulty.fail()
+        mute = faulty.axes[0].mute
         for name, command in MUTED.items():
-            (axis.mute.add if faults.active(name) else axis.mute.discard)(command)
+            (mute.add if faults.active(name) else mute.discard)(command)
         if faults.active(fault.UNPLUG):
             self._port.unplug()
         else:

@@ -13,9 +13,8 @@ from haptic_accel.emulators.pseudo_terminal import PseudoTerminal
 class Part(Protocol):
     """Part of an emulator; times are s since its start."""
 
-    @property
-    def due(self) -> float:
-        """Time of the next step."""
+    due: float
+    """Time of the next step."""
 
     @property
     def terminal(self) -> PseudoTerminal | None:

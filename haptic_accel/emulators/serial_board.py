@@ -118,7 +118,11 @@ class Board:
             case protocol.Identify():
                 self._send(self._identity, now)
             case protocol.Configure() as asked:
-                self._configure(asked, now)
+                # Sampling restarts; with a rate of 0, axes and number have no meaning.
+                self.configuration = Configuration(**vars(asked)) if asked.rate else SILENT
+                self._index = 0
+                self._pending.clear()
+                self._send(self.configuration, now)
             case protocol.ArmRequest():
                 if self.state is State.ARMED:
                     self._report(now)
@@ -156,13 +160,6 @@ class Board:
             and asked.axes & ~self._identity.axes == 0
             and 1 <= asked.samples_per_frame <= protocol.most_samples(asked.axes)
         )
-
-    def _configure(self, asked: protocol.Configure, now: int) -> None:
-        """Restart sampling; with a rate of 0, axes and number have no meaning."""
-        self.configuration = Configuration(**vars(asked)) if asked.rate else SILENT
-        self._index = 0
-        self._pending.clear()
-        self._send(self.configuration, now)
 
     def _set_current(self, counts: int, now: int) -> None:
         if self.state not in (State.ARMED, State.TIMED_OUT):

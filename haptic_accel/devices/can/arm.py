@@ -11,8 +11,8 @@ from enum import Enum
 
 from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.devices.can import protocol
-from haptic_accel.devices.can.kinematics import Angles, JointParameters
-from haptic_accel.devices.can.parameters import REQUESTED, CanParameters
+from haptic_accel.devices.can.kinematics import Angles, kinematics_of
+from haptic_accel.devices.can.parameters import REQUESTED, CanParameters, JointParameters
 from haptic_accel.devices.can.protocol import AxisState, Frame, SetState, SetTorque
 from haptic_accel.devices.connection import AUTO
 from haptic_accel.devices.interface import Sample
@@ -55,6 +55,7 @@ class Axis:
     Attributes
     ----------
     name : str
+        Name of the joint, with the node, for messages.
     joint : JointParameters
     turns, speed : float
         Position and speed of the motor, turns and turns per second.
@@ -74,10 +75,6 @@ class Axis:
     error: int = 0
     state: int = AxisState.UNDEFINED
     reported: float = -math.inf
-
-    def __str__(self) -> str:
-        """Return the name of the axis for messages."""
-        return f"{self.name} (node {self.joint.node_id})"
 
 
 class DrivenArm:
@@ -105,8 +102,9 @@ class DrivenArm:
     def __init__(self, parameters: CanParameters, send: Callable[[Sequence[Frame]], bool]) -> None:
         self._p = parameters
         self._send_frames = send
-        self._kinematics = parameters.arm()
-        self._axes = [Axis(name, joint) for name, joint in parameters.joints.items()]
+        self._kinematics = kinematics_of(parameters)
+        joints = parameters.joints.items()
+        self._axes = [Axis(f"{name} (node {joint.node_id})", joint) for name, joint in joints]
         self._by_node = {axis.joint.node_id: axis for axis in self._axes}
         self.nodes = list(self._by_node)
         self._lock = threading.RLock()
@@ -169,7 +167,7 @@ class DrivenArm:
 
     def missing(self, now: float) -> str:
         """Return the names of axes without a heartbeat; empty if there are none."""
-        return ", ".join(str(axis) for axis in self._axes if self._silent(axis, now))
+        return ", ".join(axis.name for axis in self._axes if self._silent(axis, now))
 
     def arm(self, now: float) -> None:
         """Begin to arm: clear errors, then closed loop with zero torques."""
@@ -275,17 +273,17 @@ class DrivenArm:
     def _wrong(self, axis: Axis) -> str:
         """Return the problem that an axis reports; empty for none."""
         if axis.error:
-            return f"{axis}: {protocol.error_names(axis.error, self._p.firmware)}"
+            return f"{axis.name}: {protocol.error_names(axis.error, self._p.firmware)}"
         if axis.state != AxisState.CLOSED_LOOP_CONTROL:
-            return f"{axis}: is not in closed loop but in {protocol.state_name(axis.state)}"
+            return f"{axis.name}: is not in closed loop but in {protocol.state_name(axis.state)}"
         return ""
 
     def _overdue(self, axis: Axis, now: float) -> str:
         """Return the report of an axis that is overdue; empty for none."""
         if self._silent(axis, now):
-            return f"{axis}: no heartbeat for {self._p.heartbeat_timeout:g} s"
+            return f"{axis.name}: no heartbeat for {self._p.heartbeat_timeout:g} s"
         if self._stale(axis, now):
-            return f"{axis}: no estimates for {self._p.estimates_timeout:g} s"
+            return f"{axis.name}: no estimates for {self._p.estimates_timeout:g} s"
         return ""
 
     def _send_arming(self, now: float) -> None:
@@ -311,8 +309,9 @@ class DrivenArm:
         """Return what is still missing before torques are allowed; empty for nothing."""
         for axis in self._axes:
             # Earlier reports do not show the effect of the commands.
-            reported = axis.reported > self._arming_since
-            wrong = self._wrong(axis) if reported else f"{axis}: no heartbeat since it was armed"
+            wrong = f"{axis.name}: no heartbeat since it was armed"
+            if axis.reported > self._arming_since:
+                wrong = self._wrong(axis)
             if wrong := self._overdue(axis, now) or wrong:
                 return wrong
         return ""

@@ -76,10 +76,7 @@ def bus_configuration(parameters: CanParameters) -> dict[str, Any]:
 
 def bitrate_of(configuration: dict[str, Any]) -> float:
     """Return the bit rate of a configuration, bit/s, or the default where it has none."""
-    try:
-        return float(configuration["bitrate"])
-    except (KeyError, TypeError, ValueError):
-        return DEFAULT_BITRATE
+    return float(configuration.get("bitrate") or DEFAULT_BITRATE)
 
 
 def open_bus(configuration: dict[str, Any], nodes: list[int]) -> can.BusABC:

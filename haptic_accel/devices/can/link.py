@@ -62,14 +62,10 @@ class ArmLink(Connection):
         self.counts = dict.fromkeys(COUNTED, 0)
         self.bits = 0
 
-    @property
-    def connected(self) -> bool:
-        """True while there is a bus."""
-        return self._bus is not None
-
     def _connect(self) -> None:
         self.configuration = self.configuration or bus_configuration(self._parameters)
         self._bus = open_bus(self.configuration, self.arm.nodes)
+        self.connected = True
         if self.losses:
             self.arm.release()
 
@@ -83,7 +79,12 @@ class ArmLink(Connection):
             except Exception as error:
                 if not isinstance(error.__cause__ or error, (ValueError, IndexError)):
                     raise DeviceError(one_line(error)) from error
-                self._skip()
+                self.counts["frames_garbled"] += 1
+                # The driver would keep what it could not read, and fail again: slcan reads lines
+                # of text, of which bytes may be lost.
+                flush = getattr(self._bus, "flush", lambda: None)
+                with suppress(Exception):
+                    flush()
                 continue
             if message is None:
                 break
@@ -96,7 +97,7 @@ class ArmLink(Connection):
 
     def _disconnect(self) -> None:
         with self._sending:
-            bus, self._bus = self._bus, None
+            bus, self._bus, self.connected = self._bus, None, False
         if bus is not None:
             # A lost bus cannot be closed in order.
             with suppress(Exception):
@@ -127,12 +128,3 @@ class ArmLink(Connection):
         self.counts["frames_received"] += 1
         self.bits += frame_bits(len(frame.data))
         self.arm.take(frame, time.monotonic())
-
-    def _skip(self) -> None:
-        """Discard unreadable data: slcan reads lines of text, of which bytes may be lost."""
-        self.counts["frames_garbled"] += 1
-        # The driver would keep what it could not read, and fail again.
-        flush = getattr(self._bus, "flush", None)
-        if flush:
-            with suppress(Exception):
-                flush()

@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
-from haptic_accel.devices.can.kinematics import (
-    ArticulatedArm,
-    JointParameters,
-    Kinematics,
-    LinearStage,
-    LinkParameters,
-    PlanarArm,
-    SecondJointParameters,
-    StageParameters,
-    ThirdJointParameters,
-)
 from haptic_accel.devices.can.protocol import ERRORS
 from haptic_accel.devices.connection import AUTO, MANUAL
 
@@ -27,6 +17,110 @@ KINEMATICS = ("stage", "planar", "arm")
 
 STREAMED, REQUESTED = "streamed", "requested"
 """Transmission of estimates: by the drives at a rate of their own, or on request."""
+
+
+OMNI_LINK = 0.135
+"""Length of both links of a Phantom Omni, m (Jarillo-Silva et al. 2009, table of L_1 and L_2)."""
+
+OMNI_FORCE = 3.3
+"""Largest force of a Phantom Omni, N (data sheet)."""
+
+
+@dataclass(frozen=True)
+class StageParameters(Checked):
+    """Linear stage with one motor."""
+
+    axis: str = parameter("z", "axis of motion", choices=("x", "y", "z"))
+    travel: float = parameter(
+        0.04, "travel per turn of the joint: lead or circumference", unit="m", low=1e-5, high=10.0
+    )
+
+
+@dataclass(frozen=True)
+class LinkParameters(Checked):
+    """Links of an arm."""
+
+    upper: float = parameter(
+        OMNI_LINK, "length from shoulder to elbow (Phantom Omni)", unit="m", low=0.01, high=10.0
+    )
+    fore: float = parameter(
+        OMNI_LINK, "length from elbow to tip (Phantom Omni)", unit="m", low=0.01, high=10.0
+    )
+    elbow: str = parameter(
+        "base",
+        "place of the elbow's motor: base, so that its angle is that of the forearm to the"
+        " vertical, or shoulder, so that it is that to the upper link's normal",
+        choices=("base", "shoulder"),
+    )
+
+
+def node_parameter(node: int) -> Any:
+    """Declare the node id of a joint's axis."""
+    return parameter(node, "node id of its axis (ODrive: 0 to 63)", low=0, high=63)
+
+
+@dataclass(frozen=True)
+class JointParameters(Checked):
+    """Transmission from a motor to its joint."""
+
+    node_id: int = node_parameter(0)
+    gear_ratio: float = parameter(
+        1.0, "turns of the motor per turn of the joint", low=0.01, high=1e4
+    )
+    direction: int = parameter(
+        1, "1 if the joint turns as its motor does, otherwise -1", low=-1, high=1
+    )
+    offset: float = parameter(
+        0.0, "angle of the joint when the motor is at 0 turns", unit="rad", low=-100.0, high=100.0
+    )
+    torque_limit: float = parameter(
+        OMNI_FORCE * 2 * OMNI_LINK,
+        "limit of the motor's torque: 3.3 N at the full reach of a Phantom Omni, without a gear",
+        unit="N m",
+        low=0.0,
+        high=1e3,
+    )
+
+    def __post_init__(self) -> None:
+        """Check all fields; the direction must not be zero."""
+        super().__post_init__()
+        if self.direction == 0:
+            raise ParameterError("direction = 0: must be 1 or -1")
+
+    @property
+    def angle_per_turn(self) -> float:
+        """Angle of the joint per turn of the motor, rad."""
+        return self.direction * math.tau / self.gear_ratio
+
+    def angle(self, turns: float) -> float:
+        """Return the joint's angle in rad for turns of its motor."""
+        return self.offset + self.angle_per_turn * turns
+
+    def turns(self, angle: float) -> float:
+        """Return the motor's turns for an angle of the joint in rad."""
+        return (angle - self.offset) / self.angle_per_turn
+
+    def motor_torque(self, torque: float) -> float:
+        """Return the motor's torque for one of the joint, N m, without the gear's friction."""
+        return self.direction * torque / self.gear_ratio
+
+    def joint_torque(self, torque: float) -> float:
+        """Return the joint's torque for a torque of the motor, N m."""
+        return self.direction * torque * self.gear_ratio
+
+
+@dataclass(frozen=True)
+class SecondJointParameters(JointParameters):
+    """Transmission of the second joint."""
+
+    node_id: int = node_parameter(1)
+
+
+@dataclass(frozen=True)
+class ThirdJointParameters(JointParameters):
+    """Transmission of the third joint."""
+
+    node_id: int = node_parameter(2)
 
 
 def context_parameter(context: str) -> Any:
@@ -148,14 +242,6 @@ class CanParameters(Checked):
         if not isinstance(settings, dict):
             raise ParameterError(f"options = {self.options!r}: must be a JSON object")
         return settings
-
-    def arm(self) -> Kinematics:
-        """Return the kinematics with the parameters of stage or links."""
-        if self.kinematics == "stage":
-            return LinearStage(self.stage)
-        if self.kinematics == "planar":
-            return PlanarArm(self.links)
-        return ArticulatedArm(self.links)
 
 
 @dataclass(frozen=True)

@@ -111,8 +111,6 @@ class SampleClock:
 
     Attributes
     ----------
-    jumps : int
-        Number of jumps of the device's clock or count of samples.
     delay : float
         Time from a frame's first sample until `IN_TIME` of all frames have arrived, s. Samples
         read at this age are as even as they were taken.
@@ -124,7 +122,6 @@ class SampleClock:
         self._host = Line(MICROSECOND)
         self._late_blocks = 0
         self._block: list[tuple[float, int, int, float]] = []
-        self.jumps = 0
         self.delay = 0.0
         self._longest_delay = (samples_per_frame - 1 + LONGEST_DELAY) / rate
 
@@ -164,7 +161,6 @@ class SampleClock:
         _, index, clock, arrival = quickest
         if abs(self._stamps.distance(index, clock)) > self._period / 2:
             self._stamps.clear()
-            self.jumps += 1
         self._stamps.add(index, clock)
         late = self._host.distance(clock, arrival)
         self._late_blocks = self._late_blocks + 1 if late > STRAGGLER else 0
@@ -173,5 +169,4 @@ class SampleClock:
         if abs(late) > STRAGGLER:
             self._host.clear()
             self._late_blocks = 0
-            self.jumps += 1
         self._host.add(clock, arrival)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
@@ -107,14 +107,7 @@ class SerialDevice(Device):
     by chance. Reading never waits for the port, which has a thread of its own.
     """
 
-    def __init__(
-        self,
-        parameters: SerialSlaveParameters,
-        rate: float,
-        seed: int,
-        actuator: ActuatorParameters | None = None,
-        rearm: str = MANUAL,
-    ) -> None:
+    def __init__(self, parameters: SerialSlaveParameters, rate: float, seed: int) -> None:
         p = self._parameters = parameters
         if not (p.port or p.usb_serial):
             raise ParameterError(
@@ -132,11 +125,13 @@ class SerialDevice(Device):
         self._configuration = Configuration(
             p.rate or round(rate), axes_bits(p.calibration.axis), p.samples_per_frame
         )
-        required = Requirements(
-            self._configuration, actuator is not None, rearm == AUTO, p.calibration.board
-        )
-        self._link = BoardLink(p.port, p.usb_serial, p.baud, required, self._take)
-        self._actuator = actuator
+        required = Requirements(p.port, p.usb_serial, p.baud, self._configuration)
+        required = replace(required, serial_number=p.calibration.board)
+        self._actuator: ActuatorParameters | None = None
+        if isinstance(p, SerialMasterParameters):
+            self._actuator = p.actuator
+            required = replace(required, actuator=True, rearm=p.rearm == AUTO)
+        self._link = BoardLink(required, self._take)
         self._waiting: deque[tuple[float, float]] = deque(maxlen=MOST_WAITING)
         self._gain = p.calibration.gain
         self._longest_held = LONGEST_HELD / rate
@@ -234,9 +229,6 @@ class SerialMaster(SerialDevice):
     """Handle with an accelerometer and a voice coil."""
 
     Parameters = SerialMasterParameters
-
-    def __init__(self, parameters: SerialMasterParameters, rate: float, seed: int) -> None:
-        super().__init__(parameters, rate, seed, parameters.actuator, parameters.rearm)
 
     def arm(self) -> bool | None:
         """Request that the board allow forces again; return False without a board."""

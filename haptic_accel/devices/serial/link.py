@@ -58,10 +58,13 @@ TakeSamples = Callable[[Sequence[float], protocol.Samples], None]
 
 @dataclass(frozen=True)
 class Requirements:
-    """Requirements on a board.
+    """Port of a board, and requirements on it.
 
     Attributes
     ----------
+    port, usb_serial : str
+        As in `find_port`.
+    baud : int
     configuration : Configuration
     actuator : bool
         True if it must have an actuator, which is armed.
@@ -71,6 +74,9 @@ class Requirements:
         Serial number of the only board accepted; empty for any.
     """
 
+    port: str
+    usb_serial: str
+    baud: int
     configuration: protocol.Configuration
     actuator: bool = False
     rearm: bool = False
@@ -86,9 +92,6 @@ class BoardLink(Connection):
 
     Parameters
     ----------
-    port, usb_serial : str
-        As in `find_port`.
-    baud : int
     required : Requirements
     take : callable
         Called by the link's thread, or by `open`.
@@ -99,12 +102,8 @@ class BoardLink(Connection):
         Identity of the board, from the first connection on.
     """
 
-    def __init__(
-        self, port: str, usb_serial: str, baud: int, required: Requirements, take: TakeSamples
-    ) -> None:
+    def __init__(self, required: Requirements, take: TakeSamples) -> None:
         super().__init__()
-        self._where = port, usb_serial
-        self._baud = baud
         self._required = required
         self._take = take
         self._decoder = protocol.Decoder()
@@ -114,7 +113,6 @@ class BoardLink(Connection):
         self._port: Port | None = None
         self._counts: Counter[str] = Counter(dict.fromkeys(COUNTED, 0))
         self._last_frame = 0.0
-        self._ready = False
         self.identity: protocol.Identity | None = None
         self._forget()
 
@@ -134,7 +132,7 @@ class BoardLink(Connection):
 
     def arm(self) -> bool:
         """Request that a current be allowed, also after a fault; return False without a board."""
-        if not self._ready:
+        if not self.connected:
             return False
         board = self._board
         if board is not None and board.state is protocol.State.FAULT:
@@ -142,27 +140,21 @@ class BoardLink(Connection):
         return self._send(protocol.ArmRequest())
 
     @property
-    def connected(self) -> bool:
-        """True while the board is there, and meets the requirements."""
-        return self._ready
-
-    @property
     def delay(self) -> float:
         """Age at which samples are there for almost every tick, s."""
-        clock = self._clock
-        return clock.delay if clock else 0.0
+        return self._clock.delay
 
     @property
     def armed(self) -> bool:
         """True while the board reports that it allows a current."""
         board = self._board
-        return self._ready and board is not None and board.state in ARMED
+        return self.connected and board is not None and board.state in ARMED
 
     @property
     def refusal(self) -> str:
         """Reason why there are no samples or no current, in one line; empty if there is none."""
         board = self._board
-        if not self._ready or board is None or not self._required.actuator or self.armed:
+        if not self.connected or board is None or not self._required.actuator or self.armed:
             return self.problem
         return f"{self._path}: {REFUSALS[board.state]}"
 
@@ -172,10 +164,9 @@ class BoardLink(Connection):
         counts = {
             "connected": int(self.connected),
             "armed": int(self.armed),
-            **{
-                f"frames_{each}": getattr(decoder, each)
-                for each in ("received", "damaged", "lost")
-            },
+            "frames_received": decoder.received,
+            "frames_damaged": decoder.damaged,
+            "frames_lost": decoder.lost,
             "reconnects": self.reconnects,
             **self._counts,
         }
@@ -187,19 +178,21 @@ class BoardLink(Connection):
 
     def _forget(self) -> None:
         """Forget all that a board has sent."""
+        wanted = self._required.configuration
         self._decoder.restart()
         self._answered: protocol.Identity | None = None
         self._configuration: protocol.Configuration | None = None
         self._board: protocol.Status | None = None
-        self._clock: SampleClock | None = None
+        self._clock = SampleClock(wanted.rate, wanted.samples_per_frame)
         self._next_index: int | None = None
         self._last_clock = 0
 
     def _connect(self) -> None:
         """Open the port, identify the board, and let it sample; arm it when first opened."""
         self._forget()
-        self._path = find_port(*self._where)
-        self._port = Port(self._path, self._baud)
+        required = self._required
+        self._path = find_port(required.port, required.usb_serial)
+        self._port = Port(self._path, required.baud)
         # What came before the first delimiter is no frame.
         self._write(protocol.DELIMITER)
         self._send(protocol.DisarmRequest())
@@ -207,13 +200,12 @@ class BoardLink(Connection):
         assert self._answered
         self._check(self._answered)
         self.identity = self._answered
-        wanted = self._required.configuration
-        self._clock = SampleClock(wanted.rate, wanted.samples_per_frame)
+        wanted = required.configuration
         request = protocol.Configure(wanted.rate, wanted.axes, wanted.samples_per_frame)
         self._ask(request, lambda: self._configuration == wanted, f"refuses {wanted}")
         self._last_frame = time.monotonic()
-        self._ready = True
-        if self._required.actuator and self._thread is None:
+        self.connected = True
+        if required.actuator and self._thread is None:
             refusal = "does not arm; is the amplifier at fault?"
             self._ask(protocol.ArmRequest(), lambda: self.armed, refusal)
 
@@ -236,7 +228,7 @@ class BoardLink(Connection):
     def _check(self, identity: protocol.Identity) -> None:
         """Raise `DeviceError` if a board does not meet the requirements."""
         required, wanted = self._required, self._required.configuration
-        number = identity.serial_number
+        number, highest = identity.serial_number, identity.highest_rate
         first = self.identity.serial_number if self.identity else number
         if required.serial_number not in ("", number):
             lacking = f"must be {required.serial_number}, to which the calibration belongs"
@@ -246,8 +238,7 @@ class BoardLink(Connection):
             lacking = "has no actuator"
         elif wanted.axes & ~identity.axes:
             lacking = "does not have the requested axis of the accelerometer"
-        elif wanted.rate > identity.highest_rate:
-            highest = identity.highest_rate
+        elif wanted.rate > highest:
             lacking = f"takes {highest} samples per second at most, not {wanted.rate}"
         else:
             return
@@ -265,7 +256,7 @@ class BoardLink(Connection):
     def _disconnect(self) -> None:
         with self._writing:
             port, self._port = self._port, None
-            self._ready, self._board = False, None
+            self.connected, self._board = False, None
         if port is not None:
             port.close()
 
@@ -290,7 +281,7 @@ class BoardLink(Connection):
             message = protocol.read_message(frame)
         except protocol.PayloadError:
             self._counts["frames_wrong"] += 1
-            if frame.version != protocol.VERSION and not self._ready:
+            if frame.version != protocol.VERSION and not self.connected:
                 raise DeviceError(
                     f"{self._path}: speaks version {frame.version} of the protocol, must be"
                     f" {protocol.VERSION}: load the firmware that came with this driver"
@@ -301,7 +292,7 @@ class BoardLink(Connection):
                 self._take_samples(frame.clock, message, arrival)
             case protocol.Status():
                 self._board = message
-                rearms = self._required.rearm and self._ready
+                rearms = self._required.rearm and self.connected
                 if rearms and message.state is protocol.State.DISARMED:
                     self._send(protocol.ArmRequest())
             case protocol.Identity():
@@ -313,7 +304,7 @@ class BoardLink(Connection):
 
     def _take_samples(self, clock: int, samples: protocol.Samples, arrival: float) -> None:
         axes = self._required.configuration.axes
-        if self._clock is None or self._configuration is None or samples.axes != axes:
+        if self._configuration is None or samples.axes != axes:
             return  # of an earlier configuration
         if self._next_index is None:
             self._next_index, self._last_clock = samples.index, clock

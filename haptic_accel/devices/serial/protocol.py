@@ -311,11 +311,9 @@ class Status(Message, kind=FrameType.STATUS, layout="<BhIIIIII"):
     timeouts: int
     unsent: int
 
-    @classmethod
-    def unpack(cls, payload: bytes) -> Status:
-        """Return the message of a payload."""
-        state, *numbers = cls.LAYOUT.unpack(payload)
-        return cls(State(state), *numbers)
+    def __post_init__(self) -> None:
+        """Make the number of a state the state; raise `ValueError` where there is none."""
+        object.__setattr__(self, "state", State(self.state))
 
 
 @dataclass(frozen=True)
@@ -333,11 +331,9 @@ class Error(Message, kind=FrameType.ERROR, layout="<BBH"):
     type: int
     sequence: int
 
-    @classmethod
-    def unpack(cls, payload: bytes) -> Error:
-        """Return the message of a payload."""
-        code, kind, sequence = cls.LAYOUT.unpack(payload)
-        return cls(ErrorCode(code), kind, sequence)
+    def __post_init__(self) -> None:
+        """Make the number of a code the code; raise `ValueError` where there is none."""
+        object.__setattr__(self, "code", ErrorCode(self.code))
 
 
 REQUESTS = {kind: message for kind, message in MESSAGES.items() if kind < FROM_DEVICE}

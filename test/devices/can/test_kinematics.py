@@ -12,13 +12,11 @@ from hypothesis import strategies as st
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices.can.kinematics import (
     ArticulatedArm,
-    JointParameters,
     Kinematics,
     LinearStage,
-    LinkParameters,
     PlanarArm,
-    StageParameters,
 )
+from haptic_accel.devices.can.parameters import JointParameters, LinkParameters, StageParameters
 
 KINEMATICS: dict[str, Kinematics] = {
     "stage": LinearStage(StageParameters(axis="y", travel=0.02)),

@@ -9,6 +9,7 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.devices import MASTERS, SLAVES
+from haptic_accel.devices.can.kinematics import kinematics_of
 from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
 
 
@@ -16,7 +17,7 @@ from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
 def test_each_kinematics_has_its_joints(kinematics: str, joints: int) -> None:
     parameters = CanParameters(kinematics=kinematics)
     assert list(parameters.joints) == ["joint1", "joint2", "joint3"][:joints]
-    assert len(parameters.arm().home) == joints
+    assert len(kinematics_of(parameters).home) == joints
 
 
 @pytest.mark.parametrize(

@@ -41,12 +41,11 @@ def errors(
 
 @pytest.mark.parametrize("drift", [0.0, 1e-4, -1e-4])
 def test_samples_are_placed_evenly_though_frames_come_unevenly(drift: float) -> None:
-    found, clock = errors(12_000, drift=drift, stamp_noise=20e-6)
+    found, _ = errors(12_000, drift=drift, stamp_noise=20e-6)
     settled = found[4000:]
     # A fiftieth of the jitter of arrival; what remains is the shortest time on the way.
     assert settled.std() < 2e-6
     assert settled.mean() == pytest.approx(SHORTEST, abs=20e-6)
-    assert clock.jumps == 0
 
 
 def test_the_first_samples_have_times_as_well() -> None:
@@ -69,7 +68,6 @@ def test_a_device_that_stood_still_is_followed() -> None:
     for index in range(4000):
         stood = 0.2 if index >= 1500 else 0.0
         clock.add(index, index * 1000, index * 1e-3 + stood)
-    assert clock.jumps == 1
     assert clock.time(4000) == pytest.approx(4.2, abs=1e-4)
 
 
@@ -81,13 +79,12 @@ def test_the_delay_covers_most_frames_and_never_more_than_a_period() -> None:
     assert clock.delay <= 1e-3
 
 
-def test_a_clock_that_jumps_is_followed_and_counted() -> None:
+def test_a_clock_that_jumps_is_followed() -> None:
     clock = SampleClock(1000.0)
     for index in range(1000):
         clock.add(index, index * 1000, index * 1e-3)
     for index in range(1000, 2000):  # half a second in which no sample was taken
         clock.add(index, index * 1000 + 500_000, index * 1e-3 + 0.5)
-    assert clock.jumps == 1
     assert clock.time(2000) == pytest.approx(2.5, abs=1e-4)
 
 
@@ -99,7 +96,6 @@ def test_a_stall_of_the_link_is_no_jump() -> None:
             arrival = 1.08
         clock.add(index, index * 1000, arrival)
         assert clock.time(index) == pytest.approx(index * 1e-3, abs=1e-3)
-    assert clock.jumps == 0
 
 
 @settings(max_examples=40)
