@@ -21,6 +21,10 @@ CONTROLLERS = "controller:"
 """Prefix of two names of controllers separated by a comma."""
 
 
+_TESTED = ("effect", "t", "p_t", "p_wilcoxon", "verdict")
+"""Fields of `PairedDifference` that tables and files have under the same name."""
+
+
 @dataclass(frozen=True)
 class Comparison:
     """Result of comparing two controllers or runs.
@@ -57,11 +61,7 @@ class Comparison:
                 "difference_percent": found.mean.value,
                 "low_percent": found.mean.low,
                 "high_percent": found.mean.high,
-                "effect": found.effect,
-                "t": found.t,
-                "p_t": found.p_t,
-                "p_wilcoxon": found.p_wilcoxon,
-                "verdict": found.verdict,
+                **{name: getattr(found, name) for name in _TESTED},
             }
             for surface, found in self.differences.items()
         )

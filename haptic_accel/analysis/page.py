@@ -98,7 +98,7 @@ def write_page(
         setting=setting,
         settings=setting.settings,
         summary=summary(analysis, comparison),
-        shift=analysis.shift.words,
+        analysis=analysis,
         confidence=f"{PERCENT * CONFIDENCE:g} %",
         table=frames.table_two(grouped),
         metrics=METRICS,
@@ -116,16 +116,13 @@ def write_page(
         free=MILLI * min((t.segment.actuator.travel for t in found), default=math.nan),
         losses=_losses(found),
         comparison=comparison,
-        problems=analysis.problems,
         notes={
             t.name: lines for t in found if (lines := [*t.notes, *t.segment.delivery.warnings])
         },
         files=files,
         figure=number,
         finite=math.isfinite,
-        styles=asset("uPlot.min.css"),
-        library=asset("uPlot.iife.min.js"),
-        script=asset("analysis.js"),
+        asset=asset,
         data=_embedded(_data(found)),
     )
 

@@ -71,7 +71,6 @@ class ChunkedWriter(rosbags.McapWriter):
         # The file itself, whatever becomes of its name and of the buffer before it.
         self._descriptor = os.dup(self.bio.fileno())
         self._marks = deque([_Mark(self.bio.tell(), 0, Tally())], maxlen=KEPT_MARKS)
-        self._types: set[str] = set()
         _sync_folder(path.parent)
 
     @property
@@ -86,8 +85,7 @@ class ChunkedWriter(rosbags.McapWriter):
 
     def add(self, connection: Connection) -> None:
         """Add a topic, with its type's hash, from which rosbag2 rebuilds a bag's metadata."""
-        if connection.msgtype not in self._types:
-            self._types.add(connection.msgtype)
+        if all(schema.name != connection.msgtype for schema in self.schemas):
             self.add_msgtype(connection)
         assert isinstance(connection.ext, ConnectionExtRosbag2)
         metadata, offered = BytesIO(), qos_text(connection.ext.offered_qos_profiles)
