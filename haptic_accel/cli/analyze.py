@@ -1,4 +1,4 @@
-"""``haptic-accel analyze``: bags into the paper's table, figures and a page."""
+"""``haptic-accel analyze``: the paper's table, plots and a page from bags."""
 
 from __future__ import annotations
 
@@ -111,12 +111,13 @@ def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str
     """Print tables, sentences, what could not be determined, and further lines."""
     if analysis.trials:
         table = frames.table_two(frames.groups(analysis))
+        rows = [
+            (controller, str(table.counts[controller]), *map(_cell, cells))
+            for controller, cells in table.rows.items()
+        ]
         print_table(
             ("controller", "trials", *table.columns),
-            (
-                (controller, str(table.counts[controller]), *map(_cell, cells))
-                for controller, cells in table.rows.items()
-            ),
+            rows,
             title="Table II: error of the handle's acceleration, % (paper's in brackets)",
             caption="± half of the 95 % interval",
         )

@@ -21,8 +21,6 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 
-MEGABYTE = 1e6
-
 REPAIR = "haptic-accel bag repair makes it whole"
 
 
@@ -40,7 +38,7 @@ def info(path: Path, json_file: Path | None) -> None:
     if metadata.messages:
         start = datetime.fromtimestamp(metadata.start / NANOSECONDS).astimezone()
         when = f"{start:%Y-%m-%d %H:%M:%S %z}, {seconds:.2f} s, {metadata.messages} messages"
-    form = f"{metadata.storage}, {len(metadata.files)} file(s), {size / MEGABYTE:.1f} MB"
+    form = f"{metadata.storage}, {len(metadata.files)} file(s), {size / 1e6:.1f} MB"
     if metadata.compression_mode:
         form += f", {metadata.compression_format} by {metadata.compression_mode}"
     print(f"{path}: {when}", form, *_fact_lines(facts), sep="\n")

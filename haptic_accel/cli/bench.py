@@ -141,19 +141,18 @@ def latency(
     # Imports ROS, which the measuring of rates alone does without.
     from haptic_accel.cli.udp_floor import udp_floor
 
-    arguments = _arguments(words, rate, seconds / ROUNDS)
+    span = seconds / ROUNDS
+    arguments = _arguments(words, rate, span)
     runs: dict[str, list[Metrics]] = {"graph": [], "default": [], "floor": []}
     with stop_on_signal() as stop:
         for index in range(ROUNDS):
             turn = f"round {index + 1} of {ROUNDS}"
-            click.echo(
-                f"{turn}: the graph, {pairs} x {rate:g} Hz, {seconds / ROUNDS:g} s", err=True
-            )
+            click.echo(f"{turn}: the graph, {pairs} x {rate:g} Hz, {span:g} s", err=True)
             runs["graph"].append(measure(arguments, pairs, "events", stop))
             click.echo(f"{turn}: the same on rclpy's default executor", err=True)
             runs["default"].append(measure(arguments, pairs, "default", stop))
             click.echo(f"{turn}: the same two hops as bare UDP", err=True)
-            runs["floor"].append(udp_floor(rate, seconds / ROUNDS))
+            runs["floor"].append(udp_floor(rate, span))
     ours, default, floor = (merged(runs[name], fmean) for name in ("graph", "default", "floor"))
     metrics = {
         "rate_hz": rate,
@@ -209,31 +208,21 @@ def measure(
         Interrupted, or a graph failed.
     """
     usage = Usage(pairs)
+    first = int(os.environ.get(DOMAIN, 0))
+
+    def run_pair(pair: int) -> Metrics:
+        bag = Path(folder) / f"pair_{pair}"
+        environment = {EXECUTOR: executor, DOMAIN: str((first + pair) % DOMAINS)}
+        supervisor = Supervisor(graph(replace(arguments, bag=str(bag))), environment=environment)
+        supervisor.on_line = lambda _, line: usage.watch(supervisor, line)
+        run_to_end(supervisor, stop)
+        return _pair_metrics(read_delivery(bag, arguments.rate))
+
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(pairs) as pool:
-        first = int(os.environ.get(DOMAIN, 0))
-        runs = [
-            pool.submit(
-                _run_pair,
-                replace(arguments, bag=str(Path(folder) / f"pair_{pair}")),
-                {EXECUTOR: executor, DOMAIN: str((first + pair) % DOMAINS)},
-                usage,
-                stop,
-            )
-            for pair in range(pairs)
-        ]
-        metrics = merged([_pair_metrics(run.result()) for run in runs], max)
+        metrics = merged(list(pool.map(run_pair, range(pairs))), max)
     if not usage.cpu_cores:
         raise StoppedError("the graphs never ran at the same time: use more --seconds")
     return {**metrics, "cpu_cores": usage.cpu_cores, "peak_mb": usage.peak_mb}
-
-
-def _run_pair(
-    arguments: GraphArguments, environment: dict[str, str], usage: Usage, stop: Callable[[], bool]
-) -> Delivery:
-    supervisor = Supervisor(graph(arguments), environment=environment)
-    supervisor.on_line = lambda _, line: usage.watch(supervisor, line)
-    run_to_end(supervisor, stop)
-    return read_delivery(Path(arguments.bag), arguments.rate)
 
 
 def _pair_metrics(delivery: Delivery) -> Metrics:

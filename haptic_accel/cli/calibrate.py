@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -109,7 +110,7 @@ def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
     required = Requirements(arguments.port, arguments.usb_serial, arguments.baud, configuration)
     link = BoardLink(required, lambda times, samples: counts.extend(samples.counts))
     link.open()
-    try:
+    with closing(link):
         identity = link.identity
         assert identity
         up, down = (
@@ -117,8 +118,6 @@ def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
             for position in ("up", "down")
         )
         return identity, calibrate(up, down, identity.nominal_gain)
-    finally:
-        link.close()
 
 
 def _collected(

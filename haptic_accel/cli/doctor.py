@@ -245,8 +245,9 @@ def shared_memory(folder: Path) -> Finding:
 def receive_buffer(rmem_max: str) -> Finding:
     """Judge net.core.rmem_max, the most bytes that a socket may store for a slow reader."""
     small = rmem_max and int(rmem_max) < LITTLE_RECEIVE_BUFFER
-    found = f"net.core.rmem_max is {rmem_max or 'unknown'}"
-    return _judged("receive buffer", found, warning=small)
+    return _judged(
+        "receive buffer", f"net.core.rmem_max is {rmem_max or 'unknown'}", warning=small
+    )
 
 
 def sourced_ros(environment: Mapping[str, str], prefix: Path) -> Finding:
@@ -273,8 +274,7 @@ def executor(name: str) -> Finding:
 def timer_slack(nanoseconds: str) -> Finding:
     """Judge the time by which the kernel may delay a node's timers, which nodes set themselves."""
     much = nanoseconds and int(nanoseconds) > MUCH_TIMER_SLACK
-    found = f"{nanoseconds} ns" if nanoseconds else "unknown"
-    return _judged("timer slack", found, warning=much)
+    return _judged("timer slack", f"{nanoseconds} ns" if nanoseconds else "unknown", warning=much)
 
 
 def middleware(name: str) -> Finding:
@@ -287,8 +287,7 @@ def profile(distribution: str, environment: Mapping[str, str], ours: Path) -> Fi
 
     Files in the folder `ours` are this package's.
     """
-    product = "FASTRTPS" if distribution == "jazzy" else "FASTDDS"
-    variable = f"{product}_DEFAULT_PROFILES_FILE"
+    variable = f"FAST{'RTPS' if distribution == 'jazzy' else 'DDS'}_DEFAULT_PROFILES_FILE"
     file = Path(environment[variable])
     if not file.is_file():
         return _judged("profile", f"{file}, named by {variable}: no such file", problem=True)

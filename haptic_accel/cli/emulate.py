@@ -49,13 +49,12 @@ SLCAN_OPTIONS = '{"sleep_after_open": 0}'
 """Options of python-can, which waits two seconds for adapters that restart when opened."""
 
 
-def faults_argument(kinds: Mapping[str, FaultKind], beginning: str) -> str:
+def faults_argument(kinds: Mapping[str, FaultKind], beginning: str) -> Any:
     """Declare the faults to inject."""
     texts = "; ".join(f"{name}: {kind.text}" for name, kind in kinds.items())
-    declared: str = parameter(
+    return parameter(
         "", f"faults, separated by commas: NAME, or NAME@SECONDS after {beginning}. {texts}"
     )
-    return declared
 
 
 @dataclass(frozen=True)
@@ -154,7 +153,11 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     from haptic_accel.nodes.scheduling import ask_for_realtime, sharpen_timers
 
     folder = arguments.made_folder("serial")
-    boards = [_board(arguments, rig, side, folder, devices[side], faults[side]) for side in SIDES]
+    gravity = {MASTER: arguments.master_gravity, SLAVE: 0.0}
+    boards = [
+        _board(rig, side, folder / side, devices[side], faults[side], gravity[side])
+        for side in SIDES
+    ]
     arms = CoupledArms(boards, list(devices.values()), PositionPositionCoupling(rig.coupling))
     _announce("boards", "serial", folder, {side: {"port": str(folder / side)} for side in SIDES})
     sharpen_timers()
@@ -219,22 +222,14 @@ def _simulated(rig: RigParameters, side: str, rate: float, seed: int) -> Device:
 
 
 def _board(
-    arguments: EmulateSerialArguments,
-    rig: RigParameters,
-    side: str,
-    folder: Path,
-    device: Device,
-    faults: Faults,
+    rig: RigParameters, side: str, port: Path, device: Device, faults: Faults, gravity: float
 ) -> EmulatedBoard:
     """Return the board of one side; only the master's has an actuator."""
     from haptic_accel.devices.serial.protocol import Identity, axes_bits
     from haptic_accel.emulators.serial_line import EmulatedBoard
 
-    gravity = full_scale = 0.0
     actuator = rig.master.actuator
-    if side == MASTER:
-        gravity = arguments.master_gravity
-        full_scale = actuator.peak_force / abs(actuator.force_constant)
+    full_scale = actuator.peak_force / abs(actuator.force_constant) if side == MASTER else 0.0
     sensor = getattr(rig, side).accelerometer
 
     def measure(time: float) -> float:
@@ -247,7 +242,7 @@ def _board(
 
     name = f"emulated-{side}"
     identity = Identity(FIRMWARE, axes_bits("xyz"), HIGHEST_RATE, sensor.range, full_scale, name)
-    return EmulatedBoard(identity, folder / side, measure, drive, faults)
+    return EmulatedBoard(identity, port, measure, drive, faults)
 
 
 def _driver_parameters(arguments: EmulateCanArguments, side: str, folder: Path) -> dict[str, Any]:

@@ -54,12 +54,10 @@ def estop(arguments: StopArguments) -> None:
     else:
         names, seconds = " and ".join(missing), ATTEMPTS * PATIENCE
         raise CallError(f"{names} did not confirm within {seconds:g} s; is the graph running?")
-    done = (
-        "emergency stop: both devices are without force"
-        if stop
-        else "emergency stop released: both devices take forces again"
-    )
-    print(done + ("" if coupler_answers else "; the coupler does not answer"))
+    done = ": both devices are without force"
+    if not stop:
+        done = " released: both devices take forces again"
+    print(f"emergency stop{done}{'' if coupler_answers else '; the coupler does not answer'}")
 
 
 def _confirmed(node: Node, stop: bool) -> tuple[list[str], bool]:

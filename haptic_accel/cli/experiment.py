@@ -56,7 +56,7 @@ LOST_SHARE = 0.01
 """Share of a signal's samples that may be missing before the reader is warned."""
 
 LOCKSTEP_NOTE = (
-    "Every condition ran in lockstep: no ROS, no clock, the same numbers for the same seed."
+    "Every condition ran in lockstep: no ROS, no clock, same numbers for the same seed."
 )
 LIVE_NOTE = (
     "Every condition ran through the live graph, five processes on ROS 2, and was read back "
@@ -70,8 +70,7 @@ RIG_NOTES = {
     "paper": "The simulated rig is eq. (1) to (3) of the paper with Table I and, besides, "
     "structure, delay, friction, gravity, sensors and users as a real one has; four of its "
     "numbers, and three of its surfaces', are fitted to the paper's table in lockstep "
-    "(docs/virtual_rig.md). The live graph "
-    "adds the age of its forces, which is part of the delay there.",
+    "(docs/virtual_rig.md). In the live graph the age of its forces is part of the delay.",
 }
 AVERAGE_NOTE = (
     "The paper's averages are its own; the plain means of its three surfaces are 80.9 % for "

@@ -1,4 +1,4 @@
-"""``haptic-accel identify``: from the paper's sweep to a parameter file for one's own handle."""
+"""``haptic-accel identify``: parameter file for a handle, from the paper's sweep."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -78,20 +78,15 @@ class Verb(click.Command):
         file, folder = ctx.params.get("json_file"), ctx.params.get("out")
         if file and folder not in file.parents:
             check_writable(file)
-        for words in self.params:
-            if isinstance(words, Words):
-                given = [*ctx.params[words.name], *self._from_options(ctx)]
-                parsed = words.name == "arguments"
-                ctx.params[words.name] = parse_words(given, *words.kinds) if parsed else given
+        options = [each.name for each in self.params if isinstance(each, WordOption)]
+        given = {name: ctx.params.pop(name) for name in options}
+        more = [f"{name}:={value}" for name, value in given.items() if value is not None]
+        for each in self.params:
+            if isinstance(each, Words):
+                words = [*ctx.params[each.name], *more]
+                parsed = each.name == "arguments"
+                ctx.params[each.name] = parse_words(words, *each.kinds) if parsed else words
         return super().invoke(ctx)
-
-    def _from_options(self, ctx: click.Context) -> Iterator[str]:
-        """Take the options that mean a word out of the parameters, and yield their words."""
-        for parameter in self.params:
-            if isinstance(parameter, WordOption):
-                value = ctx.params.pop(parameter.name)
-                if value is not None:
-                    yield f"{parameter.name}:={value}"
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the words and the examples."""

@@ -24,13 +24,11 @@ def results_folder(out: Path | None, prefix: str = "") -> Path:
     ParameterError
         It exists already or cannot be made.
     """
-    folder = out or Path("results") / f"{prefix}{datetime.now():%Y-%m-%d_%H-%M-%S}"
-    make_folder(folder)
-    return folder
+    return make_folder(out or Path("results") / f"{prefix}{datetime.now():%Y-%m-%d_%H-%M-%S}")
 
 
-def make_folder(folder: Path) -> None:
-    """Make a new folder.
+def make_folder(folder: Path) -> Path:
+    """Make and return a new folder.
 
     Raises
     ------
@@ -43,6 +41,7 @@ def make_folder(folder: Path) -> None:
         raise ParameterError(f"out = '{folder}': must be a new folder") from None
     except OSError as error:
         raise ParameterError(f"out = '{folder}': {error.strerror}") from None
+    return folder
 
 
 def check_writable(file: Path) -> None:

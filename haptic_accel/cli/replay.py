@@ -66,7 +66,8 @@ def replay(
     draws to the recorded path. rate is the speed, as in `ros2 bag play`; the sampling rate is
     that of the bag. With --lockstep any number of bags may be given.
     """
-    bags = [f"bag:={word}" for word in words if ":=" not in word]
+    names = [word for word in words if ":=" not in word]
+    bags = [f"bag:={name}" for name in names]
     arguments = [word for word in words if ":=" in word]
     if lockstep:
         each = [[bag, *arguments] for bag in bags] or [arguments]
@@ -78,8 +79,7 @@ def replay(
         if given:
             raise ParameterError(f"--{option}: only with --lockstep")
     if len(bags) > 1:
-        names = " ".join(word for word in words if ":=" not in word)
-        raise ParameterError(f"bag = {names}: must be one, without --lockstep")
+        raise ParameterError(f"bag = {' '.join(names)}: must be one, without --lockstep")
     asked = replay_arguments([*bags, *arguments])
     processes = graph(asked.graph)
     if asked.inherited:
@@ -142,8 +142,7 @@ def _in_lockstep(asked: Replay) -> Replay:
     ParameterError
         It asks for what only a graph can do, or for what the graph would refuse.
     """
-    own = asked.own
-    if own.loop:
+    if asked.own.loop:
         raise ParameterError("loop = true: not with --lockstep, which plays a bag once")
     if asked.graph.slave != REPLAY:
         raise ParameterError("source, slave: not with --lockstep, which replays the slave")

@@ -12,9 +12,6 @@ from haptic_accel.core.process import FAILED
 from haptic_accel.graph.node_parameters import ScopeNodeParameters
 from haptic_accel.graph.processes import SCOPE, Process
 from haptic_accel.graph.supervisor import Supervisor
-from haptic_accel.scope.access import TOKEN_VARIABLE
-
-__all__ = ["TOKEN_VARIABLE", "ScopeArguments", "scope"]
 
 
 @dataclass(frozen=True)
@@ -35,9 +32,8 @@ def scope(arguments: ScopeArguments) -> None:
     """
     parameters = {name: getattr(arguments, name) for name in schema(ScopeNodeParameters)}
     name = arguments.namespace.strip("/")
-    namespace = f"/{name}" if name else ""
     # The only process here: its end is the end of the verb.
-    process = Process(SCOPE, (), {SCOPE: parameters}, namespace=namespace)
+    process = Process(SCOPE, (), {SCOPE: parameters}, namespace=f"/{name}" if name else "")
     with stop_on_signal() as stop:
         outcome = Supervisor([process], on_line=lambda _, line: print(line, flush=True)).run(stop)
     if outcome.first:  # which has printed the reason

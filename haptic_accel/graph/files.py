@@ -11,7 +11,6 @@ import yaml
 from haptic_accel.core.parameters import ParameterError, checked
 from haptic_accel.graph.node_parameters import NODES, node_schema
 
-PACKAGE = "haptic_accel"
 SURFACE = "simulated.surface."
 """Prefix of the slave device's parameters of a surface."""
 
@@ -31,7 +30,7 @@ def share_folder() -> Path:
         return checkout
     from ament_index_python.packages import get_package_share_directory
 
-    return Path(get_package_share_directory(PACKAGE))
+    return Path(get_package_share_directory("haptic_accel"))
 
 
 def config_folder() -> Path:
@@ -119,7 +118,10 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
         if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
             raise ParameterError(f"{what}: {node}: must hold ros__parameters, nothing else")
         flat = _flat(section["ros__parameters"] or {}, f"{what}: {node}")
-        for executable in _named(str(node), what):
+        for executable in NODES if node in _WILDCARDS else [str(node).rsplit("/", 1)[-1]]:
+            if executable not in NODES:
+                names = ", ".join(NODES)
+                raise ParameterError(f"{what}: {node}: must be /** or one of {names}")
             values[executable] |= _known(flat, executable, node, what)
     return values
 
@@ -128,15 +130,6 @@ def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the ROS parameter file with the values of each node, nested or by dotted name."""
     content = {node: {"ros__parameters": dict(values)} for node, values in nodes.items()}
     return str(yaml.safe_dump(content, sort_keys=False))
-
-
-def _named(node: str, what: str) -> list[str]:
-    if node in _WILDCARDS:
-        return list(NODES)
-    name = node.rsplit("/", 1)[-1]
-    if name not in NODES:
-        raise ParameterError(f"{what}: {node}: must be /** or one of {', '.join(NODES)}")
-    return [name]
 
 
 def _flat(section: Any, what: str, prefix: str = "") -> dict[str, Any]:

@@ -26,12 +26,6 @@ SAFETY = "safety"
 HIGHEST_RATE = 20e3
 """Rate above what any of these nodes can hold, Hz."""
 
-SCOPE_HOST = "127.0.0.1"
-"""Address that only this machine reaches."""
-
-SCOPE_PORT = 8642
-"""Default port: registered for nothing (IANA), and below those that Linux hands out."""
-
 
 @dataclass(frozen=True)
 class SampledParameters(Checked):
@@ -153,12 +147,11 @@ class ScopeNodeParameters(Checked):
     """Parameters of the node `scope`."""
 
     host: str = parameter(
-        SCOPE_HOST,
+        "127.0.0.1",
         "address the scope's page is served on; others than this machine's own need its token",
     )
-    port: int = parameter(
-        SCOPE_PORT, "port of the scope's page; 0 for any free one", low=0, high=65535
-    )
+    # Registered for nothing (IANA), and below the ports that Linux hands out.
+    port: int = parameter(8642, "port of the scope's page; 0 for any free one", low=0, high=65535)
     control: bool = parameter(False, "let the scope's page control the graph, not only show it")
 
 

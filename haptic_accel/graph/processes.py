@@ -16,15 +16,8 @@ from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.devices.simulated import played
-from haptic_accel.graph.arguments import (
-    AVERAGE_GRIP,
-    PLAYED_TOPICS,
-    RECORDING,
-    REPLAY,
-    SIMULATED,
-    GraphArguments,
-    IdentifyArguments,
-)
+from haptic_accel.graph import arguments as names
+from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.files import config_folder, preset_file, read_parameter_file
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 
@@ -163,10 +156,10 @@ def graph_parameters(arguments: Arguments) -> Values:
             values[executable] |= content[executable]
     for executable, own in _own_parameters(arguments).items():
         values[executable] |= own
-    if arguments.master == SIMULATED:
+    if arguments.master == names.SIMULATED:
         # A simulated handle needs no bench to measure its sensor on.
         _, devices = node_parameters("master_device", values["master_device"])
-        sensor = asdict(devices[SIMULATED].accelerometer)
+        sensor = asdict(devices[names.SIMULATED].accelerometer)
         known = {f"accelerometer.{name}": value for name, value in sensor.items()}
         values["identifier"] = known | values["identifier"]
     return values
@@ -201,8 +194,8 @@ def _own_parameters(arguments: Arguments) -> Values:
     sampled = {"rate": arguments.rate}
     device: dict[str, Any] = {**sampled, "seed": arguments.seed}
     master = {**device, "device": arguments.master}
-    if arguments.grip != AVERAGE_GRIP:  # which a file may change
-        master[f"{SIMULATED}.grip.posture"] = arguments.grip
+    if arguments.grip != names.AVERAGE_GRIP:  # which a file may change
+        master[f"{names.SIMULATED}.grip.posture"] = arguments.grip
     recorder = {"bag": _absolute(arguments.bag)}
     for name, (default, _) in schema(RecordingOptions).items():
         if getattr(arguments, name) != default:  # which a file may change
@@ -213,7 +206,7 @@ def _own_parameters(arguments: Arguments) -> Values:
         return {"master_device": master, "identifier": identifier, RECORDER: recorder}
     slave = {**device, "device": arguments.slave}
     source = {"rate": arguments.recording_rate, "column": arguments.recording_column}
-    if arguments.surface == RECORDING:
+    if arguments.surface == names.RECORDING:
         recording = {"file": _absolute(arguments.recording), **source}
         slave |= {f"simulated.recording.{name}": value for name, value in recording.items()}
     if arguments.replay:
@@ -222,11 +215,11 @@ def _own_parameters(arguments: Arguments) -> Values:
             name: getattr(arguments, f"replay_{name}") for name in ("speed", "loop", "start")
         }
         for arm in (master, slave):
-            arm |= {f"{REPLAY}.{name}": value for name, value in replay.items()}
+            arm |= {f"{names.REPLAY}.{name}": value for name, value in replay.items()}
     # Of each signal: the node that it is for, and the recorder.
     listeners = 2 if arguments.record else 1
     own = {"master_device": master, "slave_device": slave}
-    if arguments.slave == PLAYED_TOPICS:
+    if arguments.slave == names.PLAYED_TOPICS:
         own = {"master_device": master, "restamper": {**sampled, "listeners": listeners}}
     own["coupler"] = {
         "duration": arguments.duration,
@@ -246,31 +239,31 @@ def _own_parameters(arguments: Arguments) -> Values:
 
 def _check_replay(arguments: GraphArguments, options: Values) -> None:
     """Refuse a replay without a device that plays it, and one that cannot be played."""
-    if arguments.replay and {REPLAY, PLAYED_TOPICS}.isdisjoint(
-        (arguments.master, arguments.slave)
-    ):
+    players = {names.REPLAY, names.PLAYED_TOPICS}
+    if arguments.replay and players.isdisjoint((arguments.master, arguments.slave)):
         raise ParameterError(
-            f"replay = '{arguments.replay}': must come with slave:={REPLAY} or master:={REPLAY}"
+            f"replay = '{arguments.replay}': must come with slave:=replay or master:=replay"
         )
-    if arguments.composed and arguments.slave == PLAYED_TOPICS:
-        raise ParameterError(f"composed = true: not with slave:={PLAYED_TOPICS}")
+    if arguments.composed and arguments.slave == names.PLAYED_TOPICS:
+        raise ParameterError(f"composed = true: not with slave:={names.PLAYED_TOPICS}")
     for arm, devices in (("master", MASTERS), ("slave", SLAVES)):
-        if getattr(arguments, arm) == REPLAY:
-            devices[REPLAY](options[f"{arm}_device"][REPLAY], arguments.rate, arguments.seed)
+        if getattr(arguments, arm) == names.REPLAY:
+            parameters = options[f"{arm}_device"][names.REPLAY]
+            devices[names.REPLAY](parameters, arguments.rate, arguments.seed)
 
 
 def _check_recording(arguments: GraphArguments, slave: Mapping[str, Any]) -> None:
     """Refuse a recording without a surface to play it, and the reverse, and unusable files."""
-    if arguments.surface != RECORDING or arguments.slave != SIMULATED:
+    if arguments.surface != names.RECORDING or arguments.slave != names.SIMULATED:
         if arguments.recording:
             raise ParameterError(
-                f"recording = '{arguments.recording}': must come with surface:={RECORDING}"
-                f" slave:={SIMULATED}"
+                f"recording = '{arguments.recording}': must come with surface:=recording"
+                " slave:=simulated"
             )
         return
     if not arguments.recording:
         raise ParameterError("recording = '': must be a CSV or WAV file")
-    played(slave[SIMULATED].recording, arguments.rate)
+    played(slave[names.SIMULATED].recording, arguments.rate)
 
 
 def _absolute(path: str) -> str:

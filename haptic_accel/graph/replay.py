@@ -18,9 +18,6 @@ from haptic_accel.graph.words import described, given_keys, parse_words, unknown
 if TYPE_CHECKING:
     from haptic_accel.bags.reading import Bag
 
-DEVICE = "device"
-"""The usual source of a replay."""
-
 INHERITED = ("controller", "rig", "grip", "surface", "master", "config", "seed")
 """Arguments of the graph that are as they were when the bag was recorded, unless given."""
 
@@ -44,9 +41,9 @@ class ReplayArguments(Checked):
         high=HIGHEST_RATE,
     )
     source: str = parameter(
-        DEVICE,
+        "device",
         "player: the replay device, or `ros2 bag play` on its topics",
-        choices=(DEVICE, PLAYED_TOPICS),
+        choices=("device", PLAYED_TOPICS),
     )
     output: str = parameter("", "folder of the bag to write; empty for bags/<date and time>")
 
@@ -122,7 +119,6 @@ def described_replay() -> list[tuple[str, str, str]]:
 
 def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
     """Return a replay's own arguments, and those of the graph that were given."""
-    own_names = schema(ReplayArguments)
     known = [name for name, _, _ in described_replay()]
     own: list[str] = []
     rest: list[str] = []
@@ -130,7 +126,7 @@ def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
         key = word.partition(":=")[0]
         if key not in known:
             raise unknown_key(key, known)
-        (own if key in own_names else rest).append(word)
+        (own if key in schema(ReplayArguments) else rest).append(word)
     parsed = parse_words(own, ReplayArguments)
     if not parsed.bag:
         raise ParameterError("bag = '': must be a bag, or a CSV or WAV file")

@@ -118,9 +118,8 @@ class Supervisor:
                     first = self._ended.get(timeout=LOOK_PERIOD)
                 if first in optional:
                     status = self._running[first].returncode
-                    self.on_line(
-                        first, f"ended with status {status}; the graph goes on without it"
-                    )
+                    note = f"ended with status {status}; the graph goes on without it"
+                    self.on_line(first, note)
                     first = ""
         finally:
             self._stop_all()
