@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,19 +28,19 @@ ACTUATOR = "actuator"
 """Block of a node's parameters that describes the actuator, shared by all parts of the node."""
 
 
+actuator_parameter = partial(parameter, block=ACTUATOR)
+"""Declare a dataclass field as a parameter of that block."""
+
+
 @dataclass(frozen=True)
 class Suspension(Checked):
     """The actuator's moving mass on its spring and bearing: eq. (1), Table I of the paper."""
 
-    m_a: float = parameter(
-        0.018, "moving mass of the actuator", unit="kg", low=0, above=True, block=ACTUATOR
+    m_a: float = actuator_parameter(
+        0.018, "moving mass of the actuator", unit="kg", low=0, above=True
     )
-    k_s: float = parameter(
-        266.0, "centring spring of the actuator", unit="N/m", low=0, block=ACTUATOR
-    )
-    b_s: float = parameter(
-        2.0, "damping of the actuator's bearing", unit="N s/m", low=0, block=ACTUATOR
-    )
+    k_s: float = actuator_parameter(266.0, "centring spring of the actuator", unit="N/m", low=0)
+    b_s: float = actuator_parameter(2.0, "damping of the actuator's bearing", unit="N s/m", low=0)
 
 
 @dataclass(frozen=True)
@@ -79,11 +80,18 @@ def handle_model(handle: HandleParameters) -> RationalModel:
         In m/s^2 per N; four zeros at the origin, 1/m_h at high frequency.
     """
     actuator = np.array([handle.m_a, handle.b_s, handle.k_s])
-    b_su, k_su = handle.b_s + handle.b_u, handle.k_s + handle.k_u
-    grip = np.array([handle.m_h, b_su, k_su])
+    grip = np.array([handle.m_h, handle.b_s + handle.b_u, handle.k_s + handle.k_u])
     bearing = np.array([handle.b_s, handle.k_s])
     denominator: FloatArray = np.polysub(np.polymul(actuator, grip), np.polymul(bearing, bearing))
     return RationalModel(np.array([handle.m_a, 0.0, 0.0, 0.0, 0.0]), denominator)
+
+
+def _frequency(default: float, pair: str) -> Any:
+    return parameter(default, f"frequency of the {pair}", unit="Hz", low=0, above=True)
+
+
+def _damping(default: float, pair: str) -> Any:
+    return parameter(default, f"damping ratio of the {pair}", low=0, above=True)
 
 
 @dataclass(frozen=True)
@@ -93,30 +101,14 @@ class ApproximateModel(Checked):
     Its defaults are the numbers below eq. (3) of the paper.
     """
 
-    zero_1_frequency: float = parameter(
-        9.0, "frequency of the first zero pair", unit="Hz", low=0, above=True
-    )
-    zero_1_damping: float = parameter(
-        0.5, "damping ratio of the first zero pair", low=0, above=True
-    )
-    zero_2_frequency: float = parameter(
-        12.0, "frequency of the second zero pair", unit="Hz", low=0, above=True
-    )
-    zero_2_damping: float = parameter(
-        0.3, "damping ratio of the second zero pair", low=0, above=True
-    )
-    pole_1_frequency: float = parameter(
-        15.0, "frequency of the first pole pair", unit="Hz", low=0, above=True
-    )
-    pole_1_damping: float = parameter(
-        0.35, "damping ratio of the first pole pair", low=0, above=True
-    )
-    pole_2_frequency: float = parameter(
-        20.0, "frequency of the second pole pair", unit="Hz", low=0, above=True
-    )
-    pole_2_damping: float = parameter(
-        0.4, "damping ratio of the second pole pair", low=0, above=True
-    )
+    zero_1_frequency: float = _frequency(9.0, "first zero pair")
+    zero_1_damping: float = _damping(0.5, "first zero pair")
+    zero_2_frequency: float = _frequency(12.0, "second zero pair")
+    zero_2_damping: float = _damping(0.3, "second zero pair")
+    pole_1_frequency: float = _frequency(15.0, "first pole pair")
+    pole_1_damping: float = _damping(0.35, "first pole pair")
+    pole_2_frequency: float = _frequency(20.0, "second pole pair")
+    pole_2_damping: float = _damping(0.4, "second pole pair")
     gain: float = parameter(1.0, "gain at zero frequency", unit="m/s^2/N", low=0, above=True)
 
     def sections(self) -> list[tuple[FloatArray, FloatArray]]:
@@ -155,14 +147,14 @@ class AccelerometerParameters(Checked):
         5 * GRAVITY, "largest acceleration either way (5 g)", unit="m/s^2", low=0, above=True
     )
     bandwidth: float = parameter(
-        500.0, "corner of its first-order low-pass (paper)", unit="Hz", low=1.0, high=100e3
+        500.0, "corner of the accelerometer's first-order low-pass (paper)", "Hz", 1.0, 100e3
     )
     noise_density: float = parameter(
         250e-6 * GRAVITY,
         "noise density (ADXL320 data sheet: 250 ug/sqrt(Hz))",
-        unit="m/s^2/sqrt(Hz)",
-        low=0,
-        high=1.0,
+        "m/s^2/sqrt(Hz)",
+        0,
+        1.0,
     )
     bits: int = parameter(16, "resolution of the converter over the range", low=4, high=32)
 
@@ -209,9 +201,7 @@ such that Table I lies in the middle."""
 class MountParameters(Checked):
     """The accelerometer's light, elastic mount on the handle."""
 
-    frequency: float = parameter(
-        0.0, "resonance of the mount; 0 for a rigid one", unit="Hz", low=0, high=2000.0
-    )
+    frequency: float = parameter(0.0, "resonance of the mount; 0 for a rigid one", "Hz", 0, 2000.0)
     damping: float = parameter(0.2, "damping ratio of the mount", low=0.01, high=2.0)
 
 
@@ -228,9 +218,7 @@ class GripParameters(Checked):
     posture: str = parameter(
         "average", "posture of the hand; average is Table I", choices=tuple(POSTURES)
     )
-    gravity: float = parameter(
-        0.0, "gravity along the actuator's axis", unit="m/s^2", low=-9.81, high=9.81
-    )
+    gravity: float = parameter(0.0, "gravity along the actuator's axis", "m/s^2", -9.81, 9.81)
 
 
 def held(handle: HandleParameters, grip: GripParameters, seed: int) -> HandleParameters:

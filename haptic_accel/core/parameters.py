@@ -17,6 +17,18 @@ class ParameterError(ValueError):
     """A value given by the user is not allowed; the message is one line for the user."""
 
 
+def check_positive_rate(rate: float) -> None:
+    """Refuse a sampling rate in Hz that is not a positive number.
+
+    Raises
+    ------
+    ParameterError
+        Naming the rate.
+    """
+    if not (math.isfinite(rate) and rate > 0):
+        raise ParameterError(f"rate = {rate}: must be above 0 Hz")
+
+
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return a hint for an error about an unknown word: the nearest known one, or nothing."""
     near = difflib.get_close_matches(word, list(known), n=1)
@@ -58,14 +70,13 @@ class Specification:
         if self.choices:
             return "one of " + ", ".join(self.choices)
         unit = f" {self.unit}" if self.unit else ""
-        if self.low is not None and self.high is not None:
-            start = "above" if self.above else "from"
-            return f"{start} {self.low:g} to {self.high:g}{unit}"
-        if self.low is not None:
+        if self.low is None:
+            return (
+                f"a finite number{unit}" if self.high is None else f"at most {self.high:g}{unit}"
+            )
+        if self.high is None:
             return f"{'above' if self.above else 'at least'} {self.low:g}{unit}"
-        if self.high is not None:
-            return f"at most {self.high:g}{unit}"
-        return f"a finite number{unit}"
+        return f"{'above' if self.above else 'from'} {self.low:g} to {self.high:g}{unit}"
 
     def admits(self, number: float) -> bool:
         """Return True for a finite number within the bounds."""
@@ -79,25 +90,17 @@ class Specification:
         return self.high is None or number <= self.high
 
 
-def parameter(
-    default: Any,
-    text: str,
-    *,
-    unit: str = "",
-    low: float | None = None,
-    high: float | None = None,
-    above: bool = False,
-    choices: tuple[str, ...] = (),
-    block: str = "",
-) -> Any:
-    """Declare a dataclass field as a parameter: its default with a `Specification`."""
-    specification = Specification(text, unit, low, high, above, choices, block)
-    return dataclasses.field(default=default, metadata={_SPECIFICATION: specification})
+def parameter(default: Any, text: str, *details: Any, **named: Any) -> Any:
+    """Declare a dataclass field as a parameter: its default, and its `Specification` in order."""
+    return _field(default, Specification(text, *details, **named))
 
 
 def like(owner: type, name: str) -> Any:
     """Declare a dataclass field as the same parameter as a field of another dataclass."""
-    default, specification = schema(owner)[name]
+    return _field(*schema(owner)[name])
+
+
+def _field(default: Any, specification: Specification) -> Any:
     return dataclasses.field(default=default, metadata={_SPECIFICATION: specification})
 
 
@@ -120,26 +123,22 @@ def checked(name: str, value: Any, default: Any, specification: Specification) -
     ParameterError
         Wrong type, not finite, out of range, or not one of the choices.
     """
-    wrong = ParameterError(f"{name} = {_shown(value)}: must be {_allowed(default, specification)}")
-    if isinstance(default, bool):
-        if not isinstance(value, bool):
-            raise wrong
-        return value
-    if isinstance(default, str):
-        if not isinstance(value, str):
+    shown = repr(value) if isinstance(value, str) else value
+    wrong = ParameterError(f"{name} = {shown}: must be {_allowed(default, specification)}")
+    if isinstance(default, (bool, str)):
+        if not isinstance(value, type(default)):
             raise wrong
         if specification.choices and value not in specification.choices:
-            raise ParameterError(f"{wrong}{suggestion(value, specification.choices)}")
+            raise ParameterError(f"{wrong}{suggestion(str(value), specification.choices)}")
         return value
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not (number and specification.admits(value)):
         raise wrong
-    if not specification.admits(value):
+    if not isinstance(default, int):
+        return float(value)
+    if value != int(value):
         raise wrong
-    if isinstance(default, int):
-        if value != int(value):
-            raise wrong
-        return int(value)
-    return float(value)
+    return int(value)
 
 
 def _allowed(default: Any, specification: Specification) -> str:
@@ -150,10 +149,6 @@ def _allowed(default: Any, specification: Specification) -> str:
     if isinstance(default, int):
         return f"a whole number, {specification.allowed}"
     return specification.allowed
-
-
-def _shown(value: Any) -> str:
-    return repr(value) if isinstance(value, str) else str(value)
 
 
 class Checked:

@@ -18,6 +18,7 @@ from haptic_accel.core.parameters import (
     from_flat,
     parameter,
     schema,
+    suggestion,
 )
 
 ANY_NUMBER = Specification("any")
@@ -159,7 +160,8 @@ def test_a_text_without_choices_may_be_anything(value: str) -> None:
 def test_only_the_choices_are_allowed_and_named_in_one_line(value: str) -> None:
     assume(value not in ("slow", "fast"))
     message = refusal("slow", value, Specification("how", choices=("slow", "fast")))
-    assert message == f"x = {value!r}: must be one of slow, fast"
+    hint = suggestion(value, ("slow", "fast"))
+    assert message == f"x = {value!r}: must be one of slow, fast{hint}"
     assert len(message.splitlines()) == 1
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from haptic_accel.core.model import ACTUATOR, Suspension
-from haptic_accel.core.parameters import ParameterError, parameter
+from haptic_accel.core.model import Suspension, actuator_parameter
+from haptic_accel.core.parameters import ParameterError
 
 
 @dataclass(frozen=True)
@@ -21,41 +21,32 @@ class ActuatorParameters(Suspension):
         A value is out of range, or the force constant is zero.
     """
 
-    travel: float = parameter(
-        3.8e-3,
-        "free travel either way (data sheet)",
-        unit="m",
-        low=0,
-        high=0.1,
-        above=True,
-        block=ACTUATOR,
+    travel: float = actuator_parameter(
+        3.8e-3, "free travel either way (data sheet)", "m", 0, 0.1, above=True
     )
-    peak_force: float = parameter(
-        6.6, "peak force of the coil (data sheet)", unit="N", low=0, high=100.0, block=ACTUATOR
+    peak_force: float = actuator_parameter(
+        6.6, "peak force of the coil (data sheet)", "N", 0, 100.0
     )
-    continuous_force: float = parameter(
+    continuous_force: float = actuator_parameter(
         2.2,
         "root mean square of the force that the coil withstands continuously (data sheet)",
-        unit="N",
-        low=0,
-        high=100.0,
-        block=ACTUATOR,
+        "N",
+        0,
+        100.0,
     )
-    thermal_time: float = parameter(
+    thermal_time: float = actuator_parameter(
         10.0,
         "thermal time constant of the coil (assumed: small coils have 5 to 30 s)",
-        unit="s",
-        low=0.01,
-        high=1e4,
-        block=ACTUATOR,
+        "s",
+        0.01,
+        1e4,
     )
-    force_constant: float = parameter(
+    force_constant: float = actuator_parameter(
         2.4,
         "force per current, negative where the wires are swapped (data sheet)",
-        unit="N/A",
-        low=-1000.0,
-        high=1000.0,
-        block=ACTUATOR,
+        "N/A",
+        -1000.0,
+        1000.0,
     )
 
     def __post_init__(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from haptic_accel.core.model import Suspension
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import check_positive_rate
 
 LARGEST_ACCELERATION = 1.0e4
 """Bound of plausible measurements, above the range of any hand tool's accelerometer, m/s^2: about
@@ -37,8 +37,7 @@ class TravelEstimator:
         # scipy.linalg is slow to import: only users of an estimator wait for it.
         from scipy.linalg import expm
 
-        if not (np.isfinite(rate) and rate > 0):
-            raise ParameterError(f"rate = {rate}: must be above 0 Hz")
+        check_positive_rate(rate)
         m_a, k_s, b_s = suspension.m_a, suspension.k_s, suspension.b_s
         generator = np.array([[0, 1, 0], [-k_s / m_a, -b_s / m_a, 1], [0, 0, 0]]) / rate
         transition = expm(generator)
