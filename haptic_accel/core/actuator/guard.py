@@ -17,15 +17,6 @@ CUSHION_END = 0.95
 WARM = 0.1
 """Fraction of the permitted heat up to which the coil may have its full peak force."""
 
-HARD_CUSHION = 0.95
-"""`CUSHION` of the device's safety layer, which acts only when the compensator failed to."""
-
-HARD_CUSHION_END = 1.0
-"""`CUSHION_END` of the device's safety layer."""
-
-HARD_WARM = 0.9
-"""`WARM` of the device's safety layer."""
-
 CUSHION_SPEED = 400.0
 """Rate constant of the approach to the cushion's end, 1/s: with the cushion of the paper's coil,
 0.57 mm, a speed of 0.23 m/s at its beginning."""
@@ -34,7 +25,7 @@ CUSHION_SPEED_SHARE = 0.4
 """Upper bound of `CUSHION_SPEED` as a fraction of the sampling rate: a brake as fast as the loop
 would ring."""
 
-FORGOTTEN = 0.1
+SETTLING = 0.1
 """Settling time of the actuator, after which its earlier position no longer matters, s: five times
 2 m_a / b_s of Table I."""
 
@@ -63,7 +54,7 @@ class Margins:
 COMFORT = Margins()
 """Soft margins for the compensator: brakes early and reports the force that remains."""
 
-HARD = Margins(HARD_CUSHION, HARD_CUSHION_END, HARD_WARM)
+HARD = Margins(cushion=0.95, cushion_end=1.0, warm=0.9)
 """Hard margins for the device's safety layer: outside `COMFORT`, so that only one of them acts."""
 
 
@@ -96,7 +87,7 @@ class ActuatorGuard:
         self._bearable = min(actuator.continuous_force, actuator.peak_force) ** 2
         self._staying = -1.0 / (rate * actuator.thermal_time)
         self._warming = -math.expm1(self._staying)
-        self._forgotten = math.ceil(rate * FORGOTTEN)
+        self._settling = math.ceil(rate * SETTLING)
         self._estimator = TravelEstimator(actuator, rate)
         self._m_a, self._k_s, self._b_s = actuator.m_a, actuator.k_s, actuator.b_s
         self._soft = margins.cushion * actuator.travel
@@ -169,7 +160,7 @@ class ActuatorGuard:
         heat = force * force if square is None else square
         warming = self._warming if samples == 1 else -math.expm1(samples * self._staying)
         self._heat += warming * (heat - self._heat)
-        for _ in range(min(samples, self._forgotten)):
+        for _ in range(min(samples, self._settling)):
             self._estimator.sample(force, handle_acceleration)
 
     def reset(self) -> None:

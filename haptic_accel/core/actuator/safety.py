@@ -12,9 +12,10 @@ It has no clock: times are given by the caller, in s from any origin and never b
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections import defaultdict
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar, Generic, TypeVar
 
 from haptic_accel.core.actuator.guard import HARD, ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
@@ -43,6 +44,8 @@ LASTING = 0.5
 ROUNDING = 1e-9
 """Relative excess of a force over its limit that counts as a rounding error."""
 
+Force = TypeVar("Force", Vector, float)
+
 AUTOMATIC, MANUAL = "automatic", "manual"
 
 GONE = "still missing"
@@ -56,46 +59,8 @@ INACTIVE = "not active"
 
 
 def _timeout(default: float) -> Any:
-    return parameter(
-        default,
-        f"time without a command after which this force is zero; {LEAST_PERIODS:g} periods at"
-        " least",
-        unit="s",
-        low=1e-3,
-        high=10.0,
-    )
-
-
-def _max_age() -> Any:
-    return parameter(
-        MAX_AGE,
-        "maximum age of a command's sample, or lead of its stamp; the force is zero beyond",
-        unit="s",
-        low=1e-3,
-        high=10.0,
-    )
-
-
-def _slew_rate() -> Any:
-    return parameter(
-        0.0, "maximum rate of growth of this force; 0 for no limit", unit="N/s", low=0, high=1e6
-    )
-
-
-@dataclass(frozen=True)
-class ArmLimits(Checked):
-    """Limits of the commands for an arm's motors."""
-
-    command_timeout: float = _timeout(ARM_TIMEOUT)
-    max_age: float = _max_age()
-    peak_force: float = parameter(
-        ARM_PEAK_FORCE,
-        "limit of the arm's force (Phantom Omni: 3.3 N)",
-        unit="N",
-        low=0,
-        high=100.0,
-    )
-    slew_rate: float = _slew_rate()
+    meaning = f"time without a command after which this force is zero; {LEAST_PERIODS:g} periods"
+    return parameter(default, f"{meaning} at least", "s", 1e-3, 10.0)
 
 
 @dataclass(frozen=True)
@@ -103,8 +68,26 @@ class ActuatorCommandLimits(Checked):
     """Limits of the commands for the actuator, beside the actuator's own."""
 
     command_timeout: float = _timeout(ACTUATOR_TIMEOUT)
-    max_age: float = _max_age()
-    slew_rate: float = _slew_rate()
+    max_age: float = parameter(
+        MAX_AGE,
+        "maximum age of a command's sample, or lead of its stamp; the force is zero beyond",
+        "s",
+        1e-3,
+        10.0,
+    )
+    slew_rate: float = parameter(
+        0.0, "maximum rate of growth of this force; 0 for no limit", "N/s", 0, 1e6
+    )
+
+
+@dataclass(frozen=True)
+class ArmLimits(ActuatorCommandLimits):
+    """Limits of the commands for an arm's motors."""
+
+    command_timeout: float = _timeout(ARM_TIMEOUT)
+    peak_force: float = parameter(
+        ARM_PEAK_FORCE, "limit of the arm's force (Phantom Omni: 3.3 N)", "N", 0, 100
+    )
 
 
 @dataclass(frozen=True)
@@ -154,9 +137,9 @@ class Watchdog:
         self._timeout = timeout
         self._max_age = max_age
         self._manual = manual
-        self._heard: float | None = None
+        self._latest: float | None = None
         self._tripped_at = 0.0
-        self._told = False
+        self._logged = False
         self.tripped = ""
         self.timeouts = self.outdated = 0
 
@@ -170,18 +153,18 @@ class Watchdog:
         if not abs(age) <= self._max_age:  # true for NaN too
             self.outdated += 1
             # An outdated command before the first force needs no manual recovery.
-            if self._heard is not None or not self._manual:
+            if self._latest is not None or not self._manual:
                 self._trip(now, f"its sample is {age:.3g} s old")
             return False
         if self.tripped and self._manual:
             return False
         self.tripped = ""
-        self._heard = now
+        self._latest = now
         return True
 
     def went_silent(self, now: float) -> bool:
         """Return True, once, when commands have stopped."""
-        if self._heard is None or now - self._heard < self._timeout:
+        if self._latest is None or now - self._latest < self._timeout:
             return False
         self.timeouts += 1
         self._trip(now, f"none for {self._timeout * 1e3:g} ms")
@@ -189,7 +172,7 @@ class Watchdog:
 
     def forget(self) -> None:
         """Expect no more commands until the next."""
-        self._heard = None
+        self._latest = None
 
     def rest(self) -> None:
         """Accept missing commands without a fault; a watchdog that waits for `arm` still does."""
@@ -204,15 +187,13 @@ class Watchdog:
 
     def news(self, now: float) -> str:
         """Return a line for a lasting fault and one for its end, each once; otherwise empty."""
-        if self.tripped and not self._told:
-            if not self.armed:
-                self._told = True
-                return f"{self.tripped}; no force until armed again"
-            if now - self._tripped_at > LASTING:
-                self._told = True
-                return f"{self.tripped}; no force until the next"
-        elif self._told and not self.tripped:
-            self._told = False
+        if self.tripped and not self._logged:
+            if not self.armed or now - self._tripped_at > LASTING:
+                self._logged = True
+                end = "the next" if self.armed else "armed again"
+                return f"{self.tripped}; no force until {end}"
+        elif self._logged and not self.tripped:
+            self._logged = False
             return "allowed again"
         return ""
 
@@ -223,29 +204,88 @@ class Watchdog:
         self.forget()
 
 
-class _ArmChannel:
+class _Channel(ABC, Generic[Force]):
+    """Commands for one kind of force: the checks that arm and actuator have in common."""
+
+    name: ClassVar[str]
+
+    def __init__(
+        self, limits: ActuatorCommandLimits, rate: float, none: Force, *, manual: bool
+    ) -> None:
+        timeout = max(limits.command_timeout, LEAST_PERIODS / rate)
+        self.watchdog = Watchdog(timeout, limits.max_age, manual=manual)
+        self._slew = limits.slew_rate
+        self._period = 1.0 / rate
+        self._none: Force = none
+        self._held: Force = none
+        self._commanded = -math.inf
+        self.rejected = self.slewed = 0
+
+    def command(self, now: float, age: float, force: Force) -> Force | None:
+        """Return the force to write for a command, or None to leave the device as it is."""
+        magnitude = self._magnitude(force)
+        if not math.isfinite(magnitude):
+            self.rejected += 1
+            return None
+        if not self.watchdog.admits(now, age):
+            return self.let_go(now) if self._held != self._none else None
+        force = self._limited(now, force, magnitude)
+        self._commanded = now
+        return self._hold(now, force)
+
+    def let_go(self, now: float) -> Force:
+        """Hold no force from now on; return it."""
+        self._commanded = now
+        return self._hold(now, self._none)
+
+    def values(self) -> dict[str, str]:
+        """Return counts for diagnostics."""
+        return {
+            "held (N)": f"{self._magnitude(self._held):.3f}",
+            "rejected": str(self.rejected),
+            "timeouts": str(self.watchdog.timeouts),
+            "outdated": str(self.watchdog.outdated),
+            "slewed": str(self.slewed),
+        }
+
+    def _growth(self, now: float) -> float:
+        """Return the largest growth of the force since the last command, N."""
+        return self._slew * min(now - self._commanded, self._period)
+
+    def _hold(self, now: float, force: Force) -> Force:
+        """Hold a force from now on; return it."""
+        self._held = force
+        return force
+
+    @abstractmethod
+    def _magnitude(self, force: Force) -> float: ...
+
+    @abstractmethod
+    def _limited(self, now: float, force: Force, magnitude: float) -> Force: ...
+
+
+class _ArmChannel(_Channel[Vector]):
     """The commands for an arm."""
 
     name = "arm force"
 
     def __init__(self, limits: ArmLimits, rate: float, *, manual: bool) -> None:
-        timeout = max(limits.command_timeout, LEAST_PERIODS / rate)
-        self.watchdog = Watchdog(timeout, limits.max_age, manual=manual)
+        super().__init__(limits, rate, ZERO, manual=manual)
         self._peak = limits.peak_force
-        self._slew = limits.slew_rate
-        self._period = 1.0 / rate
-        self._held = ZERO
-        self._commanded = -math.inf
-        self.rejected = self.limited = self.slewed = 0
+        self.limited = 0
 
-    def command(self, now: float, age: float, force: Vector) -> Vector | None:
+    def tick(self, now: float) -> Vector | None:
+        return self.let_go(now) if self.watchdog.went_silent(now) else None
+
+    def values(self) -> dict[str, str]:
+        """Return counts for diagnostics."""
+        return {**super().values(), "limited": str(self.limited)}
+
+    def _magnitude(self, force: Vector) -> float:
         x, y, z = force
-        magnitude = math.sqrt(x * x + y * y + z * z)
-        if not math.isfinite(magnitude):
-            self.rejected += 1
-            return None
-        if not self.watchdog.admits(now, age):
-            return self.let_go(now) if self._held != ZERO else None
+        return math.sqrt(x * x + y * y + z * z)
+
+    def _limited(self, now: float, force: Vector, magnitude: float) -> Vector:
         if magnitude > self._peak:
             if magnitude > self._peak * (1.0 + ROUNDING):
                 self.limited += 1
@@ -254,80 +294,35 @@ class _ArmChannel:
             force = self._slewed(now, force)
         if force == ZERO:
             self.watchdog.forget()
-        self._held, self._commanded = force, now
         return force
-
-    def tick(self, now: float) -> Vector | None:
-        return self.let_go(now) if self.watchdog.went_silent(now) else None
-
-    def let_go(self, now: float) -> Vector:
-        """Hold no force from now on; return it."""
-        self._held, self._commanded = ZERO, now
-        return ZERO
 
     def _slewed(self, now: float, force: Vector) -> Vector:
         """Return a force limited in growth, starting from the held force's part along it."""
-        most = self._slew * min(now - self._commanded, self._period)
+        most = self._growth(now)
         magnitude = math.hypot(*force)
         if magnitude <= most:
             return force
-        before = max(0.0, _dot(self._held, force) / magnitude)
+        along = sum(a * b for a, b in zip(self._held, force, strict=True))
+        before = max(0.0, along / magnitude)
         if magnitude - before <= most:
             return force
         self.slewed += 1
         return _scaled(force, (before + most) / magnitude)
 
-    def values(self) -> dict[str, str]:
-        """Return counts for diagnostics."""
-        return {
-            "held (N)": f"{math.hypot(*self._held):.3f}",
-            "rejected": str(self.rejected),
-            "timeouts": str(self.watchdog.timeouts),
-            "outdated": str(self.watchdog.outdated),
-            "limited": str(self.limited),
-            "slewed": str(self.slewed),
-        }
 
-
-class _ActuatorChannel:
+class _ActuatorChannel(_Channel[float]):
     """The commands for the handle's actuator."""
 
     name = "actuator force"
 
-    def __init__(
-        self,
-        limits: ActuatorCommandLimits,
-        actuator: ActuatorParameters,
-        rate: float,
-        *,
-        manual: bool,
-    ) -> None:
-        timeout = max(limits.command_timeout, LEAST_PERIODS / rate)
-        self.watchdog = Watchdog(timeout, limits.max_age, manual=manual)
-        self.guard = ActuatorGuard(actuator, rate, HARD)
-        self._slew = limits.slew_rate
+    def __init__(self, parameters: MasterSafetyParameters, rate: float, *, manual: bool) -> None:
+        super().__init__(parameters.actuator, rate, 0.0, manual=manual)
+        self.guard = ActuatorGuard(parameters.hardware, rate, HARD)
         self._rate = rate
-        self._period = 1.0 / rate
         self._acceleration = 0.0
         self._ticked: float | None = None
-        self._held = self._push = self._heat = 0.0
-        self._since = self._commanded = -math.inf
-        self.rejected = self.slewed = 0
-
-    def command(self, now: float, age: float, force: float) -> float | None:
-        if not math.isfinite(force):
-            self.rejected += 1
-            return None
-        if not self.watchdog.admits(now, age):
-            return self.let_go(now) if self._held else None
-        if self._slew:
-            force = self._slewed(now, force)
-        if force:
-            force = self._within(force)
-        else:
-            self.watchdog.forget()
-        self._commanded = now
-        return self._hold(now, force)
+        self._push = self._heat = 0.0
+        self._since = -math.inf
 
     def tick(self, now: float, handle_acceleration: float | None) -> float | None:
         """Update the guard; return another force if the held one is no longer allowed."""
@@ -343,26 +338,28 @@ class _ActuatorChannel:
         force = self._within(held)
         return None if force == held else self._hold(now, force)
 
-    def let_go(self, now: float) -> float:
-        """Hold no force from now on; return it."""
-        self._commanded = now
-        return self._hold(now, 0.0)
-
     def values(self) -> dict[str, str]:
         """Return counts, remaining heat and travel for diagnostics."""
         guard = self.guard
         return {
-            "held (N)": f"{self._held:.3f}",
-            "rejected": str(self.rejected),
-            "timeouts": str(self.watchdog.timeouts),
-            "outdated": str(self.watchdog.outdated),
+            **super().values(),
             "limited": str(guard.saturated),
             "limited by heat": str(guard.heated),
             "limited by travel": str(guard.cushioned),
-            "slewed": str(self.slewed),
             "heat left (%)": f"{100.0 * max(0.0, 1.0 - guard.heat):.1f}",
             "travel (mm)": f"{1e3 * guard.travel:.2f}",
         }
+
+    def _magnitude(self, force: float) -> float:
+        return abs(force)
+
+    def _limited(self, now: float, force: float, magnitude: float) -> float:
+        if self._slew:
+            force = self._slewed(now, force)
+        if force:
+            return self._within(force)
+        self.watchdog.forget()
+        return force
 
     def _within(self, force: float) -> float:
         """Return a force as limited by the guard, which may not increase or reverse it here."""
@@ -373,12 +370,12 @@ class _ActuatorChannel:
 
     def _slewed(self, now: float, force: float) -> float:
         """Return a force limited in growth, starting from zero where the sign changes."""
-        most = self._slew * min(now - self._commanded, self._period)
         before = abs(self._held) if self._held * force > 0.0 else 0.0
-        if abs(force) - before <= most:
+        most = before + self._growth(now)
+        if abs(force) <= most:
             return force
         self.slewed += 1
-        return math.copysign(before + most, force)
+        return math.copysign(most, force)
 
     def _hold(self, now: float, force: float) -> float:
         """Hold a force from now on, and add up the effect of the one before."""
@@ -386,8 +383,8 @@ class _ActuatorChannel:
             time = now - self._since
             self._push += self._held * time
             self._heat += self._held * self._held * time
-        self._held, self._since = force, now
-        return force
+        self._since = now
+        return super()._hold(now, force)
 
     def _advance(self, now: float) -> None:
         """Pass the forces since the last tick to the guard, also if that is long ago."""
@@ -428,11 +425,9 @@ class SafetyLayer:
         manual = parameters.recovery == MANUAL
         self._arm = _ArmChannel(parameters.arm, rate, manual=manual)
         self._actuator: _ActuatorChannel | None = None
-        self._channels: list[_ArmChannel | _ActuatorChannel] = [self._arm]
+        self._channels: list[_Channel[Any]] = [self._arm]
         if isinstance(parameters, MasterSafetyParameters):
-            self._actuator = _ActuatorChannel(
-                parameters.actuator, parameters.hardware, rate, manual=manual
-            )
+            self._actuator = _ActuatorChannel(parameters, rate, manual=manual)
             self._channels.append(self._actuator)
         self._warned: defaultdict[str, int] = defaultdict(int)
         self.stopped = self.active = False
@@ -452,13 +447,11 @@ class SafetyLayer:
 
     def arm_force(self, now: float, age: float, force: Vector) -> Vector | None:
         """Return the arm's force for a command, N, whose sample has an age in s; None for none."""
-        if self.stopped or not self.active:
-            return None
-        return self._arm.command(now, age, force)
+        return None if self.refusal else self._arm.command(now, age, force)
 
     def actuator_force(self, now: float, age: float, force: float) -> float | None:
         """Return the actuator's force for a command, as `arm_force` does for the arm."""
-        if self.stopped or not self.active or self._actuator is None:
+        if self.refusal or self._actuator is None:
             return None
         return self._actuator.command(now, age, force)
 
@@ -474,10 +467,8 @@ class SafetyLayer:
         handle_acceleration : float, optional
             Latest measurement, m/s^2; None where it is missing.
         """
-        arm = self._arm.tick(now)
-        if self._actuator is None:
-            return arm, None
-        return arm, self._actuator.tick(now, handle_acceleration)
+        actuator = self._actuator.tick(now, handle_acceleration) if self._actuator else None
+        return self._arm.tick(now), actuator
 
     def stop(self, now: float, stopped: bool) -> None:
         """Forbid forces, or release the stop; the caller sets present forces to zero."""
@@ -501,8 +492,8 @@ class SafetyLayer:
 
     def news(self, now: float) -> list[str]:
         """Return lines for the log, each once."""
-        told = ((c.name, c.watchdog.news(now)) for c in self._channels)
-        return [f"{name}: {line}" for name, line in told if line]
+        lines = ((c.name, c.watchdog.news(now)) for c in self._channels)
+        return [f"{name}: {line}" for name, line in lines if line]
 
     def warnings(self) -> list[str]:
         """Return present faults, and those that occurred since the last call."""
@@ -516,7 +507,7 @@ class SafetyLayer:
                 f"{channel.name} out of date": watchdog.outdated,
                 f"{channel.name} not finite": channel.rejected,
             }
-            new = [said for said, count in counts.items() if count > self._warned[said]]
+            new = [fault for fault, count in counts.items() if count > self._warned[fault]]
             self._warned.update(counts)
             if not new and watchdog.tripped and watchdog.armed:
                 new = [f"{channel.name} {GONE}"]
@@ -525,20 +516,19 @@ class SafetyLayer:
 
     def status(self) -> dict[str, str]:
         """Return counts and the state of the actuator's limits for diagnostics."""
-        values = {"forces allowed": str(not (self.refusal or self.disarmed)).lower()}
-        for channel in self._channels:
-            for name, value in channel.values().items():
-                values[f"{channel.name} {name}"] = value
-        return values
+        return {
+            "forces allowed": str(not (self.refusal or self.disarmed)).lower(),
+            **{
+                f"{c.name} {name}": value
+                for c in self._channels
+                for name, value in c.values().items()
+            },
+        }
 
     def _let_go(self, now: float) -> None:
         for channel in self._channels:
             channel.let_go(now)
             channel.watchdog.rest()
-
-
-def _dot(one: Vector, other: Vector) -> float:
-    return sum(a * b for a, b in zip(one, other, strict=True))
 
 
 def _scaled(force: Vector, share: float) -> Vector:
