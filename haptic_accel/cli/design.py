@@ -15,8 +15,9 @@ from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseParameters
-from haptic_accel.core.control.inversion import causal_bound, measured_spectrum, predict
-from haptic_accel.core.control.inversion.spectrum import ToolSpectrum
+from haptic_accel.core.control.inversion.bound import causal_bound
+from haptic_accel.core.control.inversion.prediction import predict
+from haptic_accel.core.control.inversion.spectrum import ToolSpectrum, measured_spectrum
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import RECORDING, GraphArguments, parse_arguments

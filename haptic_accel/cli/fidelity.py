@@ -21,7 +21,9 @@ from haptic_accel.cli.running import progress_bar
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.control.inversion import Plant, causal_bound, measured_spectrum
+from haptic_accel.core.control.inversion.bound import causal_bound
+from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.control.inversion.spectrum import measured_spectrum
 from haptic_accel.core.model import HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import GripChange, RigParameters, Trial

@@ -9,8 +9,9 @@ from typing import Any
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
-from haptic_accel.core.control.compensation import PLANT, CompensationParameters, check_rate
+from haptic_accel.core.control.compensation import PLANT, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.control.filters import check_corner
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.coupling.engagement import EngagementParameters
 from haptic_accel.core.coupling.position_position import CouplingParameters
@@ -99,7 +100,7 @@ class CompensatorNodeParameters(CompensationParameters):
     def __post_init__(self) -> None:
         """Check all fields, and the rate against the high-pass."""
         super().__post_init__()
-        check_rate(self, self.rate)
+        check_corner(self.rate, self.high_pass_frequency)
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ def test_sample_of_the_compensation(benchmark: Benchmark, controller: str, rate:
     compensation.sample(next(acceleration), next(handle))
     _, force = benchmark(lambda: compensation.sample(next(acceleration), next(handle)))
     assert math.isfinite(force)
-    assert (compensation.saturated, compensation.rejected) == (0, 0)
+    assert (compensation.guard.saturated, compensation.rejected) == (0, 0)
 
 
 @pytest.mark.parametrize("rate", [RATE, 4 * RATE])

@@ -10,7 +10,12 @@ from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION as LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
-from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, SampleFilter, high_pass
+from haptic_accel.core.control.filters import (
+    HIGH_PASS_FREQUENCY,
+    SampleFilter,
+    check_corner,
+    high_pass,
+)
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
@@ -39,16 +44,16 @@ class CompensationParameters(Checked):
     high_pass_frequency: float = parameter(
         HIGH_PASS_FREQUENCY,
         "corner of the 4th-order Butterworth high-pass (paper)",
-        unit="Hz",
-        low=0.1,
-        high=1000.0,
+        "Hz",
+        0.1,
+        1000.0,
     )
     handle_range: float = parameter(
         5 * GRAVITY,
         "range of the handle's accelerometer; samples at the range are not used (paper: 5 g)",
-        unit="m/s^2",
-        low=0,
-        high=LARGEST_ACCELERATION,
+        "m/s^2",
+        0,
+        LARGEST_ACCELERATION,
         above=True,
     )
 
@@ -75,21 +80,6 @@ def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -
     controller = CONTROLLERS[name]
     own = parameters if parameters is not None else controller.Parameters()
     return controller(own, loop)
-
-
-def check_rate(parameters: CompensationParameters, rate: float) -> None:
-    """Refuse a rate in Hz that is too low for the high-pass.
-
-    Raises
-    ------
-    ParameterError
-        The corner lies above half the rate.
-    """
-    if not rate > 2 * parameters.high_pass_frequency:
-        raise ParameterError(
-            f"rate = {rate:g}: must be above twice high_pass_frequency"
-            f" = {parameters.high_pass_frequency:g} Hz"
-        )
 
 
 class Compensation:
@@ -128,7 +118,7 @@ class Compensation:
         options: Mapping[str, Checked] | None = None,
         prepared: Sequence[str] = (),
     ) -> None:
-        check_rate(parameters, rate)
+        check_corner(rate, parameters.high_pass_frequency)
         self._options = dict(options or {})
         self._sections = high_pass(parameters.high_pass_frequency, rate)
         self._handle_range = AT_RANGE * parameters.handle_range
@@ -153,11 +143,6 @@ class Compensation:
     def controller(self) -> str:
         """Name of the controller in use, or of the one selected last."""
         return (self._waiting or self._follower or self._active).name
-
-    @property
-    def saturated(self) -> int:
-        """Number of samples whose force was limited to the peak."""
-        return self.guard.saturated
 
     def select(self, name: str) -> None:
         """Let another controller take over, without a jump in force.

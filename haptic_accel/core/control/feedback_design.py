@@ -26,16 +26,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass
+from haptic_accel.core.control.filters import high_pass, high_pass_response, section_response
 from haptic_accel.core.control.inversion.design import (
+    DEFAULT_GOAL,
     FORCE_COST,
-    MEMORY,
-    TRAVEL_LIMIT,
     UNEXPECTED_DENSITY,
-    check_design,
+    Goal,
+    nearest,
 )
-from haptic_accel.core.control.inversion.plant import Grid, Plant, grid_for, section_response
-from haptic_accel.core.control.inversion.spectrum import PRIOR, SENSOR_DENSITY, ToolSpectrum
+from haptic_accel.core.control.inversion.plant import Plant, grid_for
+from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
@@ -89,13 +89,9 @@ class GripRange(Checked):
             (1.0 / self.stiffness, self.stiffness),
             (1.0 / self.damping, self.damping),
         )
-        return (
-            handle,
-            *(
-                replace(handle, m_h=handle.m_h * m, k_u=handle.k_u * k, b_u=handle.b_u * b)
-                for m, k, b in corners
-            ),
-        )
+        h = handle
+        grips = (replace(h, m_h=h.m_h * m, k_u=h.k_u * k, b_u=h.b_u * b) for m, k, b in corners)
+        return handle, *grips
 
 
 @dataclass(frozen=True)
@@ -285,13 +281,11 @@ def design_feedback(
     plant: Plant,
     rate: float,
     feedforward: Response,
+    goal: Goal = DEFAULT_GOAL,
     *,
     foreseen: bool = True,
-    granted_delay: int = 1,
     margin: float = MARGIN,
     grips: GripRange | None = None,
-    spectrum: ToolSpectrum = PRIOR,
-    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
 ) -> FeedbackDesign:
     """Design the feedback of least error over a range of grips at a stated margin.
 
@@ -316,18 +310,14 @@ def design_feedback(
         Samples per second, more than twice the high-pass' corner.
     feedforward : callable
         Response of the feedforward, from desired acceleration to force.
+    goal : Goal
+        Delay, spectrum, and corner of the high-pass, also of that on the measurement.
     foreseen : bool
         True to compare the measurement with the model's response to the force, False to compare
         it with the desired acceleration after the granted delay.
-    granted_delay : int
-        Samples by which the handle may lag behind the tool.
     margin : float
         Smallest distance of the loop from -1 at any grip, above 0 and below 1.
     grips : GripRange, optional
-    spectrum : callable
-        Spectrum of the tool acceleration.
-    high_pass_frequency : float
-        Corner of the compensator's high-pass and of that on the measurement, Hz.
 
     Returns
     -------
@@ -339,20 +329,17 @@ def design_feedback(
     ParameterError
         A number is out of range.
     """
-    check_design(rate, granted_delay, MEMORY, TRAVEL_LIMIT, high_pass_frequency)
+    goal.check(rate)
     if not 0.0 < margin < 1.0:
         raise ParameterError(f"margin = {margin:g}: must be above 0 and below 1")
     handles = (grips or GripRange()).grips(plant.handle)
     plants = [replace(plant, handle=handle) for handle in handles]
-    problem = _Problem(
-        plants, rate, feedforward, foreseen, granted_delay, margin, spectrum, high_pass_frequency
-    )
+    problem = _Problem(plants, rate, feedforward, goal, foreseen=foreseen, margin=margin)
     best = problem.search()
     share = problem.share(best)
     taps = share * best
-    loops, without, error = problem.outlook(taps)
     return FeedbackDesign(
-        high_pass=high_pass(high_pass_frequency, rate),
+        high_pass=high_pass(goal.high_pass_frequency, rate),
         model=problem.model,
         taps=taps,
         rate=rate,
@@ -360,7 +347,7 @@ def design_feedback(
         share=share if taps.any() else 0.0,
         outlooks=tuple(
             GripOutlook(handle, loop_margins(loop, problem.grid.frequency), before, after)
-            for handle, loop, before, after in zip(handles, loops, without, error, strict=True)
+            for handle, loop, before, after in zip(handles, *problem.outlook(taps), strict=True)
         ),
     )
 
@@ -373,10 +360,6 @@ class _Loops:
     turned: ComplexArray  # 1 + Q (G - G_0)
     sensitivity: ComplexArray  # S
 
-    def reached(self, through: ComplexArray) -> ComplexArray:
-        """Return the derivative of S by Q, with G of all grips."""
-        return np.asarray(-through / self.turned**2)
-
 
 class _Problem:
     """Grips, feedforward and spectrum on a grid; G of all grips, and the search for Q."""
@@ -386,27 +369,26 @@ class _Problem:
         plants: list[Plant],
         rate: float,
         feedforward: Response,
+        goal: Goal,
+        *,
         foreseen: bool,
-        granted_delay: int,
         margin: float,
-        spectrum: ToolSpectrum,
-        high_pass_frequency: float,
     ) -> None:
         length = max(2, round(MODEL_MEMORY * rate))
-        self.grid: Grid = grid_for(rate, length, GRID_STEP)
+        self.grid = grid_for(rate, length, GRID_STEP)
         self._length = max(1, round(FEEDBACK_MEMORY * rate))
         self._limit = 1.0 / margin
         frequency, late = self.grid.frequency, self.grid.delay(1)
-        passed = section_response(high_pass(high_pass_frequency, rate), frequency, rate)
+        passed = high_pass_response(goal.high_pass_frequency, frequency, rate)
         responses = np.stack([plant.response(frequency, rate) for plant in plants])
         # A held force is first seen one sample later: the model's first value is that.
         self.model = self.grid.sequence(responses[0])[1 : length + 1]
         self._through = passed * late * responses
         self._modelled = passed * late * late * self.grid.spectrum(self.model)
-        force, wanted = feedforward(frequency), self.grid.delay(granted_delay)
+        force, wanted = feedforward(frequency), self.grid.delay(goal.granted_delay)
         self._kept = responses[0] * force - wanted if foreseen else np.zeros_like(force)
         self._fought = responses * force - wanted - self._kept
-        expected = spectrum(frequency) * np.abs(passed) ** 2
+        expected = goal.spectrum(frequency) * np.abs(passed) ** 2
         self._expected = expected / expected.sum()
         unexpected = UNEXPECTED_DENSITY**2 * np.abs(passed) ** 2
         falling = (1.0 + (frequency / FELT_FREQUENCY) ** 2) ** 3
@@ -431,14 +413,7 @@ class _Problem:
         """Return the largest part of Q, found by halving, that keeps the margin."""
         if self._keeps(taps):
             return 1.0
-        low, high = 0.0, 1.0
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            if self._keeps(middle * taps):
-                low = middle
-            else:
-                high = middle
-        return low
+        return nearest(lambda share: self._keeps(share * taps), 1.0, 0.0, _HALVINGS)
 
     def outlook(self, taps: FloatArray) -> tuple[ComplexArray, list[float], list[float]]:
         """Return L of all grips, and their errors in percent without and with feedback."""
@@ -448,8 +423,7 @@ class _Problem:
 
     def _errors(self, sensitivity: ComplexArray) -> list[float]:
         error = np.abs(self._kept + sensitivity * self._fought) ** 2
-        errors: list[float] = (100.0 * np.sqrt(error @ self._expected)).tolist()
-        return errors
+        return list(map(float, 100.0 * np.sqrt(error @ self._expected)))
 
     def _loops(self, taps: FloatArray) -> _Loops:
         answer = self.grid.spectrum(taps)
@@ -498,7 +472,8 @@ class _Problem:
         from scipy.linalg import solve_toeplitz
 
         loops = self._loops(taps)
-        sensitivity, reached = loops.sensitivity, loops.reached(self._through)
+        sensitivity = loops.sensitivity
+        reached = -self._through / loops.turned**2  # derivative of S by Q
         force = self._power * np.abs(FORCE_COST * self._surprise / loops.turned) ** 2
         force += self._unexpected / np.abs(loops.turned) ** 2
         outside = sensitivity - self._nearest(sensitivity)

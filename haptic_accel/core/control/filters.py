@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from haptic_accel.core.model import ApproximateModel, FloatArray
+from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
+from haptic_accel.core.parameters import ParameterError
 
 # scipy.signal takes half a second to import: only the design of a filter waits for it.
 
@@ -68,6 +71,35 @@ def high_pass(frequency: float, rate: float) -> FloatArray:
 
     sections = signal.butter(HIGH_PASS_ORDER, frequency, "highpass", fs=rate, output="sos")
     return np.asarray(sections, dtype=float)
+
+
+def high_pass_response(corner: float, frequency: FloatArray, rate: float) -> ComplexArray:
+    """Return the response of the compensator's high-pass at frequencies in Hz."""
+    return section_response(high_pass(corner, rate), frequency, rate)
+
+
+def section_response(sections: FloatArray, frequency: FloatArray, rate: float) -> ComplexArray:
+    """Return the response of second-order sections at frequencies in Hz."""
+    z = np.exp(2j * np.pi * frequency / rate)
+    response = np.ones(len(frequency), dtype=np.complex128)
+    for section in sections:
+        response = response * np.polyval(section[:3], z) / np.polyval(section[3:], z)
+    return response
+
+
+def check_corner(rate: float, high_pass_frequency: float) -> None:
+    """Refuse a rate in Hz that is too low for a high-pass' corner in Hz.
+
+    Raises
+    ------
+    ParameterError
+        The corner lies above half the rate.
+    """
+    if not (math.isfinite(rate) and rate > 2 * high_pass_frequency > 0):
+        raise ParameterError(
+            f"rate = {rate:g}: must be above twice high_pass_frequency"
+            f" = {high_pass_frequency:g} Hz"
+        )
 
 
 def without_hand_motion(

@@ -43,14 +43,14 @@ class AdaptationParameters(Checked):
     """Parameters of the grip estimator."""
 
     memory: float = parameter(
-        0.4, "time constant of forgetting, in excited time", unit="s", low=0.05, high=100.0
+        0.4, "time constant of forgetting, in excited time", "s", 0.05, 100.0
     )
     least_force: float = parameter(
         0.02,
         "minimum root mean square of the actuator's force within the band for an update",
-        unit="N",
-        low=0.0,
-        high=10.0,
+        "N",
+        0.0,
+        10.0,
     )
 
 
@@ -93,7 +93,7 @@ class GripEstimator:
         self._force, self._acceleration = SampleWindow(self._length), SampleWindow(self._length)
         self._kept = math.exp(-self._hop / rate / parameters.memory)
         self._least_force = parameters.least_force
-        self._work: Iterator[bool] | None = None
+        self._work: Iterator[bool] = iter(())
         # Missing samples in the part of the window that is being filled, and in those before.
         self._missing: deque[int] = deque(maxlen=LOOKS)
         self._last = 0.0
@@ -116,13 +116,7 @@ class GripEstimator:
 
     def step(self) -> bool:
         """Do a piece of the pending work; return True when there is a new estimate."""
-        if self._work is None:
-            return False
-        try:
-            return next(self._work)
-        except StopIteration:
-            self._work = None
-            return False
+        return next(self._work, False)
 
     def reset(self) -> None:
         """Return to the assumed grip."""
@@ -133,7 +127,7 @@ class GripEstimator:
         self._last = 0.0
         self._missing.clear()
         self._missing.append(0)
-        self._work = None
+        self._work = iter(())
         self._force.reset()
         self._acceleration.reset()
 

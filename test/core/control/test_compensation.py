@@ -24,12 +24,11 @@ from haptic_accel.core.control.compensation import (
     Compensation,
     CompensationParameters,
     build_controller,
-    check_rate,
 )
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
 from haptic_accel.core.control.controllers.constant import ConstantParameters
-from haptic_accel.core.control.filters import high_pass, inverse_of
-from haptic_accel.core.control.inversion import Plant
+from haptic_accel.core.control.filters import check_corner, high_pass, inverse_of
+from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.model import GRAVITY, ApproximateModel, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError
 
@@ -148,14 +147,14 @@ def test_reset_forgets_the_past() -> None:
 def test_a_force_beyond_the_peak_is_cut_and_counted() -> None:
     stream = unlimited("constant")
     # 6.6 N / 0.128 kg = 51.6 m/s^2, of which the first sample passes 88 %.
-    assert [stream.sample(50.0, 0.0)[1] < COIL.peak_force, stream.saturated] == [
+    assert [stream.sample(50.0, 0.0)[1] < COIL.peak_force, stream.guard.saturated] == [
         True,
         0,
     ]
     stream.reset()
-    assert [stream.sample(100.0, 0.0)[1], stream.saturated] == [6.6, 1]
+    assert [stream.sample(100.0, 0.0)[1], stream.guard.saturated] == [6.6, 1]
     stream.reset()
-    assert [stream.sample(-100.0, 0.0)[1], stream.saturated] == [-6.6, 2]
+    assert [stream.sample(-100.0, 0.0)[1], stream.guard.saturated] == [-6.6, 2]
 
 
 @untimed
@@ -169,7 +168,7 @@ def test_exactly_the_forces_beyond_the_peak_are_cut(values: FloatArray, peak: fl
         assert abs(force) <= peak
         assert force == pytest.approx(min(peak, max(-peak, wanted)))
         cut += abs(wanted) > peak
-    assert limited.saturated == cut
+    assert limited.guard.saturated == cut
 
 
 # Samples that are none
@@ -283,11 +282,11 @@ def test_a_rate_too_low_for_the_high_pass_is_refused(rate: float) -> None:
     ):
         compensation("dynamic", rate)
     with pytest.raises(ParameterError, match="high_pass_frequency = 15 Hz$"):
-        check_rate(CompensationParameters(), rate)
+        check_corner(rate, CompensationParameters().high_pass_frequency)
 
 
 def test_a_rate_just_above_is_not() -> None:
-    check_rate(CompensationParameters(), 31.0)
+    check_corner(31.0, CompensationParameters().high_pass_frequency)
     assert compensation("dynamic", 31.0).sample(0.0, 0.0) == (0.0, 0.0)
 
 
@@ -370,7 +369,7 @@ def test_the_force_does_not_jump_when_another_takes_over(
     stream.select(other)
     assert stream.controller == other
     found += forces(stream, values[BEFORE:])
-    assert stream.saturated == 0
+    assert stream.guard.saturated == 0
     at = BEFORE + LISTENED
     assert found[:at] == own[one].forces[:at]
     end = at + FADED

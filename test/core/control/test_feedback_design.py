@@ -17,8 +17,8 @@ from haptic_accel.core.control.feedback_design import (
     encirclements,
     loop_margins,
 )
-from haptic_accel.core.control.inversion import Plant, design_inverse
-from haptic_accel.core.control.inversion.plant import Grid
+from haptic_accel.core.control.inversion.design import design_inverse
+from haptic_accel.core.control.inversion.plant import Grid, Plant
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from haptic_accel.core.actuator.friction import FrictionCompensation
-from haptic_accel.core.control.controllers.interface import Controller, Loop
-from haptic_accel.core.control.controllers.inverse import InverseParameters
-from haptic_accel.core.control.filters import SampleFilter
+from haptic_accel.core.control.controllers.interface import Loop
+from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.grip_estimation import AdaptationParameters, GripEstimator
-from haptic_accel.core.control.inversion.convolution import SampleConvolution
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
 from haptic_accel.core.parameters import parameter
 
@@ -26,10 +23,10 @@ class AdaptiveParameters(InverseParameters):
 
     def family(self, loop: Loop) -> InverseFamily:
         """Return the inverse for all grips; takes a fraction of a second."""
-        return design_family(loop.plant, loop.rate, **self.terms(loop))
+        return design_family(loop.plant, loop.rate, self.goal(loop))
 
 
-class AdaptiveController(Controller):
+class AdaptiveController(InverseController):
     """f_a = a_hdes through the inverse for the estimated grip."""
 
     Parameters = AdaptiveParameters
@@ -37,12 +34,11 @@ class AdaptiveController(Controller):
     def __init__(self, parameters: AdaptiveParameters, loop: Loop) -> None:
         self._family = parameters.family(loop)
         self._estimator = GripEstimator(loop.plant, loop.rate, parameters.adaptation)
-        self._extension = SampleFilter(self._family.sections)
-        self._convolution = SampleConvolution(self._family.taps(self._estimator.grip))
-        self._friction = FrictionCompensation(loop.plant.handle, loop.plant.friction, loop.rate)
+        taps = self._family.taps(self._estimator.grip)
+        self._invert_by(self._family.sections, taps, loop)
         self._step = 1.0 / max(1, round(FADING * loop.rate))
-        self._fading, self._slope = 0.0, 0.0 * self._convolution.taps
-        self._applied = self._given = 0.0
+        self._fading, self._slope = 0.0, 0.0 * taps
+        self._applied = 0.0
         self.frozen = parameters.frozen
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
@@ -52,13 +48,11 @@ class AdaptiveController(Controller):
         if self._fading > 0.0:
             self._fading -= self._step
             self._convolution.taps = self._convolution.taps + self._slope
-        force = self._convolution.sample(self._extension.sample(desired_acceleration))
-        self._given = self._friction.force(force, desired_acceleration)
-        return force + self._given
+        return super().force(desired_acceleration, measured_acceleration)
 
     def applied(self, actuator_force: float) -> None:
         """Store the force that drives the handle: the applied one less friction."""
-        self._applied = actuator_force - self._given
+        self._applied = actuator_force - self.friction_force
 
     def adapt(self) -> None:
         """Do a piece of the estimate; when it is done, begin to change the filter."""
@@ -76,12 +70,10 @@ class AdaptiveController(Controller):
 
     def reset(self) -> None:
         """Clear the filters and forget the grip."""
+        super().reset()
         self._estimator.reset()
-        self._extension.reset()
-        self._convolution.reset()
         self._convolution.taps = self._family.taps(self._estimator.grip)
-        self._friction.reset()
-        self._fading = self._applied = self._given = 0.0
+        self._fading = self._applied = 0.0
 
     def status(self) -> dict[str, str]:
         """Return the estimated grip."""

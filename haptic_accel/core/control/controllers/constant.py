@@ -28,6 +28,3 @@ class ConstantController(Controller):
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return mass times desired acceleration."""
         return self._mass * desired_acceleration
-
-    def reset(self) -> None:
-        """Do nothing: there is no state."""

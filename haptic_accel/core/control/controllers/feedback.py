@@ -10,9 +10,8 @@ import numpy as np
 
 from haptic_accel.core.control.controllers.constant import ConstantController, ConstantParameters
 from haptic_accel.core.control.controllers.dynamic import DynamicController
-from haptic_accel.core.control.controllers.interface import Controller, Loop, NoParameters
+from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
-from haptic_accel.core.control.controllers.none import NoController
 from haptic_accel.core.control.feedback_design import (
     MARGIN,
     FeedbackDesign,
@@ -20,11 +19,9 @@ from haptic_accel.core.control.feedback_design import (
     Response,
     design_feedback,
 )
-from haptic_accel.core.control.filters import SampleFilter, inverse_of
+from haptic_accel.core.control.filters import SampleFilter, inverse_of, section_response
 from haptic_accel.core.control.inversion.convolution import SampleConvolution
-from haptic_accel.core.control.inversion.plant import section_response
 from haptic_accel.core.identification.approximate import approximate_model
-from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import parameter
 
 FADING = 5e-3
@@ -54,16 +51,23 @@ class FeedbackParameters(InverseParameters):
     )
     grips: GripRange = field(default_factory=GripRange)
 
-    def design(self, loop: Loop) -> FeedbackDesign:
-        """Return the feedback for a loop; takes about a second.
+    def design(self, loop: Loop, feedforward: Response | None = None) -> FeedbackDesign:
+        """Return the feedback for a loop, and its feedforward's response; takes about a second.
 
         Raises
         ------
         ParameterError
             The rate is too low for the high-pass.
         """
-        _, response = _feedforward(self, loop)
-        return _designed(self, loop, response)
+        return design_feedback(
+            loop.plant,
+            loop.rate,
+            feedforward or _feedforward(self, loop)[1],
+            self.goal(loop),
+            foreseen=self.feedforward == INVERSE,
+            margin=self.margin,
+            grips=self.grips,
+        )
 
 
 class FeedbackController(Controller):
@@ -95,7 +99,7 @@ class FeedbackController(Controller):
 
     def __init__(self, parameters: FeedbackParameters, loop: Loop) -> None:
         self._feedforward, response = _feedforward(parameters, loop)
-        self.design = _designed(parameters, loop, response)
+        self.design = parameters.design(loop, response)
         self._foreseen = parameters.feedforward == INVERSE
         self._high_pass = SampleFilter(self.design.high_pass)
         self._model = SampleConvolution(self.design.model)
@@ -108,12 +112,13 @@ class FeedbackController(Controller):
 
     def _start(self) -> None:
         self._wanted = deque([0.0] * self._delay)
-        self._expected = 0.0  # what the model said of the last tick, m/s^2
+        self._expected = 0.0  # acceleration of the model at the last tick, m/s^2
         self._surprise = 0.0  # the latest that is known, m/s^2
         self._first = math.nan  # gravity and all that was there before, m/s^2
         self._known = 0.0  # force whose effect is in what is wanted, N
         self._surplus = 0.0  # the last force beside that, N
-        self._share, self._heard, self._gaps = 1.0, self._regained, 0
+        self._share, self._gaps = 1.0, 0
+        self._valid = self._regained  # samples without a gap
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the feedforward's force and the feedback's."""
@@ -128,13 +133,13 @@ class FeedbackController(Controller):
             if math.isnan(self._first):
                 self._first = surprise
             self._surprise = surprise - self._first
-            self._heard += 1
+            self._valid += 1
         else:
-            self._count_gap()
+            self._gaps += self._valid >= self._regained
+            self._valid = 0
         self._share = self._faded()
-        answer = self._answer.sample(self._high_pass.sample(self._surprise))
         self._known = 0.0 if self._foreseen else force
-        force += self._share * answer
+        force += self._share * self._answer.sample(self._high_pass.sample(self._surprise))
         self.applied(force)
         return force
 
@@ -156,7 +161,7 @@ class FeedbackController(Controller):
     @property
     def warning(self) -> str:
         """Warning while the handle's acceleration is missing or saturated; otherwise empty."""
-        if self._heard < self._regained:
+        if self._valid < self._regained:
             return "feedback off: handle acceleration stale or saturated"
         return ""
 
@@ -167,47 +172,21 @@ class FeedbackController(Controller):
             part.reset()
         self._start()
 
-    def _count_gap(self) -> None:
-        if self._heard >= self._regained:
-            self._gaps += 1
-        self._heard = 0
-
     def _faded(self) -> float:
-        if self._heard >= self._regained:
+        if self._valid >= self._regained:
             return min(1.0, self._share + self._fade)
         return max(0.0, self._share - self._fade)
-
-
-def _designed(parameters: FeedbackParameters, loop: Loop, response: Response) -> FeedbackDesign:
-    return design_feedback(
-        loop.plant,
-        loop.rate,
-        response,
-        foreseen=parameters.feedforward == INVERSE,
-        granted_delay=parameters.granted_delay,
-        margin=parameters.margin,
-        grips=parameters.grips,
-        spectrum=parameters.texture,
-        high_pass_frequency=loop.high_pass_frequency,
-    )
 
 
 def _feedforward(parameters: FeedbackParameters, loop: Loop) -> tuple[Controller, Response]:
     """Return the feedforward for the identified handle, and its response."""
     handle = loop.plant.handle
-    if parameters.feedforward == "none":
-        return NoController(NoParameters(), loop), lambda frequency: _flat(0.0, frequency)
-    if parameters.feedforward == "constant":
-        mass = ConstantParameters(mass=handle.m_h)
-        return ConstantController(mass, loop), lambda frequency: _flat(handle.m_h, frequency)
+    if parameters.feedforward == INVERSE:
+        inverse = InverseController(parameters, loop)
+        return inverse, inverse.response
     if parameters.feedforward == "dynamic":
         model = approximate_model(handle)
         sections = inverse_of(model, loop.rate)
-        return DynamicController(model, loop), lambda frequency: section_response(
-            sections, frequency, loop.rate
-        )
-    return InverseController(parameters, loop), parameters.filter(loop).response
-
-
-def _flat(gain: float, frequency: FloatArray) -> ComplexArray:
-    return np.full(len(frequency), gain, dtype=np.complex128)
+        return DynamicController(model, loop), lambda f: section_response(sections, f, loop.rate)
+    gain = ConstantParameters(mass=handle.m_h if parameters.feedforward == "constant" else 0.0)
+    return ConstantController(gain, loop), lambda f: np.full(len(f), gain.mass, np.complex128)

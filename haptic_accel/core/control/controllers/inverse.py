@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TypedDict
 
 from haptic_accel.core.actuator.friction import FrictionCompensation
 from haptic_accel.core.control.controllers.interface import Controller, Loop
@@ -13,21 +12,13 @@ from haptic_accel.core.control.inversion.design import (
     LONGEST_GRANTED_DELAY,
     MEMORY,
     TRAVEL_LIMIT,
+    Goal,
     InverseFilter,
     design_inverse,
 )
-from haptic_accel.core.control.inversion.spectrum import TexturePrior, ToolSpectrum
+from haptic_accel.core.control.inversion.spectrum import TexturePrior
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, parameter
-
-
-class DesignTerms(TypedDict):
-    """Keyword arguments of `design_inverse` and `design_family`."""
-
-    granted_delay: int
-    memory: float
-    travel_limit: float
-    spectrum: ToolSpectrum
-    high_pass_frequency: float
 
 
 @dataclass(frozen=True)
@@ -43,14 +34,12 @@ class InverseParameters(Checked):
     travel_limit: float = parameter(
         TRAVEL_LIMIT,
         "maximum travel of the actuator as the tool lands on a surface",
-        unit="m",
-        low=1e-5,
-        high=0.1,
+        "m",
+        1e-5,
+        0.1,
     )
     texture: TexturePrior = field(default_factory=TexturePrior)
-    memory: float = parameter(
-        MEMORY, "length of the impulse response", unit="s", low=0.05, high=0.4
-    )
+    memory: float = parameter(MEMORY, "length of the impulse response", "s", 0.05, 0.4)
 
     def filter(self, loop: Loop) -> InverseFilter:
         """Return the inverse for a loop; takes a fraction of a second.
@@ -60,17 +49,12 @@ class InverseParameters(Checked):
         ParameterError
             The rate is too low for the high-pass.
         """
-        return design_inverse(loop.plant, loop.rate, **self.terms(loop))
+        return design_inverse(loop.plant, loop.rate, self.goal(loop))
 
-    def terms(self, loop: Loop) -> DesignTerms:
-        """Return the arguments of the design of the inverse, or of a family of inverses."""
-        return {
-            "granted_delay": self.granted_delay,
-            "memory": self.memory,
-            "travel_limit": self.travel_limit,
-            "spectrum": self.texture,
-            "high_pass_frequency": loop.high_pass_frequency,
-        }
+    def goal(self, loop: Loop) -> Goal:
+        """Return the goal of the design of the inverse, or of a family of inverses."""
+        corner = loop.high_pass_frequency
+        return Goal(self.granted_delay, self.memory, self.travel_limit, self.texture, corner)
 
 
 class InverseController(Controller):
@@ -78,6 +62,8 @@ class InverseController(Controller):
 
     Attributes
     ----------
+    response : callable
+        Force over desired acceleration, N per m/s^2, at frequencies in Hz.
     friction_force : float
         Part of the last force that compensates dry friction, N.
     """
@@ -86,8 +72,12 @@ class InverseController(Controller):
 
     def __init__(self, parameters: InverseParameters, loop: Loop) -> None:
         inverse = parameters.filter(loop)
-        self._extension = SampleFilter(inverse.sections)
-        self._convolution = SampleConvolution(inverse.taps)
+        self.response = inverse.response
+        self._invert_by(inverse.sections, inverse.taps, loop)
+
+    def _invert_by(self, sections: FloatArray, taps: FloatArray, loop: Loop) -> None:
+        self._extension = SampleFilter(sections)
+        self._convolution = SampleConvolution(taps)
         self._friction = FrictionCompensation(loop.plant.handle, loop.plant.friction, loop.rate)
         self.friction_force = 0.0
 
@@ -98,7 +88,7 @@ class InverseController(Controller):
         return force + self.friction_force
 
     def reset(self) -> None:
-        """Clear both filters."""
+        """Clear the filters."""
         self._extension.reset()
         self._convolution.reset()
         self._friction.reset()

@@ -13,6 +13,3 @@ class NoController(Controller):
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return zero."""
         return 0.0
-
-    def reset(self) -> None:
-        """Do nothing: there is no state."""

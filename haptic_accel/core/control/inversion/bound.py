@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
-from haptic_accel.core.control.inversion.design import MEMORY, check_design
-from haptic_accel.core.control.inversion.plant import (
-    Dynamics,
-    Grid,
-    grid_for,
-    high_pass_response,
-)
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
+from haptic_accel.core.control.inversion.design import Goal
+from haptic_accel.core.control.inversion.plant import Dynamics, Grid, grid_for
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
 from haptic_accel.core.model import ComplexArray, FloatArray
 
@@ -63,10 +58,10 @@ def causal_bound(
     ParameterError
         A number is out of range.
     """
-    check_design(rate, granted_delay, MEMORY, 1.0, high_pass_frequency)
+    Goal(granted_delay, high_pass_frequency=high_pass_frequency).check(rate)
     grid = grid_for(rate, step=STEP)
     frequency = grid.frequency
-    passed = np.abs(high_pass_response(high_pass_frequency, rate)(frequency)) ** 2
+    passed = np.abs(high_pass_response(high_pass_frequency, frequency, rate)) ** 2
     desired = spectrum(frequency) * passed
     response = plant.response(frequency, rate)
     all_pass = response / _minimum_phase(grid, np.abs(response))

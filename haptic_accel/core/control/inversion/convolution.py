@@ -37,7 +37,7 @@ class SampleWindow:
         return self._past[self._newest : self._newest + self._length]
 
     def reset(self) -> None:
-        """Forget all: zeros."""
+        """Set all samples to zero."""
         self._past[:] = 0.0
 
 
@@ -63,10 +63,6 @@ class SampleConvolution:
         """Take one input sample, return one output sample."""
         self._window.push(value)
         return float(self.taps.dot(self._window.latest()))
-
-    def latest(self) -> FloatArray:
-        """Return the latest samples, newest first, shape (n,); a view until the next sample."""
-        return self._window.latest()
 
     def reset(self) -> None:
         """Forget the past: the state of a filter that has always seen zero."""

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, HIGH_PASS_ORDER, high_pass
+from haptic_accel.core.control.filters import (
+    HIGH_PASS_FREQUENCY,
+    HIGH_PASS_ORDER,
+    check_corner,
+    high_pass,
+    high_pass_response,
+    section_response,
+)
 from haptic_accel.core.control.inversion.plant import (
     Dynamics,
     Plant,
     grid_for,
-    grip_factors,
     inverse_terms,
-    section_response,
     travel_response,
 )
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
-from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
+from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.parameters import ParameterError
 
 # scipy.signal and scipy.linalg are slow to import: only the design of a filter waits for them.
@@ -58,6 +64,56 @@ _HALVINGS = 12  # of that range, on a logarithmic scale: to half a percent
 
 
 @dataclass(frozen=True)
+class Goal:
+    """Numbers that a filter is designed for.
+
+    Attributes
+    ----------
+    granted_delay : int
+        Samples by which the handle may lag behind the tool; the paper's is one.
+    memory : float
+        Length of the convolution, s.
+    travel_limit : float
+        Largest displacement of the actuator after a landing, m.
+    spectrum : callable
+        Spectrum of the tool acceleration.
+    high_pass_frequency : float
+        Corner of the compensator's high-pass, Hz.
+    """
+
+    granted_delay: int = 1
+    memory: float = MEMORY
+    travel_limit: float = TRAVEL_LIMIT
+    spectrum: ToolSpectrum = PRIOR
+    high_pass_frequency: float = HIGH_PASS_FREQUENCY
+
+    def check(self, rate: float) -> None:
+        """Refuse numbers for which no filter can be designed at a rate in Hz.
+
+        Raises
+        ------
+        ParameterError
+            Naming the number, its value and what is allowed.
+        """
+        check_corner(rate, self.high_pass_frequency)
+        if not 0 <= self.granted_delay <= LONGEST_GRANTED_DELAY:
+            raise ParameterError(
+                f"granted_delay = {self.granted_delay}: must be from 0 to {LONGEST_GRANTED_DELAY}"
+            )
+        if not (math.isfinite(self.memory) and 1 <= round(self.memory * rate) <= MOST_TAPS):
+            raise ParameterError(
+                f"memory = {self.memory:g}: must be from {1 / rate:g} to {MOST_TAPS / rate:g} s"
+                f" at {rate:g} Hz"
+            )
+        if not (math.isfinite(self.travel_limit) and self.travel_limit > 0):
+            raise ParameterError(f"travel_limit = {self.travel_limit:g}: must be above 0 m")
+
+
+DEFAULT_GOAL = Goal()
+"""Goal for an unknown surface."""
+
+
+@dataclass(frozen=True)
 class InverseFilter:
     """From desired acceleration to force: the extension, then a convolution.
 
@@ -69,17 +125,14 @@ class InverseFilter:
         Impulse response of what follows, N per m/s^2.
     rate : float
         Samples per second.
-    high_pass_frequency : float
-        Corner of the high-pass that the desired acceleration has passed, Hz.
-    granted_delay : int
-        Samples by which the handle may lag behind the tool.
+    goal : Goal
+        Granted delay and high-pass, among others, for which it was designed.
     """
 
     sections: FloatArray
     taps: FloatArray
     rate: float
-    high_pass_frequency: float
-    granted_delay: int
+    goal: Goal
 
     def response(self, frequency: npt.ArrayLike) -> ComplexArray:
         """Return force over desired acceleration at frequencies in Hz, N per m/s^2."""
@@ -87,45 +140,6 @@ class InverseFilter:
         turned = np.exp(-2j * np.pi * frequency / self.rate)
         convolved = np.polynomial.polynomial.polyval(turned, self.taps)
         return np.asarray(section_response(self.sections, frequency, self.rate) * convolved)
-
-
-@dataclass(frozen=True)
-class InverseBasis:
-    """Inverse for every grip: its taps are linear in mass, damping and stiffness.
-
-    Attributes
-    ----------
-    sections : ndarray, shape (2, 6)
-        The extension, which no grip changes.
-    terms : ndarray, shape (4, n)
-        Taps to multiply by m_h, b_u, k_u and 1.
-    rate : float
-        Samples per second.
-    high_pass_frequency : float
-        Corner of the high-pass that the desired acceleration has passed, Hz.
-    granted_delay : int
-        Number of samples by which the handle may lag behind the tool.
-    """
-
-    sections: FloatArray
-    terms: FloatArray
-    rate: float
-    high_pass_frequency: float
-    granted_delay: int
-
-    def taps(self, handle: HandleParameters) -> FloatArray:
-        """Return the taps for a handle as a user holds it, shape (n,), N per m/s^2."""
-        return np.asarray(grip_factors(handle) @ self.terms)
-
-    def filter(self, handle: HandleParameters) -> InverseFilter:
-        """Return the filter for a handle as a user holds it."""
-        return InverseFilter(
-            self.sections,
-            self.taps(handle),
-            self.rate,
-            self.high_pass_frequency,
-            self.granted_delay,
-        )
 
 
 def extension(high_pass_frequency: float, rate: float) -> FloatArray:
@@ -145,24 +159,12 @@ def extension(high_pass_frequency: float, rate: float) -> FloatArray:
     lower = high_pass(min(EXTENDED_CORNER, high_pass_frequency), rate)
     extended = np.empty_like(sections)
     extended[:, :3], extended[:, 3:] = sections[:, 3:], lower[:, 3:]
-    extended[:, :3] *= (_gain(lower) / _gain(sections)) ** (2 / HIGH_PASS_ORDER)
+    gain, lower_gain = np.prod(sections[:, 0]), np.prod(lower[:, 0])
+    extended[:, :3] *= float(lower_gain / gain) ** (2 / HIGH_PASS_ORDER)
     return extended
 
 
-def _gain(sections: FloatArray) -> float:
-    return float(np.prod(sections[:, 0]))
-
-
-def design_inverse(
-    plant: Dynamics,
-    rate: float,
-    *,
-    granted_delay: int = 1,
-    memory: float = MEMORY,
-    travel_limit: float = TRAVEL_LIMIT,
-    spectrum: ToolSpectrum = PRIOR,
-    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
-) -> InverseFilter:
+def design_inverse(plant: Dynamics, rate: float, goal: Goal = DEFAULT_GOAL) -> InverseFilter:
     """Design the causal filter that makes the handle move as desired.
 
     With the tool's spectrum S, the high-pass B, the plant P, the travel D per force, and the
@@ -183,16 +185,7 @@ def design_inverse(
     plant : Plant or IdentifiedPlant
     rate : float
         Samples per second, more than twice the high-pass' corner.
-    granted_delay : int
-        Samples by which the handle may lag behind the tool; the paper's is one.
-    memory : float
-        Length of the convolution, s.
-    travel_limit : float
-        Largest displacement of the actuator after a landing, m.
-    spectrum : callable
-        Spectrum of the tool acceleration.
-    high_pass_frequency : float
-        Corner of the compensator's high-pass, Hz.
+    goal : Goal
 
     Returns
     -------
@@ -203,24 +196,12 @@ def design_inverse(
     ParameterError
         A number is out of range, or the plant has no such rate.
     """
-    check_design(rate, granted_delay, memory, travel_limit, high_pass_frequency)
-    problem = _Problem(
-        plant, rate, granted_delay, memory, travel_limit, spectrum, high_pass_frequency
-    )
-    taps = problem.solution(problem.grid.delay(granted_delay))
-    return InverseFilter(problem.sections, taps, rate, high_pass_frequency, granted_delay)
+    problem = _Problem(plant, rate, goal)
+    taps = problem.solution(problem.grid.delay(goal.granted_delay))
+    return InverseFilter(extension(goal.high_pass_frequency, rate), taps, rate, goal)
 
 
-def design_basis(
-    plant: Plant,
-    rate: float,
-    *,
-    granted_delay: int = 1,
-    memory: float = MEMORY,
-    travel_limit: float = TRAVEL_LIMIT,
-    spectrum: ToolSpectrum = PRIOR,
-    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
-) -> InverseBasis:
+def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatArray:
     """Design the inverse for all grips of one actuator at once.
 
     1/H is linear in m_h, b_u and k_u (`inverse_terms`), and so is the solution of least squares
@@ -232,91 +213,70 @@ def design_basis(
     ----------
     plant : Plant
         Actuator, mount, delay, low-pass, and the grip in the middle of those to come.
-    rate, granted_delay, memory, travel_limit, spectrum, high_pass_frequency
+    rate, goal
         As in `design_inverse`.
 
     Returns
     -------
-    InverseBasis
+    ndarray, shape (4, n)
+        Taps to multiply by m_h, b_u, k_u and 1, then to add.
 
     Raises
     ------
     ParameterError
         A number is out of range.
     """
-    check_design(rate, granted_delay, memory, travel_limit, high_pass_frequency)
-    problem = _Problem(
-        plant, rate, granted_delay, memory, travel_limit, spectrum, high_pass_frequency
-    )
+    problem = _Problem(plant, rate, goal)
     frequency = problem.grid.frequency
     model = handle_model(plant.handle).response(frequency)
-    terms = inverse_terms(plant.handle, frequency) * model * problem.grid.delay(granted_delay)
-    taps = np.stack([problem.solution(term) for term in terms])
-    return InverseBasis(problem.sections, taps, rate, high_pass_frequency, granted_delay)
+    terms = inverse_terms(plant.handle, frequency) * model
+    return np.stack([problem.solution(t * problem.grid.delay(goal.granted_delay)) for t in terms])
 
 
-def check_design(
-    rate: float,
-    granted_delay: int,
-    memory: float,
-    travel_limit: float,
-    high_pass_frequency: float,
-) -> None:
-    """Refuse numbers for which no filter can be designed.
+def nearest(keeps: Callable[[float], bool], start: float, end: float, halvings: int) -> float:
+    """Return the number nearest to a start that keeps a limit, found by halving.
 
-    Raises
-    ------
-    ParameterError
-        Naming the number, its value and what is allowed.
+    Parameters
+    ----------
+    keeps : callable
+        Whether a number keeps the limit; taken to be true at the end, false at the start.
+    start, end : float
+        Ends of the range; the end may be the smaller.
+    halvings : int
+        Number of times that the range is halved.
     """
-    if not (math.isfinite(rate) and rate > 2 * high_pass_frequency > 0):
-        raise ParameterError(
-            f"rate = {rate:g}: must be above twice high_pass_frequency"
-            f" = {high_pass_frequency:g} Hz"
-        )
-    if not 0 <= granted_delay <= LONGEST_GRANTED_DELAY:
-        raise ParameterError(
-            f"granted_delay = {granted_delay}: must be from 0 to {LONGEST_GRANTED_DELAY}"
-        )
-    if not (math.isfinite(memory) and 1 <= round(memory * rate) <= MOST_TAPS):
-        raise ParameterError(
-            f"memory = {memory:g}: must be from {1 / rate:g} to {MOST_TAPS / rate:g} s"
-            f" at {rate:g} Hz"
-        )
-    if not (math.isfinite(travel_limit) and travel_limit > 0):
-        raise ParameterError(f"travel_limit = {travel_limit:g}: must be above 0 m")
+    for _ in range(halvings):
+        middle = (start + end) / 2
+        if keeps(middle):
+            end = middle
+        else:
+            start = middle
+    return end
 
 
 class _Problem:
     """The normal equations, with the cost of travel that keeps the limit."""
 
-    def __init__(
-        self,
-        plant: Dynamics,
-        rate: float,
-        granted_delay: int,
-        memory: float,
-        travel_limit: float,
-        spectrum: ToolSpectrum,
-        high_pass_frequency: float,
-    ) -> None:
-        self._length = round(memory * rate)
+    def __init__(self, plant: Dynamics, rate: float, goal: Goal) -> None:
+        goal.check(rate)
+        self._length = round(goal.memory * rate)
         self.grid = grid_for(rate, self._length)
-        self.sections = extension(high_pass_frequency, rate)
         frequency = self.grid.frequency
-        passed = section_response(high_pass(high_pass_frequency, rate), frequency, rate)
-        extended = passed * section_response(self.sections, frequency, rate)
-        power = spectrum(frequency)
+        passed = high_pass_response(goal.high_pass_frequency, frequency, rate)
+        sections = extension(goal.high_pass_frequency, rate)
+        extended = passed * section_response(sections, frequency, rate)
+        power = goal.spectrum(frequency)
         response = plant.response(frequency, rate)
         # All in terms of the convolution's input, whose power this is:
         driven = power * np.abs(extended) ** 2
         unexpected = UNEXPECTED_DENSITY**2 * np.abs(extended) ** 2
         self._tracking = driven * np.abs(response) ** 2
         self._tracking += FORCE_COST**2 * (driven + unexpected)
-        self._travel = driven * np.abs(travel_response(plant.handle, frequency)) ** 2
+        travel = travel_response(plant.handle, frequency)
+        self._travel = driven * np.abs(travel) ** 2
         self._reached = power * (response * extended).conj() * passed
-        self._landing = extended * travel_response(plant.handle, frequency)
-        self._cost = self._least_cost(self.grid.delay(granted_delay), travel_limit)
+        self._landing = extended * travel
+        self._cost = self._least_cost(goal)
 
     def solution(self, target: ComplexArray) -> FloatArray:
         """Return the taps for a target of handle over desired acceleration on the grid."""
@@ -330,16 +290,16 @@ class _Problem:
         wanted = self.grid.sequence(self._reached * target)[: self._length]
         return np.asarray(solve_toeplitz(column, wanted), dtype=np.float64)
 
-    def _least_cost(self, target: ComplexArray, travel_limit: float) -> float:
+    def _least_cost(self, goal: Goal) -> float:
         """Return the least cost of travel that keeps it within the limit."""
-        low, high = (math.log(cost) for cost in _COSTS)
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            taps = self._solved(target, math.exp(middle))
+        target = self.grid.delay(goal.granted_delay)
+
+        def keeps(logarithm: float) -> bool:
+            taps = self._solved(target, math.exp(logarithm))
             moved = self.grid.sequence(self._landing * self.grid.spectrum(taps))
             # An acceleration over one sample that changes the velocity as much.
-            if LANDING_VELOCITY * self.grid.rate * np.abs(moved).max() <= travel_limit:
-                high = middle
-            else:
-                low = middle
-        return math.exp(high)
+            travel = LANDING_VELOCITY * self.grid.rate * np.abs(moved).max()
+            return bool(travel <= goal.travel_limit)
+
+        low, high = (math.log(cost) for cost in _COSTS)
+        return math.exp(nearest(keeps, low, high, _HALVINGS))

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
+from haptic_accel.core.control.filters import high_pass_response, section_response
 from haptic_accel.core.control.inversion.design import (
+    DEFAULT_GOAL,
     LANDING_VELOCITY,
-    MEMORY,
-    TRAVEL_LIMIT,
-    InverseBasis,
+    Goal,
     design_basis,
+    extension,
+    nearest,
 )
-from haptic_accel.core.control.inversion.plant import (
-    Plant,
-    grid_for,
-    high_pass_response,
-    section_response,
-)
-from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
+from haptic_accel.core.control.inversion.plant import Plant, grid_for
 from haptic_accel.core.model import FloatArray
 
 CAUTION = 0.5
@@ -41,7 +36,10 @@ class InverseFamily:
 
     Attributes
     ----------
-    free, cautious : InverseBasis
+    sections : ndarray, shape (2, 6)
+        The extension, which no grip changes.
+    free, cautious : ndarray, shape (4, n)
+        Taps to multiply by m_h, b_u, k_u and 1, then to add.
     landing_free, landing_cautious : ndarray, shape (4, n)
         Travel after a landing by term of a basis, m.
     landing_handle : ndarray, shape (n,)
@@ -50,17 +48,13 @@ class InverseFamily:
         Maximum travel after a landing, m.
     """
 
-    free: InverseBasis
-    cautious: InverseBasis
+    sections: FloatArray
+    free: FloatArray
+    cautious: FloatArray
     landing_free: FloatArray
     landing_cautious: FloatArray
     landing_handle: FloatArray
     travel_limit: float
-
-    @property
-    def sections(self) -> FloatArray:
-        """The extension, which no grip changes."""
-        return self.free.sections
 
     def taps(self, grip: FloatArray) -> FloatArray:
         """Return the taps for a grip.
@@ -72,36 +66,20 @@ class InverseFamily:
         """
         factors = np.append(grip, 1.0)
         caution = self._caution(factors)
-        return np.asarray(
-            factors @ ((1.0 - caution) * self.free.terms + caution * self.cautious.terms)
-        )
+        return np.asarray(factors @ ((1.0 - caution) * self.free + caution * self.cautious))
 
     def _caution(self, factors: FloatArray) -> float:
         """Return the smallest fraction of the cautious basis that keeps the travel limit."""
         travel = factors @ self.landing_free + self.landing_handle
         change = factors @ (self.landing_cautious - self.landing_free)
-        low, high = 0.0, 1.0
-        if float(np.abs(travel).max()) <= self.travel_limit:
-            return low
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            if float(np.abs(travel + middle * change).max()) <= self.travel_limit:
-                high = middle
-            else:
-                low = middle
-        return high
+
+        def keeps(caution: float) -> bool:
+            return float(np.abs(travel + caution * change).max()) <= self.travel_limit
+
+        return 0.0 if keeps(0.0) else nearest(keeps, 0.0, 1.0, _HALVINGS)
 
 
-def design_family(
-    plant: Plant,
-    rate: float,
-    *,
-    granted_delay: int = 1,
-    memory: float = MEMORY,
-    travel_limit: float = TRAVEL_LIMIT,
-    spectrum: ToolSpectrum = PRIOR,
-    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
-) -> InverseFamily:
+def design_family(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> InverseFamily:
     """Design the inverse for all grips of one actuator, such that a landing keeps the travel.
 
     Parameters, errors
@@ -111,39 +89,26 @@ def design_family(
     -------
     InverseFamily
     """
-    free, cautious = (
-        design_basis(
-            plant,
-            rate,
-            granted_delay=granted_delay,
-            memory=memory,
-            travel_limit=limit,
-            spectrum=spectrum,
-            high_pass_frequency=high_pass_frequency,
-        )
-        for limit in (travel_limit, CAUTION * travel_limit)
-    )
-    grid = grid_for(rate, free.terms.shape[1])
+    free = design_basis(plant, rate, goal)
+    cautious = design_basis(plant, rate, replace(goal, travel_limit=CAUTION * goal.travel_limit))
+    grid = grid_for(rate, free.shape[1])
     frequency = grid.frequency
     s = 2j * np.pi * frequency
     handle = plant.handle
     actuator = handle.m_a * s**2 + handle.b_s * s + handle.k_s
-    passed = high_pass_response(high_pass_frequency, rate)(frequency)
-    extended = passed * section_response(free.sections, frequency, rate)
+    passed = high_pass_response(goal.high_pass_frequency, frequency, rate)
+    sections = extension(goal.high_pass_frequency, rate)
+    extended = passed * section_response(sections, frequency, rate)
     every = max(1, round(rate / LANDING_RATE))
     seen = slice(0, round(LANDING * rate), every)
 
-    def landing(basis: InverseBasis) -> FloatArray:
-        spectra = (-extended / actuator * grid.spectrum(taps) for taps in basis.terms)
+    def landing(basis: FloatArray) -> FloatArray:
+        spectra = (-extended / actuator * grid.spectrum(taps) for taps in basis)
         return np.stack([LANDING_VELOCITY * rate * grid.sequence(x)[seen] for x in spectra])
 
     # The handle does as desired, whatever the grip: that is what the filter is for.
-    moved = -handle.m_a * passed * grid.delay(granted_delay) / actuator
+    moved = -handle.m_a * passed * grid.delay(goal.granted_delay) / actuator
+    following = LANDING_VELOCITY * rate * grid.sequence(moved)[seen]
     return InverseFamily(
-        free,
-        cautious,
-        landing(free),
-        landing(cautious),
-        LANDING_VELOCITY * rate * grid.sequence(moved)[seen],
-        travel_limit,
+        sections, free, cautious, landing(free), landing(cautious), following, goal.travel_limit
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -12,15 +11,16 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.identification.discrete import DiscreteModel, read_discrete_model
-from haptic_accel.core.identification.fit import ACCELEROMETER_CORNER, sampled_response
+from haptic_accel.core.identification.fit import sampled_response
 from haptic_accel.core.model import (
+    AccelerometerParameters,
     ComplexArray,
     FloatArray,
     HandleParameters,
     MountParameters,
     handle_model,
 )
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 
 
 class Dynamics(Protocol):
@@ -43,30 +43,18 @@ class Plant(Checked):
     delay: float = parameter(
         0.0,
         "delay from command to force in addition to the hold: converter, amplifier, transport",
-        unit="s",
-        low=0.0,
-        high=0.02,
-    )
-    bandwidth: float = parameter(
-        ACCELEROMETER_CORNER,
-        "corner of the handle accelerometer's first-order low-pass (paper)",
-        unit="Hz",
-        low=1.0,
-        high=100e3,
-    )
-    friction: float = parameter(
+        "s",
         0.0,
-        "dry friction of the actuator's bearing",
-        unit="N",
-        low=0.0,
-        high=1.0,
+        0.02,
     )
+    bandwidth: float = like(AccelerometerParameters, "bandwidth")
+    friction: float = parameter(0.0, "dry friction of the actuator's bearing", "N", 0.0, 1.0)
     coupling: float = parameter(
         250.0,
         "stiffness of the coupling to the slave, which adds to that of the grip (paper)",
-        unit="N/m",
-        low=0.0,
-        high=1e5,
+        "N/m",
+        0.0,
+        1e5,
     )
     model: str = parameter(
         "",
@@ -176,11 +164,6 @@ def inverse_terms(handle: HandleParameters, frequency: FloatArray) -> ComplexArr
     return np.stack([shared, shared / s, shared / s**2, bearing / s**2])
 
 
-def grip_factors(handle: HandleParameters) -> FloatArray:
-    """Return the factors of `inverse_terms` for a handle: m_h, b_u, k_u and 1."""
-    return np.array([handle.m_h, handle.b_u, handle.k_u, 1.0])
-
-
 @dataclass(frozen=True)
 class Grid:
     """Frequencies between lines of a discrete Fourier transform, which leave out 0 Hz.
@@ -242,19 +225,3 @@ def grid_for(rate: float, taps: int = 0, step: float = FINEST_STEP) -> Grid:
     """Return a grid fine enough for a step in Hz, long enough for a filter of so many taps."""
     needed = max(rate / (2 * step), 4 * taps)
     return Grid(rate, 1 << int(np.ceil(np.log2(needed))))
-
-
-def high_pass_response(corner: float, rate: float) -> Callable[[FloatArray], ComplexArray]:
-    """Return the compensator's high-pass as a function of frequency in Hz."""
-    from haptic_accel.core.control.filters import high_pass
-
-    return lambda frequency: section_response(high_pass(corner, rate), frequency, rate)
-
-
-def section_response(sections: FloatArray, frequency: FloatArray, rate: float) -> ComplexArray:
-    """Return the response of second-order sections at frequencies in Hz."""
-    z = np.exp(2j * np.pi * frequency / rate)
-    response = np.ones(len(frequency), dtype=np.complex128)
-    for section in sections:
-        response = response * np.polyval(section[:3], z) / np.polyval(section[3:], z)
-    return response

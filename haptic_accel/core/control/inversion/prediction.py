@@ -6,14 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from haptic_accel.core.control.filters import high_pass_response, section_response
 from haptic_accel.core.control.inversion.design import LANDING_VELOCITY, InverseFilter
-from haptic_accel.core.control.inversion.plant import (
-    Dynamics,
-    grid_for,
-    high_pass_response,
-    section_response,
-    travel_response,
-)
+from haptic_accel.core.control.inversion.plant import Dynamics, grid_for, travel_response
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
 from haptic_accel.core.model import ComplexArray, FloatArray
 
@@ -36,9 +31,6 @@ class Prediction:
         Frequencies, Hz, evenly spaced, without 0.
     tracking : ndarray, shape (n,)
         Handle over desired acceleration after the granted delay, complex: 1 is exact.
-    error_density : ndarray, shape (n,)
-        Share of the desired acceleration's power that is error, per Hz; its integral is the
-        square of the error.
     """
 
     nrmse_percent: float
@@ -47,7 +39,6 @@ class Prediction:
     landing_travel: float
     frequency: FloatArray
     tracking: ComplexArray
-    error_density: FloatArray
 
     @property
     def gain(self) -> FloatArray:
@@ -61,11 +52,7 @@ class Prediction:
 
 
 def predict(
-    inverse: InverseFilter,
-    plant: Dynamics,
-    spectrum: ToolSpectrum = PRIOR,
-    *,
-    noise: float = 0.0,
+    inverse: InverseFilter, plant: Dynamics, spectrum: ToolSpectrum = PRIOR, *, noise: float = 0.0
 ) -> Prediction:
     """Predict error, force and travel of a filter on a plant without limits and friction.
 
@@ -83,10 +70,10 @@ def predict(
     rate = inverse.rate
     grid = grid_for(rate, len(inverse.taps))
     frequency = grid.frequency
-    passed = high_pass_response(inverse.high_pass_frequency, rate)(frequency)
+    passed = high_pass_response(inverse.goal.high_pass_frequency, frequency, rate)
     extended = section_response(inverse.sections, frequency, rate) * grid.spectrum(inverse.taps)
     force = passed * extended
-    tracking = plant.response(frequency, rate) * extended / grid.delay(inverse.granted_delay)
+    tracking = plant.response(frequency, rate) * extended / grid.delay(inverse.goal.granted_delay)
     power = spectrum(frequency)
     desired = power * np.abs(passed) ** 2
     noise_density = 2.0 * noise**2 / rate
@@ -101,7 +88,6 @@ def predict(
         landing_travel=float(landing),
         frequency=frequency,
         tracking=tracking,
-        error_density=density,
     )
 
 

@@ -41,17 +41,17 @@ class TexturePrior(Checked):
     rise: float = parameter(
         60.0,
         "lower corner of the expected texture: waves of 2 mm stroked at 0.1 m/s give 50 Hz",
-        unit="Hz",
-        low=1.0,
-        high=1000.0,
+        "Hz",
+        1.0,
+        1000.0,
     )
     fall: float = parameter(
         200.0,
         "upper corner of the expected texture: a tip's width filters waves of 0.5 mm, which give"
         " 200 Hz at 0.1 m/s",
-        unit="Hz",
-        low=10.0,
-        high=10e3,
+        "Hz",
+        10.0,
+        10e3,
     )
 
     def __call__(self, frequency: FloatArray) -> FloatArray:

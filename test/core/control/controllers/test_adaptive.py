@@ -9,11 +9,14 @@ import pytest
 from haptic_accel.core.control.controllers.adaptive import AdaptiveController, AdaptiveParameters
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
-from haptic_accel.core.control.inversion import Plant, design_inverse, predict
+from haptic_accel.core.control.inversion.design import design_inverse
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
+from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked
+from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.trial import RigParameters, Trial, run_trial
 
 RATE = 1000.0
@@ -42,7 +45,7 @@ def texture(seconds: float, rate: float = RATE) -> FloatArray:
 def run(controller: str, handle: HandleParameters, seconds: float = 5.0, **own: Checked) -> Trial:
     return run_trial(
         controller,
-        RigParameters(handle=handle),
+        RigParameters(MasterRigParameters(handle=handle)),
         duration=seconds,
         recording=texture(seconds),
         controllers=own,

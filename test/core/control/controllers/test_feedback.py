@@ -21,7 +21,7 @@ from haptic_accel.core.control.controllers.feedback import (
 )
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.feedback_design import GripRange
-from haptic_accel.core.control.inversion import Plant
+from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.identification.approximate import approximate_model
 from haptic_accel.core.model import FloatArray, HandleParameters

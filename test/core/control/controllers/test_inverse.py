@@ -15,8 +15,10 @@ from haptic_accel.core.control.compensation import LARGEST_ACCELERATION, build_c
 from haptic_accel.core.control.controllers import CONTROLLERS, Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.filters import SampleFilter, high_pass
-from haptic_accel.core.control.inversion import Plant, design_inverse, measured_spectrum, predict
-from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY
+from haptic_accel.core.control.inversion.design import Goal, design_inverse
+from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.control.inversion.prediction import predict
+from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY, measured_spectrum
 from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, MountParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
@@ -208,9 +210,9 @@ def test_a_rate_too_low_for_the_high_pass_is_refused() -> None:
 def test_plant_and_high_pass_are_the_loops() -> None:
     plant = Plant(mount=MOUNT, delay=2e-4)
     found = InverseParameters().filter(Loop(RATE, 30.0, plant))
-    expected = design_inverse(plant, RATE, high_pass_frequency=30.0)
+    expected = design_inverse(plant, RATE, Goal(high_pass_frequency=30.0))
     assert found.taps == pytest.approx(expected.taps)
-    assert found.high_pass_frequency == 30.0
+    assert found.goal.high_pass_frequency == 30.0
 
 
 def test_its_metric_is_the_trials() -> None:
