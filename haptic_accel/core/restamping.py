@@ -51,20 +51,16 @@ class StampShift:
             Time of arrival, system time, ns.
         """
         if self._offset is None:
-            self._listen(now - stamp, now)
-            if self._until is None or now < self._until:
+            if self._until is None:
+                self._until, self._quickest = now + LISTENING, now - stamp
+            self._quickest = min(self._quickest, now - stamp)
+            if now < self._until:
                 return None
             self._anchor(stamp, self._quickest)
         elif not -self._ahead <= now - stamp - self._offset <= self._behind:
             self._anchor(stamp, now - stamp)
         assert self._offset is not None
         return stamp + self._offset
-
-    def _listen(self, distance: int, now: int) -> None:
-        if self._until is None:
-            self._until = now + LISTENING
-            self._quickest = distance
-        self._quickest = min(self._quickest, distance)
 
     def _anchor(self, stamp: int, distance: int) -> None:
         self._offset = self._grid(stamp + distance) - stamp

@@ -9,14 +9,7 @@ import numpy as np
 from haptic_accel.core.model import ZERO, FloatArray, Sample, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import MOST_SAMPLES, crossfaded, resampled
-from haptic_accel.core.sampling import (
-    NANOSECONDS,
-    BoolArray,
-    IntArray,
-    Stamped,
-    half_period,
-    on_grid,
-)
+from haptic_accel.core.sampling import NANOSECONDS, BoolArray, Stamped, half_period, on_grid
 from haptic_accel.core.topics import ACTUATOR_AXIS
 
 SHORTEST = 0.2
@@ -56,6 +49,11 @@ class Track:
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.acceleration)
+
+    def part(self, samples: slice) -> Track:
+        """Return a part of the track."""
+        a, p, v = self.acceleration[samples], self.position[samples], self.velocity[samples]
+        return Track(self.rate, a, p, v, self.lost[samples])
 
     @property
     def seconds(self) -> float:
@@ -109,16 +107,22 @@ def gridded(
         raise ParameterError(
             f"its stamps span {length} samples at {rate:g} Hz, must be at most {MOST_SAMPLES}"
         )
-    grid = _Grid(stamps, places, period)
-    values, lost = grid.held(acceleration)
-    still = np.zeros((length, AXES))
-    return Track(
-        rate,
-        np.ascontiguousarray(values[:, ACTUATOR_AXIS]),
-        grid.held(position)[0] if position else still,
-        grid.held(velocity)[0] if velocity else still,
-        lost,
-    )
+
+    def held(signal: Stamped | None) -> tuple[FloatArray, BoolArray]:
+        """Return a signal's value at every place, and the places where the last one is held."""
+        if signal is not None:
+            times, values = _whole(signal)
+            near = np.maximum(np.searchsorted(stamps, times, side="right") - 1, 0)
+            steps = np.rint((times - stamps[near]) / period).astype(np.int64)
+            where = places[near] + steps
+            if ((where >= 0) & (where < length)).any():
+                found, seen = on_grid(where, values, length)
+                return found, ~seen
+        return np.zeros((length, AXES)), np.ones(length, dtype=np.bool_)
+
+    values, lost = held(acceleration)
+    along = np.ascontiguousarray(values[:, ACTUATOR_AXIS])
+    return Track(rate, along, held(position)[0], held(velocity)[0], lost)
 
 
 def at_rest(acceleration: FloatArray, rate: float) -> Track:
@@ -141,14 +145,7 @@ def cut(track: Track, start: float) -> Track:
             f"start = {start:g}: must leave {SHORTEST:g} s of {track.seconds:.3g} s,"
             f" be at most {most:.3g} s"
         )
-    first = round(start * track.rate)
-    return Track(
-        track.rate,
-        track.acceleration[first:],
-        track.position[first:],
-        track.velocity[first:],
-        track.lost[first:],
-    )
+    return track.part(slice(round(start * track.rate), None))
 
 
 def played_at(track: Track, rate: float, speed: float = 1.0) -> Track:
@@ -179,13 +176,12 @@ def played_at(track: Track, rate: float, speed: float = 1.0) -> Track:
 
     acceleration = changed(track.acceleration)
     nearest = np.rint(np.arange(len(acceleration)) * (source / rate)).astype(np.int64)
-    return Track(
-        rate,
-        acceleration,
-        np.column_stack([changed(column) for column in track.position.T]),
-        np.column_stack([changed(column) for column in track.velocity.T]),
-        track.lost[np.minimum(nearest, len(track) - 1)],
+    position, velocity = (
+        np.column_stack([changed(column) for column in vectors.T])
+        for vectors in (track.position, track.velocity)
     )
+    lost = track.lost[np.minimum(nearest, len(track) - 1)]
+    return Track(rate, acceleration, position, velocity, lost)
 
 
 def looped(track: Track) -> Track:
@@ -316,24 +312,3 @@ def _whole(signal: Stamped) -> Stamped:
     stamps, values = stamps[finite], values[finite]
     order = np.argsort(stamps, kind="stable")
     return stamps[order], values[order]
-
-
-@dataclass(frozen=True)
-class _Grid:
-    """A sampling grid by some of its points: their stamps in ns, and their places."""
-
-    stamps: IntArray
-    places: IntArray
-    period: float
-
-    def held(self, signal: Stamped) -> tuple[FloatArray, BoolArray]:
-        """Return a signal's value at every place, and the places where the last one is held."""
-        stamps, values = _whole(signal)
-        near = np.maximum(np.searchsorted(self.stamps, stamps, side="right") - 1, 0)
-        steps = np.rint((stamps - self.stamps[near]) / self.period).astype(np.int64)
-        places = self.places[near] + steps
-        length = int(self.places[-1]) + 1
-        if not ((places >= 0) & (places < length)).any():
-            return np.zeros((length, AXES)), np.ones(length, dtype=np.bool_)
-        held, seen = on_grid(places, values, length)
-        return held, ~seen

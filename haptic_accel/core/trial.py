@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,13 +16,9 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
-from haptic_accel.core.identification.sweep import (
-    IdentificationTrial,
-    SweepParameters,
-    excitation,
-)
+from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
 from haptic_accel.core.model import ZERO, FloatArray, HandleParameters, Vector
-from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters
@@ -37,23 +33,11 @@ GripChange = tuple[float, HandleParameters]
 
 @dataclass(frozen=True)
 class RigParameters:
-    """Both sides of the virtual rig and what couples them.
-
-    Parameters
-    ----------
-    handle : HandleParameters, optional
-        Replacement for the master's handle: another plant in one call.
-    """
+    """Both sides of the virtual rig and what couples them."""
 
     master: MasterRigParameters = field(default_factory=MasterRigParameters)
     slave: SlaveRigParameters = field(default_factory=SlaveRigParameters)
     coupling: CouplingParameters = field(default_factory=CouplingParameters)
-    handle: InitVar[HandleParameters | None] = None
-
-    def __post_init__(self, handle: HandleParameters | None) -> None:
-        """Replace the master's handle if one is given."""
-        if handle is not None:
-            object.__setattr__(self, "master", replace(self.master, handle=handle))
 
 
 @dataclass(frozen=True)
@@ -177,65 +161,51 @@ def run_trial(
     """
     if replayed is not None and replayed.rate != rate:
         raise ParameterError(f"rate = {rate:g}: must be {replayed.rate:g} Hz as what is replayed")
-    if not (np.isfinite(rate) and rate > 0):
-        raise ParameterError(f"rate = {rate}: must be above 0 Hz")
+    check_positive_rate(rate)
     if not (np.isfinite(duration) and duration * rate >= 1):
         raise ParameterError(f"duration = {duration}: must hold at least one sample")
     rig = rig or RigParameters()
-    around = compensation or CompensationParameters()
-    around = replace(around, controller=controller)
-    samples = round(duration * rate)
-    return _run(
+    around = replace(compensation or CompensationParameters(), controller=controller)
+    slave: Rig
+    if replayed is None:
+        slave = SlaveRig(rig.slave, rate, seed, recording, physics_step)
+    else:
+        slave = ReplayRig(replayed)
+        slave.apply_arm_force(ZERO)  # starts the replay at the first sample
+    time = np.arange(round(duration * rate)) / rate
+    samples = _samples(
         MasterRig(rig.master, rate, seed),
-        _driven(replayed)
-        if replayed is not None
-        else SlaveRig(rig.slave, rate, seed, recording, physics_step),
+        slave,
         PositionPositionCoupling(rig.coupling),
         Compensation(around, rate, controllers),
-        Trial(
-            surface=rig.slave.surface.name,
-            controller=controller,
-            rate=rate,
-            time=np.arange(samples) / rate,
-            tool_acceleration=np.zeros(samples),
-            desired_acceleration=np.zeros(samples),
-            handle_acceleration=np.zeros(samples),
-            actuator_force=np.zeros(samples),
-            high_pass_frequency=around.high_pass_frequency,
-        ),
+        time.tolist(),
         deque(grips),
     )
+    signals, arms = zip(*samples, strict=True)
+    tool, desired, handle, force = np.array(signals).T.copy()
+    vectors = dict(zip(_ARMS, np.array(arms, dtype=float).swapaxes(0, 1), strict=True))
+    surface, corner = rig.slave.surface.name, around.high_pass_frequency
+    return Trial(surface, controller, rate, time, tool, desired, handle, force, corner, vectors)
 
 
-_ARMS = (
-    topics.MASTER_POSITION.name,
-    topics.MASTER_VELOCITY.name,
-    topics.MASTER_ARM_FORCE.name,
-    topics.SLAVE_POSITION.name,
-    topics.SLAVE_VELOCITY.name,
-    topics.SLAVE_ARM_FORCE.name,
-)
+_ARMS = [
+    topic.name
+    for arm in (topics.MASTER, topics.SLAVE)
+    for topic in (arm.position, arm.velocity, arm.arm_force)
+]
 
 
-def _driven(track: Track) -> ReplayRig:
-    """Return a replayed slave that received its first force and plays from the first sample."""
-    slave = ReplayRig(track)
-    slave.apply_arm_force(ZERO)
-    return slave
-
-
-def _run(
+def _samples(
     master: MasterRig,
     slave: Rig,
     coupling: PositionPositionCoupling,
     compensation: Compensation,
-    trial: Trial,
+    times: Sequence[float],
     grips: deque[GripChange],
-) -> Trial:
-    """Fill a trial's signals sample by sample."""
+) -> Iterator[tuple[tuple[float, ...], tuple[Vector, ...]]]:
+    """Yield the signals of each sample in the order of `Trial`, then the arms' vectors."""
     before: float | None = None
-    arms: list[tuple[Vector, ...]] = []
-    for index, time in enumerate(trial.time.tolist()):
+    for time in times:
         master.advance(time)
         if grips and grips[0][0] <= time:
             master.change_grip(grips.popleft()[1])
@@ -252,23 +222,10 @@ def _run(
         master.apply_actuator_force(force)
         compensation.adapt()
         before = handle.acceleration
-        trial.tool_acceleration[index] = tool.acceleration
-        trial.desired_acceleration[index] = desired
-        trial.handle_acceleration[index] = handle.acceleration
-        trial.actuator_force[index] = force
-        arms.append(
-            (
-                handle.position,
-                handle.velocity,
-                on_master,
-                tool.position,
-                tool.velocity,
-                on_slave,
-            )
+        yield (
+            (tool.acceleration, desired, handle.acceleration, force),
+            (*handle[:2], on_master, *tool[:2], on_slave),
         )
-    vectors = np.array(arms, dtype=float).swapaxes(0, 1)
-    trial.arms.update(zip(_ARMS, vectors, strict=True))
-    return trial
 
 
 def run_identification(

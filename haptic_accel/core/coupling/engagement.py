@@ -29,15 +29,9 @@ DISENGAGED = "let go on request"
 class EngagementParameters(Checked):
     """Conditions for engaging, and for the end."""
 
-    timeout: float = parameter(
-        0.1, "silence after which forces go to zero", unit="s", low=0.005, high=10.0
-    )
+    timeout: float = parameter(0.1, "silence after which forces go to zero", "s", 0.005, 10.0)
     duration: float = parameter(
-        0.0,
-        "time from engaging to the end of the graph; 0 for no end",
-        unit="s",
-        low=0.0,
-        high=1e6,
+        0.0, "time from engaging to the end of the graph; 0 for no end", "s", 0.0, 1e6
     )
     listeners: int = parameter(
         1,
@@ -99,15 +93,15 @@ class Engagement:
         self.compensated = not parameters.compensated
         self._received = dict.fromkeys(ARMS, -math.inf)
         self._wanted = True
-        self._stopped_since: float | None = None
+        self._stopped_since = math.inf
         self._latched = False
-        self._first_engaged: float | None = None
+        self._first_engaged = math.inf
         self._warned = now
 
     @property
     def stopped(self) -> bool:
         """The emergency stop is not released."""
-        return self._stopped_since is not None
+        return self._stopped_since < math.inf
 
     def position_received(self, arm: str, now: float) -> None:
         """Note a position of an arm, one of `ARMS`."""
@@ -121,7 +115,7 @@ class Engagement:
         """Follow the emergency stop or its release; return whether that is new."""
         if stop == self.stopped:
             return False
-        self._stopped_since = now if stop else None
+        self._stopped_since = now if stop else math.inf
         return True
 
     def latch(self, stop: bool) -> None:
@@ -167,12 +161,9 @@ class Engagement:
         missing = self.missing(now, listeners)
         engage = not (self.engaged or missing)
         release = self.engaged and bool(missing)
+        self.engaged = not missing
         if engage:
-            self.engaged = True
-            if self._first_engaged is None:
-                self._first_engaged = now
-        elif release:
-            self.engaged = False
+            self._first_engaged = min(self._first_engaged, now)
         return Decision(
             engage=engage,
             release=release,
@@ -183,26 +174,17 @@ class Engagement:
 
     @property
     def _held(self) -> str:
-        """Why the arms are to be free; empty if they are not."""
+        """Reason for free arms; empty if they may be coupled."""
         if self.stopped:
             return STOPPED
         return "" if self._wanted else DISENGAGED
 
     def _must_latch(self, now: float) -> bool:
         # Not at once: the message may be the caller's own, which it is about to note.
-        return (
-            not self._latched
-            and self._stopped_since is not None
-            and now - self._stopped_since > STEP_PERIOD
-        )
+        return not self._latched and now - self._stopped_since > STEP_PERIOD
 
     def _is_over(self, now: float) -> bool:
-        duration = self._parameters.duration
-        return (
-            duration > 0
-            and self._first_engaged is not None
-            and (now - self._first_engaged >= duration)
-        )
+        return 0 < self._parameters.duration <= now - self._first_engaged
 
     def _due_warning(self, now: float, missing: str) -> str:
         if not missing or self._held or now - self._warned <= WARNING_PERIOD:

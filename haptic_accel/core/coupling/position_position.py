@@ -13,14 +13,14 @@ from haptic_accel.core.parameters import Checked, parameter
 class CouplingParameters(Checked):
     """Gains of the coupling; defaults from the paper (0.25 N/mm each way)."""
 
-    k_m: float = parameter(250.0, "stiffness felt at the master", unit="N/m", low=0, high=5000.0)
-    k_sl: float = parameter(250.0, "stiffness driving the slave", unit="N/m", low=0, high=5000.0)
+    k_m: float = parameter(250.0, "stiffness felt at the master", "N/m", 0, 5000.0)
+    k_sl: float = parameter(250.0, "stiffness driving the slave", "N/m", 0, 5000.0)
     damping: float = parameter(
-        0.0, "damping of the difference of velocities, both ways", unit="N s/m", low=0, high=50.0
+        0.0, "damping of the difference of velocities, both ways", "N s/m", 0, 50.0
     )
     scale: float = parameter(1.0, "slave motion per master motion", low=0.01, high=100.0)
     max_force: float = parameter(
-        3.3, "limit of each arm's force (Phantom Omni: 3.3 N)", unit="N", low=0, high=100.0
+        3.3, "limit of each arm's force (Phantom Omni: 3.3 N)", "N", 0, 100.0
     )
 
 

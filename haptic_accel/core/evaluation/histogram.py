@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import accumulate
 
 SHORTEST = 1.0e-6
 """Durations below this, s, are counted together."""
@@ -28,9 +29,14 @@ class DurationHistogram:
     About 1850 bins from 1 us to 100 s, and one each for what is shorter and longer. Adding
     costs a fraction of a microsecond and the memory stays the same, however many there are.
     One thread adds; another may read, and then sees some of what is being added.
+
+    Attributes
+    ----------
+    maximum : float
+        The longest duration, s, exactly; NaN while there is none.
     """
 
-    __slots__ = ("_counts", "_maximum")
+    __slots__ = ("_counts", "maximum")
 
     def __init__(self) -> None:
         self.reset()
@@ -38,7 +44,7 @@ class DurationHistogram:
     def reset(self) -> None:
         """Forget everything."""
         self._counts = [0] * (_BINS + 2)
-        self._maximum = math.nan
+        self.maximum = math.nan
 
     def add(self, seconds: float) -> None:
         """Count one duration.
@@ -62,18 +68,13 @@ class DurationHistogram:
             self._counts[-1] += 1
         else:
             raise ValueError(f"seconds = {seconds}: must be a number")
-        if not seconds <= self._maximum:  # which is NaN at first
-            self._maximum = seconds
+        if not seconds <= self.maximum:  # which is NaN at first
+            self.maximum = seconds
 
     @property
     def count(self) -> int:
         """Number of durations added since the last reset."""
         return sum(self._counts)
-
-    @property
-    def maximum(self) -> float:
-        """The longest duration, s, exactly; NaN while there is none."""
-        return self._maximum
 
     def summary(self) -> dict[str, float]:
         """Return the reported quantiles and the maximum by label, s; NaN while there are none."""
@@ -109,12 +110,8 @@ class DurationHistogram:
         rank = max(math.ceil(q * total), 1)
         if rank == total:
             return self.maximum
-        reached = 0
-        for index, number in enumerate(counts):
-            reached += number
-            if reached >= rank:
-                return min(_centre(index), self.maximum)
-        return self.maximum
+        index = next(i for i, reached in enumerate(accumulate(counts)) if reached >= rank)
+        return min(_centre(index), self.maximum)
 
 
 def _centre(index: int) -> float:

@@ -12,27 +12,25 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import check_positive_rate
 
 PAPER_DELAY = 1.0e-3
 """Time by which the actual acceleration is shifted back before comparing, s: tau_d, Table I."""
 
+_ERRORS = {  # none, constant, dynamic
+    "plywood": (99.6, 69.8, 65.1),
+    "text": (99.5, 80.6, 73.2),
+    "vinyl": (99.3, 92.3, 82.8),
+    "average": (99.5, 79.1, 72.0),
+}
+
 TABLE_II: Mapping[tuple[str, str], float] = MappingProxyType(
     {
-        ("plywood", "none"): 99.6,
-        ("plywood", "constant"): 69.8,
-        ("plywood", "dynamic"): 65.1,
-        ("text", "none"): 99.5,
-        ("text", "constant"): 80.6,
-        ("text", "dynamic"): 73.2,
-        ("vinyl", "none"): 99.3,
-        ("vinyl", "constant"): 92.3,
-        ("vinyl", "dynamic"): 82.8,
-        ("average", "none"): 99.5,
-        ("average", "constant"): 79.1,
-        ("average", "dynamic"): 72.0,
+        (surface, controller): error
+        for surface, errors in _ERRORS.items()
+        for controller, error in zip(("none", "constant", "dynamic"), errors, strict=True)
     }
 )
 """The paper's Table II: NRMSE in percent by (surface, controller).
@@ -67,19 +65,16 @@ class Regression:
 
     Attributes
     ----------
-    slope_desired_on_actual, intercept_desired_on_actual : float
-        desired = slope * actual + intercept, with the least error in desired; the intercept is
-        in the signals' unit.
-    slope_actual_on_desired, intercept_actual_on_desired : float
-        actual = slope * desired + intercept, with the least error in actual.
+    slope_desired_on_actual : float
+        Slope of desired = slope * actual + constant, with the least error in desired.
+    slope_actual_on_desired : float
+        Slope of actual = slope * desired + constant, with the least error in actual.
     r2 : float
         Square of the correlation coefficient, 0 to 1.
     """
 
     slope_desired_on_actual: float
-    intercept_desired_on_actual: float
     slope_actual_on_desired: float
-    intercept_actual_on_desired: float
     r2: float
 
 
@@ -197,21 +192,16 @@ def regress(desired: FloatArray, actual: FloatArray) -> Regression:
         The signals differ in length, are empty, or hold NaN or infinity.
     """
     _check_pair(desired, actual)
-    mean_desired, mean_actual = float(np.mean(desired)), float(np.mean(actual))
     varying_desired, varying_actual = _without_mean(desired), _without_mean(actual)
     norm_desired = float(np.linalg.norm(varying_desired))
     norm_actual = float(np.linalg.norm(varying_actual))
     if norm_desired < _SMALLEST or norm_actual < _SMALLEST:
-        return Regression(0.0, mean_desired, 0.0, mean_actual, 0.0)
+        return Regression(0.0, 0.0, 0.0)
     correlation = float(np.dot(varying_desired / norm_desired, varying_actual / norm_actual))
     correlation = min(max(correlation, -1.0), 1.0)  # rounding may carry it past one
-    on_actual = correlation * norm_desired / norm_actual
-    on_desired = correlation * norm_actual / norm_desired
     return Regression(
-        slope_desired_on_actual=on_actual,
-        intercept_desired_on_actual=mean_desired - on_actual * mean_actual,
-        slope_actual_on_desired=on_desired,
-        intercept_actual_on_desired=mean_actual - on_desired * mean_desired,
+        slope_desired_on_actual=correlation * norm_desired / norm_actual,
+        slope_actual_on_desired=correlation * norm_actual / norm_desired,
         r2=correlation**2,
     )
 
@@ -241,7 +231,7 @@ def spectra(desired: FloatArray, actual: FloatArray, rate: float) -> Spectra:
         positive.
     """
     _check_pair(desired, actual, fewest=4 * _FEWEST_SEGMENTS)
-    _check_rate(rate)
+    check_positive_rate(rate)
     quarter = len(desired) // _FEWEST_SEGMENTS
     segment = min(max(math.ceil(SEGMENT_SECONDS * rate), 4), quarter)
     first, second = _without_mean(desired), _without_mean(actual)
@@ -289,19 +279,13 @@ def evaluate(
         The signals differ in length, leave fewer than two samples after the shift, hold NaN or
         infinity, `desired` is all zero, or `rate` or `delay` is out of range.
     """
-    _check_rate(rate)
+    check_positive_rate(rate)
     if not (math.isfinite(delay) and delay >= 0.0):
         raise ValueError(f"delay = {delay}: must be at least 0 s")
     shift = math.floor(delay * rate + 0.5)
     _check_pair(desired, actual, fewest=shift + 2)
     desired, actual = align(desired, actual, shift)
-    regression = regress(desired, actual)
-    return Evaluation(
-        nrmse_percent=100.0 * nrmse(desired, actual),
-        slope_desired_on_actual=regression.slope_desired_on_actual,
-        slope_actual_on_desired=regression.slope_actual_on_desired,
-        r2=regression.r2,
-    )
+    return Evaluation(100.0 * nrmse(desired, actual), **vars(regress(desired, actual)))
 
 
 def _without_mean(values: FloatArray) -> FloatArray:
@@ -309,11 +293,6 @@ def _without_mean(values: FloatArray) -> FloatArray:
     if np.ptp(values) == 0.0:
         return np.zeros_like(values)
     return values - np.mean(values)
-
-
-def _check_rate(rate: float) -> None:
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise ValueError(f"rate = {rate}: must be above 0 Hz")
 
 
 def _check_pair(desired: FloatArray, actual: FloatArray, fewest: int = 1) -> None:

@@ -24,8 +24,7 @@ _FREE = tuple(field.name for field in fields(ApproximateModel) if field.name != 
 
 
 def approximate_model(
-    handle: HandleParameters,
-    band: tuple[float, float] = (LOWEST_FREQUENCY, HIGHEST_FREQUENCY),
+    handle: HandleParameters, band: tuple[float, float] = (LOWEST_FREQUENCY, HIGHEST_FREQUENCY)
 ) -> ApproximateModel:
     """Choose the zero and pole pairs of the paper's model for a handle.
 

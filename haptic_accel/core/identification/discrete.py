@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import numpy.typing as npt
 
 from haptic_accel.core.identification.estimate import RecordingError, check_pair
 from haptic_accel.core.model import ComplexArray, FloatArray
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, check_positive_rate
 
 # scipy.signal takes half a second to import: only an identification waits for it.
 
@@ -56,13 +55,6 @@ class DiscreteModel:
             response = response * np.polyval(section[:3], z) / np.polyval(section[3:], z)
         return np.asarray(response)
 
-    def acceleration(self, force: FloatArray) -> FloatArray:
-        """Return the response to a force from rest, m/s^2, shape (n,) as the force."""
-        from scipy import signal
-
-        delayed = _delayed(np.asarray(force, dtype=np.float64), self.delay_samples)
-        return np.asarray(signal.sosfilt(self.sections, delayed))
-
 
 def read_discrete_model(path: Path) -> DiscreteModel:
     """Read the discrete model from the metrics of an identification.
@@ -100,11 +92,7 @@ def read_discrete_model(path: Path) -> DiscreteModel:
 
 
 def identify_discrete(
-    force: FloatArray,
-    acceleration: FloatArray,
-    order: int,
-    rate: float,
-    delay_samples: int = 1,
+    force: FloatArray, acceleration: FloatArray, order: int, rate: float, delay_samples: int = 1
 ) -> DiscreteModel:
     """Identify a discrete model from a recording that starts at rest.
 
@@ -139,9 +127,8 @@ def identify_discrete(
     RecordingError
         Signals that differ in length, are too short, not finite, or constant.
     """
-    _check(order, rate, delay_samples)
-    _check_recording(force, acceleration, order, delay_samples)
-    force = _delayed(np.asarray(force, dtype=np.float64), delay_samples)
+    _check(order, rate, delay_samples, force, acceleration)
+    force = np.concatenate([np.zeros(delay_samples), force])[: len(force)]
     acceleration = np.asarray(acceleration, dtype=np.float64) - float(np.mean(acceleration))
     poles = _starting_poles(order, rate)
     for _ in range(ITERATIONS):
@@ -174,17 +161,18 @@ def _fractions(poles: ComplexArray, values: FloatArray) -> FloatArray:
     from scipy import signal
 
     columns = np.empty((len(values), len(poles)))
-    index = 0
-    while index < len(poles):
-        pole = poles[index]
+    for index, pole in _first_poles(poles):
         passed = signal.lfilter([0.0, 1.0], [1.0, -pole], values)
-        if pole.imag == 0.0:
-            columns[:, index] = passed.real
-            index += 1
-        else:
+        if pole.imag:
             columns[:, index], columns[:, index + 1] = 2 * passed.real, -2 * passed.imag
-            index += 2
+        else:
+            columns[:, index] = passed.real
     return columns
+
+
+def _first_poles(poles: ComplexArray) -> list[tuple[int, complex]]:
+    """Return real poles and the first of each conjugate pair, which has the positive angle."""
+    return [(index, pole) for index, pole in enumerate(poles.tolist()) if pole.imag >= 0.0]
 
 
 def _relocated(poles: ComplexArray, force: FloatArray, acceleration: FloatArray) -> ComplexArray:
@@ -209,16 +197,13 @@ def _realised(poles: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """Return real A and B whose states are the columns of `_fractions`."""
     order = len(poles)
     a, b = np.zeros((order, order)), np.zeros(order)
-    index = 0
-    while index < order:
-        real, imag = float(poles[index].real), float(poles[index].imag)
-        if imag == 0.0:
-            a[index, index], b[index] = real, 1.0
-            index += 1
-        else:
-            a[index : index + 2, index : index + 2] = [[real, imag], [-imag, real]]
+    for index, pole in _first_poles(poles):
+        if pole.imag:
+            pair = slice(index, index + 2)
+            a[pair, pair] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
             b[index] = 2.0
-            index += 2
+        else:
+            a[index, index], b[index] = pole.real, 1.0
     return a, b
 
 
@@ -272,26 +257,16 @@ def _paired(roots: ComplexArray) -> ComplexArray:
     return np.concatenate([upper, upper.conj(), roots[real].real.astype(np.complex128)])
 
 
-def _delayed(values: FloatArray, samples: int) -> FloatArray:
-    if samples == 0:
-        return values
-    return np.concatenate([np.zeros(min(samples, len(values))), values[:-samples]])
-
-
-def _check(order: int, rate: float, delay_samples: int) -> None:
+def _check(
+    order: int, rate: float, delay_samples: int, force: FloatArray, acceleration: FloatArray
+) -> None:
     if not 1 <= order <= HIGHEST_ORDER:
         raise ParameterError(f"order = {order}: must be from 1 to {HIGHEST_ORDER}")
-    if not (math.isfinite(rate) and rate > 0):
-        raise ParameterError(f"rate = {rate}: must be above 0 Hz")
+    check_positive_rate(rate)
     if not 0 <= delay_samples <= LONGEST_DELAY_SAMPLES:
         raise ParameterError(
             f"delay_samples = {delay_samples}: must be from 0 to {LONGEST_DELAY_SAMPLES}"
         )
-
-
-def _check_recording(
-    force: FloatArray, acceleration: FloatArray, order: int, delay_samples: int
-) -> None:
     check_pair(force, acceleration)
     fewest = 10 * (2 * order + 1) + delay_samples
     if len(force) < fewest:

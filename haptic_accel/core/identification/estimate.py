@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.model import ComplexArray, FloatArray
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, check_positive_rate
 
 # scipy.signal takes half a second to import: only an estimate waits for it.
 
 Band = tuple[float, float]
+Values = TypeVar("Values", FloatArray, ComplexArray)
 
 SEGMENT_SECONDS = 0.5
 """Length of the segments of averaged estimates, s: lines 2 Hz apart."""
@@ -132,12 +133,11 @@ def dft_ratio(
     if strongest <= 0.0:
         raise RecordingError(f"actuator_force: zero from {band[0]:g} to {band[1]:g} Hz")
     inside &= power > _WEAKEST_LINE * strongest
-    response = np.divide(cross, power, out=np.zeros_like(cross), where=power > 0)
+    response = _ratio(cross, power)
     rest = np.abs(spectra_acceleration - response * spectra_force) ** 2
     noise = _smoothed(np.sum(rest[:, inside], axis=0) / (repeats - 1))
     explained = np.abs(response[inside]) ** 2 * power[inside]
-    total = explained + noise
-    coherence = np.divide(explained, total, out=np.zeros_like(total), where=total > 0)
+    coherence = _ratio(explained, explained + noise)
     return FrequencyResponse(frequency[inside], response[inside], coherence, rate, float(repeats))
 
 
@@ -186,15 +186,11 @@ def h1(force: FloatArray, acceleration: FloatArray, rate: float, band: Band) -> 
     _, cross = signal.csd(force, acceleration, rate, nperseg=segment)
     inside = _inside(frequency, band)
     power_force, cross = power_force[inside], cross[inside]
-    product = power_force * power_acceleration[inside]
-    coherence = np.zeros_like(product)
-    np.divide(np.abs(cross) ** 2, product, out=coherence, where=product > 0)
-    response = np.zeros_like(cross)
-    np.divide(cross, power_force, out=response, where=power_force > 0)
+    coherence = _ratio(np.abs(cross) ** 2, power_force * power_acceleration[inside])
     segments = 2 * len(force) // segment - 1
     return FrequencyResponse(
         frequency=np.asarray(frequency[inside], dtype=np.float64),
-        response=response,
+        response=_ratio(cross, power_force),
         coherence=np.minimum(coherence, 1.0),
         rate=rate,
         averages=segments / (1.0 + 2.0 * _HANN_OVERLAP * (segments - 1) / segments),
@@ -209,17 +205,11 @@ def h2(first: FrequencyResponse) -> FrequencyResponse:
     first : FrequencyResponse
         H1 estimate of the same signals; by definition it is H2 times the coherence.
     """
-    response = np.zeros_like(first.response)
-    np.divide(first.response, first.coherence, out=response, where=first.coherence > 0)
-    return replace(first, response=response)
+    return replace(first, response=_ratio(first.response, first.coherence))
 
 
 def check_recording(
-    force: FloatArray,
-    acceleration: FloatArray,
-    rate: float,
-    band: Band,
-    acceleration_range: float,
+    force: FloatArray, acceleration: FloatArray, rate: float, band: Band, acceleration_range: float
 ) -> None:
     """Refuse a recording that no fit would make sense of.
 
@@ -278,6 +268,12 @@ def _inside(frequency: FloatArray, band: Band) -> npt.NDArray[np.bool_]:
     return inside
 
 
+def _ratio(numerator: Values, denominator: FloatArray) -> Values:
+    """Return a quotient that is zero where the denominator is."""
+    zeros = np.zeros_like(numerator)
+    return np.divide(numerator, denominator, out=zeros, where=denominator > 0)
+
+
 def _smoothed(values: FloatArray) -> FloatArray:
     """Return the moving average over `_NOISE_LINES`, over fewer at the ends."""
     window = np.ones(min(_NOISE_LINES, len(values)))
@@ -286,8 +282,7 @@ def _smoothed(values: FloatArray) -> FloatArray:
 
 
 def _check_band(rate: float, band: Band) -> None:
-    if not (math.isfinite(rate) and rate > 0):
-        raise ParameterError(f"rate = {rate}: must be above 0 Hz")
+    check_positive_rate(rate)
     low, high = band
     if not 0 < low < high < rate / 2:
         raise ParameterError(

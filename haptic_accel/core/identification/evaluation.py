@@ -23,12 +23,7 @@ from haptic_accel.core.identification.sweep import (
     SweepParameters,
     kept_repeats,
 )
-from haptic_accel.core.model import (
-    ApproximateModel,
-    FloatArray,
-    HandleParameters,
-    MountParameters,
-)
+from haptic_accel.core.model import ApproximateModel, FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 
 DISCRETE_ORDER = 7

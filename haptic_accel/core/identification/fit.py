@@ -6,22 +6,14 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.identification.estimate import Band, FrequencyResponse
-from haptic_accel.core.model import (
-    ComplexArray,
-    FloatArray,
-    HandleParameters,
-    MountParameters,
-)
+from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
-
-if TYPE_CHECKING:
-    from scipy.optimize import OptimizeResult
 
 # scipy.optimize and scipy.linalg take a while to import: only a fit waits for them.
 
@@ -44,23 +36,46 @@ RIGID = MountParameters()
 """A mount without a mode."""
 
 _HANDLE = tuple(field.name for field in fields(HandleParameters))
-_VARIED: tuple[str, ...] = ("b_s", "m_h", "k_u", "b_u")  # at the start of the search
 _DELAY_UNIT = 1e-3  # s; makes the fitted number of order one
 _REACH = math.log(1e3)  # a parameter is looked for within this factor of its start
-_MOUNT_BOUNDS = {"mount_frequency": (20.0, 2000.0), "mount_damping": (0.011, 1.9)}  # Hz, 1
-_MOUNT_FACTORS = (0.7, 1.0, 1.4)  # of its frequency at the start
-_START_FACTORS = (0.3, 1.0, 3.0)  # of the grip: stiffness and damping vary that much in people
+_BOUNDS: dict[str, Any] = {  # as searched: the delay in its unit, the mount's as logarithms
+    "delay": (EARLIEST_DELAY / _DELAY_UNIT, LONGEST_DELAY / _DELAY_UNIT),
+    "mount_frequency": np.log((20.0, 2000.0)),
+    "mount_damping": np.log((0.011, 1.9)),
+}
+_START_FACTORS = {  # stiffness and damping of the grip vary that much in people
+    **dict.fromkeys(("b_s", "m_h", "k_u", "b_u"), (0.3, 1.0, 3.0)),
+    "mount_frequency": (0.7, 1.0, 1.4),
+}
 _START_DELAYS = 2.5e-4  # s, apart: a sixth of a turn at 200 Hz would be 8e-4
 _START_LINES = 40  # of a response that the search for a start looks at
 
 
 @dataclass(frozen=True)
 class Point:
-    """Arguments of the model of a response: handle, mount of the accelerometer, and delay."""
+    """Arguments of the model of a response: the handle, and what its accelerometer adds.
+
+    Attributes
+    ----------
+    handle : HandleParameters
+    mount : MountParameters
+        Mount of the accelerometer.
+    delay : float
+        Delay beside the hold and the accelerometer's low-pass, s.
+    low_pass_frequency : float
+        The accelerometer's corner, Hz.
+    """
 
     handle: HandleParameters
     mount: MountParameters
     delay: float
+    low_pass_frequency: float
+
+    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
+        """Return the model's response at frequencies in Hz, for signals sampled at a rate."""
+        return sampled_response(
+            self.handle, frequency, rate, self.delay, self.low_pass_frequency, self.mount
+        )
 
     def value(self, name: str) -> float:
         """Return a parameter of the handle, ``delay``, or one of `MOUNT`."""
@@ -74,10 +89,11 @@ class Point:
         """Return the point with other values of the named parameters."""
         handle = {n: v for n, v in values.items() if n in _HANDLE}
         mount = {n.removeprefix("mount_"): v for n, v in values.items() if n in MOUNT}
-        return Point(
-            replace(self.handle, **handle),
-            replace(self.mount, **mount),
-            values.get("delay", self.delay),
+        return replace(
+            self,
+            handle=replace(self.handle, **handle),
+            mount=replace(self.mount, **mount),
+            delay=values.get("delay", self.delay),
         )
 
 
@@ -104,21 +120,12 @@ class HandleFit(Point):
         Root mean square of |error| over |response|.
     band : tuple of float
         Lowest and highest frequency that was fitted, Hz.
-    low_pass_frequency : float
-        The accelerometer's corner, Hz.
     """
 
     standard_errors: dict[str, float]
     residual: float
     relative_residual: float
     band: Band
-    low_pass_frequency: float
-
-    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
-        """Return the fitted response at frequencies in Hz, for signals sampled at a rate."""
-        return sampled_response(
-            self.handle, frequency, rate, self.delay, self.low_pass_frequency, self.mount
-        )
 
 
 def fit_handle(
@@ -160,12 +167,11 @@ def fit_handle(
     ParameterError
         Nothing or too much is free, a name is unknown, or too few lines have some coherence.
     """
-    known = known or HandleParameters()
     if isinstance(responses, FrequencyResponse):
         responses = [responses]
-    start = Point(known, mount, delay)
-    _check(start, free, low_pass_frequency)
-    return _Problem(responses, start, tuple(free), low_pass_frequency).solve()
+    start = Point(known or HandleParameters(), mount, delay, low_pass_frequency)
+    _check(start, free)
+    return _Problem(responses, start, tuple(free)).solve()
 
 
 def sampled_response(
@@ -262,14 +268,9 @@ class _Problem:
     """Residuals as a function of the free parameters."""
 
     def __init__(
-        self,
-        responses: Sequence[FrequencyResponse],
-        known: Point,
-        free: tuple[str, ...],
-        low_pass_frequency: float,
+        self, responses: Sequence[FrequencyResponse], known: Point, free: tuple[str, ...]
     ) -> None:
         self._known, self._free = known, free
-        self._low_pass_frequency = low_pass_frequency
         self._lines = [_weighted(response) for response in responses]
         count = sum(len(lines.frequency) for lines in self._lines)
         if count <= len(free):
@@ -287,38 +288,28 @@ class _Problem:
         count = len(found.fun)
         variance = 2.0 * found.cost / (count - len(self._free))
         covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
-        errors = dict(zip(self._free, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+        errors = zip(self._free, np.sqrt(np.diag(covariance)).tolist(), strict=True)
+        ends = [float(lines.frequency[end]) for lines in self._lines for end in (0, -1)]
         return HandleFit(
-            handle=point.handle,
-            mount=point.mount,
-            delay=point.delay,
+            **vars(point),
             standard_errors={
                 name: error * (_DELAY_UNIT if name == "delay" else point.value(name))
-                for name, error in errors.items()
+                for name, error in errors
             },
             residual=math.sqrt(2.0 * found.cost / count),
             relative_residual=self._relative(point),
-            band=(
-                min(float(lines.frequency[0]) for lines in self._lines),
-                max(float(lines.frequency[-1]) for lines in self._lines),
-            ),
-            low_pass_frequency=self._low_pass_frequency,
+            band=(min(ends), max(ends)),
         )
 
-    def _searched(self, start: FloatArray) -> OptimizeResult:
+    def _searched(self, start: FloatArray) -> Any:
         """Return the result of least squares from a start."""
         from scipy.optimize import least_squares
 
-        reach = np.array([_REACH if name != "delay" else math.inf for name in self._free])
-        low, high = start - reach, start + reach
-        if "delay" in self._free:
-            at = self._free.index("delay")
-            low[at], high[at] = EARLIEST_DELAY / _DELAY_UNIT, LONGEST_DELAY / _DELAY_UNIT
-        for name, bounds in _MOUNT_BOUNDS.items():
-            if name in self._free:
-                at = self._free.index(name)
-                low[at], high[at] = np.log(bounds)
-
+        bounds = [
+            _BOUNDS.get(name, (value - _REACH, value + _REACH))
+            for name, value in zip(self._free, start, strict=True)
+        ]
+        low, high = np.transpose(bounds)
         return least_squares(self._residuals, start, bounds=(low, high), x_scale="jac")
 
     def _mirrored(self, point: FloatArray) -> FloatArray:
@@ -354,23 +345,13 @@ class _Problem:
         decoded = self._decoded(point)
         parts = []
         for line in self._lines:
-            error = (self._model(decoded, line) - line.response) / line.deviation
+            error = (line.modelled(decoded) - line.response) / line.deviation
             parts += [error.real, error.imag]
         return np.concatenate(parts)
 
-    def _model(self, point: Point, lines: _Lines) -> ComplexArray:
-        return sampled_response(
-            point.handle,
-            lines.frequency,
-            lines.rate,
-            point.delay,
-            self._low_pass_frequency,
-            point.mount,
-        )
-
     def _relative(self, point: Point) -> float:
         errors = [
-            np.abs(self._model(point, lines) / lines.response - 1.0) ** 2 for lines in self._lines
+            np.abs(lines.modelled(point) / lines.response - 1.0) ** 2 for lines in self._lines
         ]
         return float(np.sqrt(np.mean(np.concatenate(errors))))
 
@@ -394,11 +375,8 @@ class _Problem:
     def _grid(self) -> Iterator[Point]:
         """Yield points around the known one."""
         known = self._known
-        varied = [name for name in _VARIED if name in self._free]
-        choices = [_START_FACTORS] * len(varied)
-        if "mount_frequency" in self._free:
-            varied, choices = [*varied, "mount_frequency"], [*choices, _MOUNT_FACTORS]
-        for factors in product(*choices):
+        varied = {name: f for name, f in _START_FACTORS.items() if name in self._free}
+        for factors in product(*varied.values()):
             pairs = zip(varied, factors, strict=True)
             yield known.replaced({name: known.value(name) * factor for name, factor in pairs})
 
@@ -406,7 +384,7 @@ class _Problem:
         """Return the summed squared relative errors for each of several delays."""
         costs = np.zeros(len(delays))
         for line in lines:
-            ratio = self._model(point.replaced({"delay": 0.0}), line) / line.response
+            ratio = line.modelled(point.replaced({"delay": 0.0})) / line.response
             # A turned phase for the delay: near enough for a start.
             turns = np.exp(-2j * np.pi * np.outer(delays, line.frequency))
             costs += np.sum(np.minimum(np.abs(turns * ratio - 1.0), 2.0) ** 2, axis=1)
@@ -421,6 +399,10 @@ class _Lines:
     response: ComplexArray
     deviation: FloatArray
     rate: float
+
+    def modelled(self, point: Point) -> ComplexArray:
+        """Return the model's response on these lines."""
+        return point.response(self.frequency, self.rate)
 
 
 def _weighted(response: FrequencyResponse) -> _Lines:
@@ -447,7 +429,7 @@ def _thinned(lines: _Lines) -> _Lines:
 _ROUNDING = 1e-9  # relative
 
 
-def _check(start: Point, free: Sequence[str], low_pass_frequency: float) -> None:
+def _check(start: Point, free: Sequence[str]) -> None:
     names = (*_HANDLE, *MOUNT, "delay")
     for name in free:
         if name not in names:
@@ -467,5 +449,7 @@ def _check(start: Point, free: Sequence[str], low_pass_frequency: float) -> None
         raise ParameterError(
             f"delay = {start.delay}: must be from {EARLIEST_DELAY:g} to {LONGEST_DELAY:g} s"
         )
-    if not (math.isfinite(low_pass_frequency) and low_pass_frequency > 0.0):
-        raise ParameterError(f"low_pass_frequency = {low_pass_frequency}: must be above 0 Hz")
+    if not (math.isfinite(start.low_pass_frequency) and start.low_pass_frequency > 0.0):
+        raise ParameterError(
+            f"low_pass_frequency = {start.low_pass_frequency}: must be above 0 Hz"
+        )

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from haptic_accel.core.identification.estimate import RecordingError, check_pair
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, parameter
 
 ALIKE = 0.95
 """Correlation with the excitation above which a recorded force is the excitation (assumed)."""
@@ -29,21 +29,11 @@ class SweepParameters(Checked):
     The amplitude is small where the actuator travels far.
     """
 
-    start_frequency: float = parameter(
-        10.0, "frequency at the start (paper)", unit="Hz", low=0.1, high=100e3
-    )
-    end_frequency: float = parameter(
-        200.0, "frequency at the end (paper)", unit="Hz", low=0.1, high=100e3
-    )
-    duration: float = parameter(
-        2.0, "duration of one repeat (paper)", unit="s", low=0.1, high=60.0
-    )
-    start_amplitude: float = parameter(
-        0.24, "force at the start (paper)", unit="N", low=0, high=100.0
-    )
-    end_amplitude: float = parameter(
-        1.68, "force at the end (paper)", unit="N", low=0, high=100.0, above=True
-    )
+    start_frequency: float = parameter(10.0, "frequency at the start (paper)", "Hz", 0.1, 100e3)
+    end_frequency: float = parameter(200.0, "frequency at the end (paper)", "Hz", 0.1, 100e3)
+    duration: float = parameter(2.0, "duration of each repeat (paper)", "s", 0.1, 60.0)
+    start_amplitude: float = parameter(0.24, "force at the start (paper)", "N", 0, 100.0)
+    end_amplitude: float = parameter(1.68, "force at the end (paper)", "N", 0, 100.0, above=True)
     repeats: int = parameter(
         3, "repeats one after the other, of which the first is dropped (paper)", low=3, high=100
     )
@@ -82,10 +72,6 @@ class SweepParameters(Checked):
         """Return the number of cycles until a time in s."""
         return self.start_frequency * self._growth * math.expm1(time / self._growth)
 
-    def _time(self, cycles: float) -> float:
-        """Return the time at which a number of cycles has passed, s."""
-        return self._growth * math.log1p(cycles / (self.start_frequency * self._growth))
-
 
 def sweep(parameters: SweepParameters, rate: float) -> FloatArray:
     """Return one repeat of the sweep.
@@ -111,11 +97,12 @@ def sweep(parameters: SweepParameters, rate: float) -> FloatArray:
     """
     samples = repeat_samples(parameters, rate)
     time = np.arange(samples) / rate
-    end = parameters._time(math.floor(parameters._cycles(float(time[-1]))))
+    growth = parameters._growth
+    whole = math.floor(parameters._cycles(float(time[-1])))
+    end = growth * math.log1p(whole / (parameters.start_frequency * growth))
     amplitude = parameters.start_amplitude + (time / parameters.duration) * (
         parameters.end_amplitude - parameters.start_amplitude
     )
-    growth = parameters._growth
     cycles = parameters.start_frequency * growth * np.expm1(time / growth)
     force = amplitude * np.sin(2 * np.pi * cycles)
     force[time >= end] = 0.0
@@ -146,8 +133,7 @@ def repeat_samples(parameters: SweepParameters, rate: float) -> int:
     ParameterError
         The rate is not a number, or the end frequency is not below half of it.
     """
-    if not (math.isfinite(rate) and rate > 0):
-        raise ParameterError(f"rate = {rate}: must be above 0 Hz")
+    check_positive_rate(rate)
     if not parameters.end_frequency < rate / 2:
         raise ParameterError(
             f"end_frequency = {parameters.end_frequency:g}: must be below half the rate,"

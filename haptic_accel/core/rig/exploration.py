@@ -17,27 +17,21 @@ TABLE_STEP = 1e-3
 class ExplorationParameters(Checked):
     """Approach, press, strokes back and forth, lift; then again."""
 
-    height: float = parameter(
-        0.010, "height above the surface at rest", unit="m", low=0.0, high=0.1
-    )
-    approach_time: float = parameter(
-        0.6, "time of the approach, and of the lift", unit="s", low=0.1, high=10.0
-    )
+    height: float = parameter(0.010, "height above the surface at rest", "m", 0.0, 0.1)
+    approach_time: float = parameter(0.6, "time of the approach, and of the lift", "s", 0.1, 10.0)
     press_depth: float = parameter(
         0.0047,
         "depth of the hand's set-point below the surface: about 1 N through the coupling's"
         " 250 N/m and the grip's 1500 N/m in series",
-        unit="m",
-        low=0.0,
-        high=0.1,
+        "m",
+        0.0,
+        0.1,
     )
-    stroke_speed: float = parameter(0.1, "speed along the surface", unit="m/s", low=0, high=1.0)
-    stroke_length: float = parameter(0.08, "length of one stroke", unit="m", low=0.001, high=1.0)
-    turn_time: float = parameter(
-        0.15, "time to turn round between strokes", unit="s", low=0.02, high=5.0
-    )
+    stroke_speed: float = parameter(0.1, "speed along the surface", "m/s", 0, 1.0)
+    stroke_length: float = parameter(0.08, "length of one stroke", "m", 0.001, 1.0)
+    turn_time: float = parameter(0.15, "time to turn round between strokes", "s", 0.02, 5.0)
     strokes: int = parameter(4, "strokes before the tool is lifted", low=1, high=1000)
-    pause: float = parameter(0.2, "rest after each lift", unit="s", low=0.0, high=60.0)
+    pause: float = parameter(0.2, "rest after each lift", "s", 0.0, 60.0)
 
 
 class Exploration:

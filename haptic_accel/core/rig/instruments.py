@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptic_accel.core.model import AccelerometerParameters
+from haptic_accel.core.model import AccelerometerParameters, Sample
 from haptic_accel.core.parameters import Checked, parameter
 
 _NOISE_BLOCK = 4096
@@ -71,9 +71,7 @@ class ArmParameters(Checked):
     """Limits of an arm's motors and encoders; defaults from the Phantom Omni's data sheet."""
 
     max_force: float = parameter(3.3, "limit of the motors' force", unit="N", low=0)
-    position_resolution: float = parameter(
-        55e-6, "resolution of the position", unit="m", low=0, high=1e-3
-    )
+    position_resolution: float = parameter(55e-6, "resolution of the position", "m", 0, 1e-3)
 
     def motor_force(self, force: float) -> float:
         """Return a force along one axis limited to that of the motors, N; zero for NaN."""
@@ -86,3 +84,8 @@ class ArmParameters(Checked):
         if self.position_resolution == 0:
             return position
         return round(position / self.position_resolution) * self.position_resolution
+
+    def sample(self, x: float, z: float, v_x: float, v_z: float, acceleration: float) -> Sample:
+        """Return the readings of an arm that moves along x and z."""
+        position = (self.encoded(x), 0.0, self.encoded(z))
+        return Sample(position, (v_x, 0.0, v_z), acceleration)

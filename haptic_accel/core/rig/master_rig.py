@@ -52,27 +52,21 @@ class DriveParameters(Checked):
 
     bits: int = parameter(14, "resolution of the command's converter", low=4, high=32)
     stop_stiffness: float = parameter(
-        3e4, "stiffness of the travel stops (assumed: rubber)", unit="N/m", low=0, high=1e5
+        3e4, "stiffness of the travel stops (assumed: rubber)", "N/m", 0, 1e5
     )
     stop_damping: float = parameter(
-        10.0, "damping of the travel stops (assumed)", unit="N s/m", low=0, high=20.0
+        10.0, "damping of the travel stops (assumed)", "N s/m", 0, 20.0
     )
     delay: float = parameter(
         0.0,
         "delay from command to force in addition to the hold: converter, amplifier, computation",
-        unit="s",
-        low=0,
-        high=0.02,
+        "s",
+        0,
+        0.02,
     )
-    coulomb_friction: float = parameter(
-        0.0, "dry friction of the actuator's bearing", unit="N", low=0, high=1.0
-    )
+    coulomb_friction: float = parameter(0.0, "dry friction of the actuator's bearing", "N", 0, 1.0)
     slip_velocity: float = parameter(
-        2e-3,
-        "slip velocity at which dry friction has 0.76 of its force",
-        unit="m/s",
-        low=2e-3,
-        high=1.0,
+        2e-3, "slip velocity at which dry friction has 0.76 of its force", "m/s", 2e-3, 1.0
     )
 
 
@@ -129,10 +123,7 @@ class MasterRig:
         self._now = 0
         self._explored_since: int | None = None
         # The hand's state at the end of a step is that at the start of the next.
-        self._hand_ahead: tuple[int, tuple[float, float, float, float]] = (
-            -1,
-            (0.0, 0.0, 0.0, 0.0),
-        )
+        self._hand_ahead = -1, (0.0, 0.0, 0.0, 0.0)
         self._touching = False
         self._stop_hits = 0
         self._rest()
@@ -158,16 +149,10 @@ class MasterRig:
 
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
-        state = self._system.state
-        encoded = self._p.arm.encoded
-        return Sample(
-            position=(encoded(float(state[X_H])), 0.0, encoded(float(state[Y_H]))),
-            velocity=(float(state[VX_H]), 0.0, float(state[V_H])),
-            # Held against gravity, the sensor reads as much upwards.
-            acceleration=self._accelerometer.measure(
-                float(state[MEASURED]) + self._p.grip.gravity
-            ),
-        )
+        state = self._system.state.tolist()
+        # Held against gravity, the sensor reads as much upwards.
+        acceleration = self._accelerometer.measure(state[MEASURED] + self._p.grip.gravity)
+        return self._p.arm.sample(state[X_H], state[Y_H], state[VX_H], state[V_H], acceleration)
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis up to their limit."""
@@ -243,12 +228,11 @@ class MasterRig:
             hand = self._hand(self._now)
         ahead = self._hand(self._now + steps)
         self._hand_ahead = self._now + steps, ahead
-        _, _, v_x_ahead, v_z_ahead = ahead
         duration = steps * self._step
         system.state[HAND] = hand
         system.inputs[HAND_ACCELERATION] = (
-            (v_x_ahead - hand[2]) / duration,
-            (v_z_ahead - hand[3]) / duration,
+            (ahead[2] - hand[2]) / duration,
+            (ahead[3] - hand[3]) / duration,
         )
         system.advance(steps)
         self._now += steps
@@ -280,26 +264,22 @@ class MasterRig:
         state[X_H] = state[X_U]
 
     def _hand(self, now: int) -> tuple[float, float, float, float]:
-        if self._explored_since is None:
-            return self._exploration.at(0.0)
-        return self._exploration.at((now - self._explored_since) * self._step)
+        steps = 0 if self._explored_since is None else now - self._explored_since
+        return self._exploration.at(steps * self._step)
 
     def _stop_force(self, offset: float, slip: float) -> float:
         """Force of a travel stop on the actuator's mass, N; zero in free travel."""
         p = self._p.drive
         overrun = abs(offset) - self._p.actuator.travel
-        touching = overrun > 0
-        if touching and not self._touching:
-            self._stop_hits += 1
-        self._touching = touching
-        if not touching:
+        before, self._touching = self._touching, overrun > 0
+        if not self._touching:
             return 0.0
+        self._stop_hits += not before
         outward = math.copysign(1.0, offset) * slip
         # The force is held for some steps: that of their middle returns no more energy than taken.
         held = STOP_STEPS * self._step
         push = p.stop_stiffness * (overrun + outward * held / 2) + p.stop_damping * outward
-        push = max(0.0, push)
-        return -math.copysign(push, offset)
+        return -math.copysign(max(0.0, push), offset)
 
     def _friction(self, slip: float) -> float:
         """Dry friction of the bearing on the actuator's mass, N."""

@@ -31,25 +31,21 @@ class ToolParameters(Checked):
     mass: float = parameter(
         0.060,
         "apparent mass: 45 g of a Phantom Omni (its data sheet) and 15 g of tool",
-        unit="kg",
-        low=0.001,
-        high=10.0,
+        "kg",
+        0.001,
+        10.0,
     )
     viscous_friction: float = parameter(
-        3.0, "damping of the arm's joints at the tip (assumed)", unit="N s/m", low=0, high=50.0
+        3.0, "damping of the arm's joints at the tip (assumed)", "N s/m", 0, 50.0
     )
     coulomb_friction: float = parameter(
-        0.1,
-        "dry friction of the joints at the tip (data sheet: below 0.26 N)",
-        unit="N",
-        low=0,
-        high=5.0,
+        0.1, "dry friction of the joints at the tip (data sheet: below 0.26 N)", "N", 0, 5.0
     )
     slip_velocity: float = parameter(
-        5e-3, "speed at which dry friction has 0.7 of its force", unit="m/s", low=1e-3, high=1.0
+        5e-3, "speed at which dry friction has 0.7 of its force", "m/s", 1e-3, 1.0
     )
     height: float = parameter(
-        0.010, "height of the tip above the surface at the start", unit="m", low=0, high=0.1
+        0.010, "height of the tip above the surface at the start", "m", 0, 0.1
     )
 
 
@@ -140,12 +136,8 @@ class SlaveRig:
 
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
-        encoded = self._p.arm.encoded
-        return Sample(
-            position=(encoded(self._x), 0.0, encoded(self._z)),
-            velocity=(self._v_x, 0.0, self._v_z),
-            acceleration=self._tool_acceleration(),
-        )
+        acceleration = self._tool_acceleration()
+        return self._p.arm.sample(self._x, self._z, self._v_x, self._v_z, acceleration)
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis up to their limit."""

@@ -22,45 +22,35 @@ class SurfaceParameters(Checked):
 
     name: str = parameter("plain", "name shown in results")
     stiffness: float = parameter(
-        3e6,
-        "contact force over penetration^1.5 (Hertz)",
-        unit="N/m^1.5",
-        low=1e3,
-        high=1e8,
+        3e6, "contact force over penetration^1.5 (Hertz)", "N/m^1.5", 1e3, 1e8
     )
     contact_damping: float = parameter(
         1.5,
         "factor of penetration velocity in the contact force (Hunt and Crossley 1975)",
-        unit="s/m",
-        low=0.0,
-        high=1e3,
+        "s/m",
+        0.0,
+        1e3,
     )
     friction: float = parameter(0.3, "coefficient of sliding friction", low=0.0, high=2.0)
-    roughness: float = parameter(
-        0.0, "RMS height of the irregular texture", unit="m", low=0.0, high=1e-3
-    )
+    roughness: float = parameter(0.0, "RMS height of the irregular texture", "m", 0.0, 1e-3)
     shortest_wavelength: float = parameter(
         0.4e-3,
         "shortest wavelength of the irregular texture; the tip's radius filters shorter ones",
-        unit="m",
-        low=0.3e-3,
-        high=0.1,
+        "m",
+        0.3e-3,
+        0.1,
     )
     longest_wavelength: float = parameter(
-        4e-3, "longest wavelength of the irregular texture", unit="m", low=0.3e-3, high=0.1
+        4e-3, "longest wavelength of the irregular texture", "m", 0.3e-3, 0.1
     )
     roughness_exponent: float = parameter(
         1.0, "exponent of the fall of height power with spatial frequency", low=0.0, high=6.0
     )
-    bump_height: float = parameter(
-        0.0, "height of raised features; 0 for none", unit="m", low=0.0, high=1e-3
-    )
+    bump_height: float = parameter(0.0, "height of raised features; 0 for none", "m", 0.0, 1e-3)
     bump_width: float = parameter(
-        0.6e-3, "width of a raised feature at half height", unit="m", low=0.1e-3, high=0.05
+        0.6e-3, "width of a raised feature at half height", "m", 0.1e-3, 0.05
     )
-    bump_pitch: float = parameter(
-        2e-3, "mean distance of raised features", unit="m", low=0.2e-3, high=0.1
-    )
+    bump_pitch: float = parameter(2e-3, "mean distance of raised features", "m", 0.2e-3, 0.1)
     bump_irregularity: float = parameter(
         0.0, "standard deviation of the features' distance over its mean", low=0.0, high=1.0
     )

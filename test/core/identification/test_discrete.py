@@ -35,6 +35,12 @@ def radius(model: DiscreteModel) -> float:
     return max(float(np.abs(np.roots(section[3:])).max()) for section in model.sections)
 
 
+def acceleration(model: DiscreteModel, force: FloatArray) -> FloatArray:
+    """Return a model's response to a force from rest, m/s^2."""
+    delayed = np.concatenate([np.zeros(model.delay_samples), force])[: len(force)]
+    return np.asarray(signal.sosfilt(model.sections, delayed))
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize(("order", "delay_samples"), [(5, 1), (5, 0)])
 def test_the_rig_is_reproduced(order: int, delay_samples: int, seed: int) -> None:
@@ -48,7 +54,7 @@ def test_the_rig_is_reproduced(order: int, delay_samples: int, seed: int) -> Non
     assert np.abs(20 * np.log10(np.abs(ratio))).max() < 0.1
     assert np.abs(np.degrees(np.angle(ratio))).max() < 0.5
     assert radius(model) < 1.0
-    rest = trial.handle_acceleration - model.acceleration(trial.actuator_force)
+    rest = trial.handle_acceleration - acceleration(model, trial.actuator_force)
     assert rest.std() == pytest.approx(MasterRigParameters().accelerometer.noise, rel=0.05)
 
 
@@ -57,7 +63,7 @@ def test_the_rig_is_reproduced(order: int, delay_samples: int, seed: int) -> Non
 def test_a_known_filter_comes_back(order: int, corner: float, delay_samples: int) -> None:
     sections = np.asarray(signal.butter(order, corner, "highpass", fs=RATE, output="sos"))
     known = DiscreteModel(sections, RATE, delay_samples)
-    found = identify_discrete(FORCE, known.acceleration(FORCE), order, RATE, delay_samples)
+    found = identify_discrete(FORCE, acceleration(known, FORCE), order, RATE, delay_samples)
     error = found.response(FREQUENCY) - known.response(FREQUENCY)
     assert np.abs(error).max() < 0.01
 
@@ -65,7 +71,7 @@ def test_a_known_filter_comes_back(order: int, corner: float, delay_samples: int
 def test_the_response_is_that_of_the_filter() -> None:
     sections = np.asarray(signal.butter(3, 100.0, fs=RATE, output="sos"))
     model = DiscreteModel(sections, RATE, 2)
-    impulse = model.acceleration(np.eye(1, 1000)[0])
+    impulse = acceleration(model, np.eye(1, 1000)[0])
     turn = np.exp(-2j * np.pi * np.outer(FREQUENCY, np.arange(1000)) / RATE)
     assert model.response(FREQUENCY) == pytest.approx(turn @ impulse, abs=1e-9)
 
@@ -81,7 +87,7 @@ def test_a_plant_that_grows_gives_a_stable_model(order: int) -> None:
 def test_an_offset_of_the_sensor_does_no_harm() -> None:
     sections = np.asarray(signal.butter(2, [20.0, 200.0], "bandpass", fs=RATE, output="sos"))
     known = DiscreteModel(sections, RATE, 1)
-    found = identify_discrete(FORCE, known.acceleration(FORCE) + 9.81, 4, RATE)
+    found = identify_discrete(FORCE, acceleration(known, FORCE) + 9.81, 4, RATE)
     assert np.abs(found.response(FREQUENCY) - known.response(FREQUENCY)).max() < 0.01
 
 
