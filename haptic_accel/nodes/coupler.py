@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 from rclpy.subscription import Subscription
 from std_msgs.msg import Bool
@@ -36,15 +37,16 @@ class Coupler(GraphNode):
             MASTER: self.sender(topics.MASTER_ARM_FORCE),
             SLAVE: self.sender(topics.SLAVE_ARM_FORCE),
         }
-        self.listen(topics.MASTER_POSITION, self._on_master)
-        self.listen(topics.SLAVE_POSITION, self._on_slave)
-        if self.parameters.damping > 0:
-            self.listen(topics.MASTER_VELOCITY, self._on_master_velocity)
-            self.listen(topics.SLAVE_VELOCITY, self._on_slave_velocity)
+        for arm, signals in ((MASTER, topics.MASTER), (SLAVE, topics.SLAVE)):
+            self.listen(signals.position, partial(self._on_position, arm))
+            if self.parameters.damping > 0:
+                self.listen(signals.velocity, partial(self._on_velocity, arm))
         # Received until the first message only: it costs a core a little at each sample.
         self._first_force: Subscription | None = None
         if self.parameters.compensated:
-            self._first_force = self.listen(topics.ACTUATOR_FORCE, self._on_compensator)
+            self._first_force = self.listen(
+                topics.ACTUATOR_FORCE, lambda *_: self._engagement.force_received()
+            )
         self._publish_stop = self.publisher(topics.EMERGENCY_STOP).publish
         self.listen_state(topics.EMERGENCY_STOP, self._on_stop)
         self.create_service(SetBool, topics.EMERGENCY_STOP.name, self._serve_stop)
@@ -65,31 +67,19 @@ class Coupler(GraphNode):
         for force in self._forces.values():
             force.send(now, ZERO)
 
-    def _on_compensator(self, moment: int, force: Vector) -> None:
-        self._engagement.force_received()
-
-    def _on_master(self, moment: int, position: Vector) -> None:
-        self._on_position(MASTER, position)
-        if self._coupling.engaged:
-            self._forces[SLAVE].send(moment, self._both_forces()[1])
-
-    def _on_slave(self, moment: int, position: Vector) -> None:
-        self._on_position(SLAVE, position)
-        if self._coupling.engaged:
-            self._forces[MASTER].send(moment, self._both_forces()[0])
-
-    def _on_position(self, arm: str, position: Vector) -> None:
+    def _on_position(self, arm: str, moment: int, position: Vector) -> None:
+        """Note an arm's position, and send the force on the other arm."""
         self._positions[arm] = position
         self._engagement.position_received(arm, time.monotonic())
+        if self._coupling.engaged:
+            on_master, on_slave = self._coupling.forces(
+                *self._positions.values(), *self._velocities.values()
+            )
+            other, force = (SLAVE, on_slave) if arm == MASTER else (MASTER, on_master)
+            self._forces[other].send(moment, force)
 
-    def _on_master_velocity(self, moment: int, velocity: Vector) -> None:
-        self._velocities[MASTER] = velocity
-
-    def _on_slave_velocity(self, moment: int, velocity: Vector) -> None:
-        self._velocities[SLAVE] = velocity
-
-    def _both_forces(self) -> tuple[Vector, Vector]:
-        return self._coupling.forces(*self._positions.values(), *self._velocities.values())
+    def _on_velocity(self, arm: str, moment: int, velocity: Vector) -> None:
+        self._velocities[arm] = velocity
 
     def _on_stop(self, stop: bool) -> None:
         """Follow the emergency stop, whoever asked for it."""
@@ -140,9 +130,8 @@ class Coupler(GraphNode):
                 self.destroy_subscription(self._first_force)
                 self._first_force = None
             self.get_logger().info("engaged")
-        if decision.finished and not self.finished.done():
-            self.get_logger().info(f"duration of {self.parameters.duration:g} s is over")
-            self.finished.set_result(None)
+        if decision.finished:
+            self.finish(f"duration of {self.parameters.duration:g} s is over")
 
     def _listeners(self) -> int:
         return min(force.listeners for force in self._forces.values())

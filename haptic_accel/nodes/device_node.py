@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState
+from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -30,12 +31,6 @@ several senders arrive at once and in any order, and a stop among them must win.
 
 NEWS_PERIOD = 0.1
 """Interval between looks for news of the safety layer, s."""
-
-DONE, FAILED, ERROR = (
-    TransitionCallbackReturn.SUCCESS,
-    TransitionCallbackReturn.FAILURE,
-    TransitionCallbackReturn.ERROR,
-)
 
 
 def quantiles(durations: DurationHistogram, name: str) -> dict[str, str]:
@@ -66,15 +61,12 @@ class Command:
         """Note that a command caused by a sample of a moment (system time, ns) was applied."""
         age = age_of(moment)
         self.age.add(age)
-        if age > self._period / 2:
-            self.late += 1
+        self.late += age > self._period / 2
 
     def status(self, name: str) -> dict[str, str]:
         """Return values for diagnostics."""
-        values = {f"{name} count": str(self.age.count)}
-        values |= quantiles(self.age, f"{name} age")
-        values[f"{name} late"] = str(self.late)
-        return values
+        count = {f"{name} count": str(self.age.count)}
+        return {**count, **quantiles(self.age, f"{name} age"), f"{name} late": str(self.late)}
 
 
 def age_of(moment: int) -> float:
@@ -130,12 +122,10 @@ class DeviceNode(ManagedNode):
         self._send_velocity = self.sender(arm.velocity).send
         self._send_acceleration = self.sender(arm.acceleration).send
         self._publish_stopped = self.publisher(arm.stopped).publish
-        self._arm_command = Command(1 / p.rate)
-        self._commands = {"arm force": self._arm_command}
+        self._commands = {"arm force": Command(1 / p.rate)}
         self.listen(arm.arm_force, self._apply_arm_force)
         if arm.actuator_force:
-            self._actuator_command = Command(1 / p.rate)
-            self._commands["actuator force"] = self._actuator_command
+            self._commands["actuator force"] = Command(1 / p.rate)
             self.listen(arm.actuator_force, self._apply_actuator_force)
         self.listen_state(topics.EMERGENCY_STOP, self._stop)
         self.create_service(Trigger, "~/arm", self._serve_arm)
@@ -145,7 +135,7 @@ class DeviceNode(ManagedNode):
 
     # Transitions of the managed node
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_configure(self, state: LifecycleState) -> Outcome:
         """Open the device and begin to sample it, without force."""
         self._failure = None
         try:
@@ -159,40 +149,36 @@ class DeviceNode(ManagedNode):
             if not self._starting:  # otherwise the process ends with this line
                 self.get_logger().error(str(error))
             self._close_device()
-            return FAILED
-        return DONE
+            return Outcome.FAILURE
+        return Outcome.SUCCESS
 
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_activate(self, state: LifecycleState) -> Outcome:
         """Allow forces."""
         self.safety.enable(steady_now(), True)
-        return DONE
+        return Outcome.SUCCESS
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_deactivate(self, state: LifecycleState) -> Outcome:
         """Take all forces off, and allow none."""
         self.safety.enable(steady_now(), False)
         try:
             self.device.write(steady_now(), arm_force=ZERO, actuator_force=0.0)
         except (DeviceError, OSError) as error:
             self.get_logger().error(f"{error}: device closed")
-            return ERROR
-        return ERROR if self._failure else DONE
+            return Outcome.ERROR
+        return Outcome.ERROR if self._failure else Outcome.SUCCESS
 
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_cleanup(self, state: LifecycleState) -> Outcome:
         """Close the device, which leaves it without force."""
         self._release()
-        return DONE
+        return Outcome.SUCCESS
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_shutdown(self, state: LifecycleState) -> Outcome:
         """Close the device, and end."""
         self._release()
-        if not self.finished.done():
-            self.finished.set_result(None)
-        return DONE
+        self.finish()
+        return Outcome.SUCCESS
 
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Close a device that does not work."""
-        self._release()
-        return DONE
+    on_error = on_cleanup
 
     def change(self, values: dict[str, Any]) -> None:
         """Change parameters of the running device."""
@@ -226,19 +212,20 @@ class DeviceNode(ManagedNode):
         }
         for name, command in self._commands.items():
             values |= command.status(name)
-        values |= self.safety.status()
-        values |= {name: str(count) for name, count in self.device.status().items()}
-        return self._warning(), values
+        counts = {name: str(count) for name, count in self.device.status().items()}
+        return self._warning(), {**values, **self.safety.status(), **counts}
 
     def _warning(self) -> str:
         """Return current problems, and those since the last report."""
         stall = self.rate_keeper.take_longest_gap()
-        warnings = self.safety.warnings()
-        warnings += [self.device.problem] if self.device.problem else []
-        warnings += ["no sample"] if self._unread > self._reported_unread else []
-        self._reported_unread = self._unread
-        warnings += [f"stalled for {stall * 1e3:.0f} ms"] if stall >= STALL else []
-        return ", ".join(warnings)
+        new, self._reported_unread = self._unread - self._reported_unread, self._unread
+        warnings = [
+            *self.safety.warnings(),
+            self.device.problem,
+            "no sample" if new else "",
+            f"stalled for {stall * 1e3:.0f} ms" if stall >= STALL else "",
+        ]
+        return ", ".join(filter(None, warnings))
 
     def _build_device(self) -> Device:
         p = self.parameters
@@ -247,7 +234,7 @@ class DeviceNode(ManagedNode):
     def _autostart(self) -> None:
         """Configure and activate, or raise the reason why not."""
         self._starting = True
-        if self.trigger_configure() != DONE:
+        if self.trigger_configure() != Outcome.SUCCESS:
             assert self._failure
             raise self._failure
         self._starting = False
@@ -305,9 +292,8 @@ class DeviceNode(ManagedNode):
         else:
             self._publish(sample, system_time(due))
         self._watch(None if sample is None else sample.acceleration)
-        if self.device.ended and not self.finished.done():
-            self.get_logger().info(f"{self.parameters.device} device has ended")
-            self.finished.set_result(None)
+        if self.device.ended:
+            self.finish(f"{self.parameters.device} device has ended")
 
     def _publish(self, sample: Sample, moment: int) -> None:
         # What makes the felt force goes first.
@@ -319,36 +305,33 @@ class DeviceNode(ManagedNode):
         """Apply the forces that the safety layer reduces without a command."""
         now = steady_now()
         arm, actuator = self.safety.tick(now, acceleration)
-        if arm is not None or actuator is not None:
-            forces = {"arm_force": arm, "actuator_force": actuator}
-            self._write(now, **{name: f for name, f in forces.items() if f is not None})
+        self._write(now, arm_force=arm, actuator_force=actuator)
 
-    def _write(self, now: float, **forces: Any) -> None:
-        """Apply forces, or close a device that fails."""
+    def _write(self, now: float, **forces: Any) -> bool:
+        """Apply forces that are not None, or close a device that fails; return if any is given."""
+        given = {name: force for name, force in forces.items() if force is not None}
+        if not given:
+            return False
         try:
-            self.device.write(now, **forces)
+            self.device.write(now, **given)
         except (DeviceError, OSError) as error:
             self._fail(error)
+        return True
 
     def _apply_arm_force(self, moment: int, force: Vector) -> None:
-        now = steady_now()
-        allowed = self.safety.arm_force(now, age_of(moment), force)
-        if allowed is None:
-            return
-        if not self._arm_command.age.count:
-            # The arms engage: what was late while nodes came up says nothing about the run.
-            for command in self._commands.values():
-                command.age.reset()
-        self._write(now, arm_force=allowed)
-        self._arm_command.applied(moment)
+        now, command = steady_now(), self._commands["arm force"]
+        if self._write(now, arm_force=self.safety.arm_force(now, age_of(moment), force)):
+            if not command.age.count:
+                # The arms engage: what was late while nodes came up says nothing about the run.
+                for each in self._commands.values():
+                    each.age.reset()
+            command.applied(moment)
 
     def _apply_actuator_force(self, moment: int, force: Vector) -> None:
         now = steady_now()
         allowed = self.safety.actuator_force(now, age_of(moment), force[ACTUATOR_AXIS])
-        if allowed is None:
-            return
-        self._write(now, actuator_force=allowed)
-        self._actuator_command.applied(moment)
+        if self._write(now, actuator_force=allowed):
+            self._commands["actuator force"].applied(moment)
 
     def _stop(self, stop: bool) -> None:
         """Take all forces off and refuse commands, or allow them again; answer in any case."""

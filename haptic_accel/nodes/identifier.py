@@ -72,23 +72,22 @@ class Identifier(GraphNode):
         if self.finished.done():
             return
         self._received = time.monotonic()
-        if not math.isfinite(acceleration[ACTUATOR_AXIS]):
+        measured = acceleration[ACTUATOR_AXIS]
+        if not math.isfinite(measured):
             self._fail("handle_acceleration: not a finite number, force taken off")
             return
         # Until now the actuator was driven by the last force, and the handle moved as sampled.
-        self._widest = max(
-            self._widest, abs(self._travel.sample(self._applied, acceleration[ACTUATOR_AXIS]))
-        )
-        if abs(self._travel.travel) > self._most_travel:
+        travel = abs(self._travel.sample(self._applied, measured))
+        self._widest = max(self._widest, travel)
+        if travel > self._most_travel:
             self._fail(
-                f"travel: {1e3 * abs(self._travel.travel):.2f} mm, must be at most"
+                f"travel: {1e3 * travel:.2f} mm, must be at most"
                 f" {1e3 * self._most_travel:.2f} mm; use a smaller amplitude"
             )
             return
-        force = self._next_force(moment)
-        self._applied = force
+        self._applied = self._next_force(moment)
         if not self.finished.done():
-            self._sender.send(moment, along_actuator(force))
+            self._sender.send(moment, along_actuator(self._applied))
 
     def _next_force(self, moment: int) -> float:
         """Return the force that follows a sample of a moment in ns."""
@@ -98,16 +97,17 @@ class Identifier(GraphNode):
             self._origin = moment
         sample = round((moment - self._origin) / self._period)
         trial, within = divmod(sample, self._rest + len(self._force))
-        if trial >= self.parameters.trials:
-            self._log_progress(self.parameters.trials * self.parameters.repeats)
+        p = self.parameters
+        if trial >= p.trials:
+            self._log_progress(p.trials * p.repeats)
             # The handle comes to rest on the recording too.
             if within >= self._rest:
-                self.finished.set_result(None)
+                self.finish()
             return 0.0
         place = within - self._rest
         if place < 0:
             return 0.0
-        self._log_progress(trial * self.parameters.repeats + place // self._repeat)
+        self._log_progress(trial * p.repeats + place // self._repeat)
         return float(self._force[place])
 
     def _log_progress(self, done: int) -> None:
@@ -115,14 +115,12 @@ class Identifier(GraphNode):
         if done == self._done:
             return
         self._done = done
-        trial, repeat = divmod(done, self.parameters.repeats)
-        if trial < self.parameters.trials:
-            self.get_logger().info(
-                f"trial {trial + 1} of {self.parameters.trials},"
-                f" repeat {repeat + 1} of {self.parameters.repeats}"
-            )
-        else:
-            self.get_logger().info(f"done, largest travel {1e3 * self._widest:.2f} mm")
+        p = self.parameters
+        trial, repeat = divmod(done, p.repeats)
+        line = f"trial {trial + 1} of {p.trials}, repeat {repeat + 1} of {p.repeats}"
+        if trial == p.trials:
+            line = f"done, largest travel {1e3 * self._widest:.2f} mm"
+        self.get_logger().info(line)
 
     def _look(self) -> None:
         """End the run when nobody subscribes or the handle falls silent."""
@@ -141,7 +139,7 @@ class Identifier(GraphNode):
         if not self.finished.done():
             self._sender.send(time.time_ns(), ZERO)
             self._failure = failure
-            self.finished.set_result(None)
+            self.finish()
 
 
 def main() -> None:

@@ -35,8 +35,7 @@ DEPTH = 10
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy gives every node."""
 
-_LARGEST_INTEGER = 2**63 - 1
-_LARGEST_NUMBER = sys.float_info.max
+_LARGEST = sys.float_info.max
 
 
 class Sender:
@@ -211,19 +210,17 @@ def _descriptor(default: Any, specification: Specification) -> ParameterDescript
     unit = f" [{specification.unit}]" if specification.unit else ""
     low, high = specification.low, specification.high
     descriptor = ParameterDescriptor(
-        description=specification.text + unit,
-        additional_constraints=specification.allowed,
+        description=specification.text + unit, additional_constraints=specification.allowed
     )
     if low is None and high is None:
         return descriptor
-    if isinstance(default, int):
-        first = 0 if low is None else int(low)
-        last = _LARGEST_INTEGER if high is None else int(high)
-        descriptor.integer_range = [IntegerRange(from_value=first, to_value=last)]
+    whole = isinstance(default, int)
+    kind, least, most = (int, 0, 2**63 - 1) if whole else (float, -_LARGEST, _LARGEST)
+    low, high = kind(least if low is None else low), kind(most if high is None else high)
+    if whole:
+        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
     else:
-        least = -_LARGEST_NUMBER if low is None else float(low)
-        most = _LARGEST_NUMBER if high is None else float(high)
-        descriptor.floating_point_range = [FloatingPointRange(from_value=least, to_value=most)]
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
     return descriptor
 
 

@@ -39,15 +39,13 @@ class ManagedNode(LifecycleNodeMixin, GraphNode):
     ) -> Any:
         """Change the state as requested; rclpy would end the node for an impossible transition."""
         # By number or, which goes first, by name.
-        names = [name for _, name, *_ in self._state_machine.available_transitions]
-        numbers = [number for number, *_ in self._state_machine.available_transitions]
+        possible = {name: n for n, name, *_ in self._state_machine.available_transitions}
         wanted = request.transition
-        possible = wanted.label in names if wanted.label else wanted.id in numbers
-        if not possible:
-            self.get_logger().warning(
-                f"transition {wanted.label or wanted.id}: not from {self.state};"
-                f" possible are {', '.join(names)}"
-            )
-            response.success = False
-            return response
-        return self._unguarded(request, response)
+        if wanted.label in possible if wanted.label else wanted.id in possible.values():
+            return self._unguarded(request, response)
+        self.get_logger().warning(
+            f"transition {wanted.label or wanted.id}: not from {self.state};"
+            f" possible are {', '.join(possible)}"
+        )
+        response.success = False
+        return response

@@ -40,8 +40,8 @@ class Restamper(GraphNode):
         # The coupler waits for a subscriber of the arm's force, and `estop` for an answer to an
         # emergency stop.
         self.listen(topics.SLAVE_ARM_FORCE, self._ignore)
-        self._publish_stopped = self.publisher(topics.SLAVE_STOPPED).publish
-        self.listen_state(topics.EMERGENCY_STOP, self._stop)
+        publish_stopped = self.publisher(topics.SLAVE_STOPPED).publish
+        self.listen_state(topics.EMERGENCY_STOP, lambda stop: publish_stopped(Bool(data=stop)))
         self._looking = self.create_timer(LOOK_PERIOD, self._look)
 
     def status(self) -> tuple[str, dict[str, str]]:
@@ -90,9 +90,6 @@ class Restamper(GraphNode):
 
     def _ignore(self, moment: int, force: Vector) -> None:
         self._forces += 1
-
-    def _stop(self, stop: bool) -> None:
-        self._publish_stopped(Bool(data=stop))
 
 
 def main() -> None:

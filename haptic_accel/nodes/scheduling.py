@@ -25,14 +25,7 @@ from rclpy.utilities import remove_ros_args
 
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import (
-    DONE,
-    EXECUTOR,
-    FAILED,
-    REALTIME,
-    SUPERVISOR,
-    WRONG_ARGUMENTS,
-)
+from haptic_accel.core.process import DONE, EXECUTOR, FAILED, REALTIME, SUPERVISOR, WRONG_ARGUMENTS
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.middleware import middleware_defaults
@@ -217,6 +210,13 @@ class SupervisedNode(Node):
         self.finished: Future = Future()
         """Its result is set when the node's task is done."""
 
+    def finish(self, line: str = "") -> None:
+        """Note, once, that the node's task is done, with a line for the log if there is one."""
+        if not self.finished.done():
+            if line:
+                self.get_logger().info(line)
+            self.finished.set_result(None)
+
     def close(self) -> None:
         """Release everything; called once, whatever ended the node."""
 
@@ -257,18 +257,13 @@ def run(name: str, *builds: Build, realtime: bool = True) -> None:
 
 
 def _status(builds: Sequence[Build], name: str, realtime: bool, ended: Callable[[], bool]) -> int:
+    wrong = (ParameterError, InvalidParameterException)
     try:
         _run(builds, realtime, ended)
-    except (ParameterError, InvalidParameterException) as error:
-        return _report(name, error, WRONG_ARGUMENTS)
-    except (DeviceError, OSError) as error:
-        return _report(name, error, FAILED)
+    except (*wrong, DeviceError, OSError) as error:
+        print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
+        return WRONG_ARGUMENTS if isinstance(error, wrong) else FAILED
     return DONE
-
-
-def _report(name: str, error: Exception, status: int) -> int:
-    print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
-    return status
 
 
 def _run(builds: Sequence[Build], realtime: bool, ended: Callable[[], bool]) -> None:
