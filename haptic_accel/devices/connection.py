@@ -1,4 +1,4 @@
-"""A connection that a thread of its own reads, and makes again after it was lost."""
+"""Connection that a thread of its own reads, and makes again after it was lost."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Connection(ABC):
         self._thread.start()
 
     def close(self) -> None:
-        """Leave the hardware without force; also allowed when never opened."""
+        """Leave the hardware without force; allowed also when it was never opened."""
         self._closing.set()
         if self._thread is not None:
             self._thread.join(JOIN_TIMEOUT)
@@ -79,7 +79,7 @@ class Connection(ABC):
 
     @abstractmethod
     def _release(self) -> None:
-        """Take all forces off, as far as the hardware still answers."""
+        """Remove all forces, as far as the hardware still answers."""
 
     @abstractmethod
     def _disconnect(self) -> None:

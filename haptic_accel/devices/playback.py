@@ -53,7 +53,7 @@ class ReplayParameters(Checked):
 
 
 class ReplayDevice(SimulatedDevice):
-    """Plays one arm's samples at their original times, one a tick, independent of the forces.
+    """Recorded samples of one arm at their original times, one a tick, whatever the forces.
 
     Until the arm gets its first force it waits at its first position. Samples that the bag
     lacks hold the one before, and are counted; where the bag has another rate than the graph
@@ -90,13 +90,13 @@ class ReplayDevice(SimulatedDevice):
 
 
 class ReplayMaster(ReplayDevice):
-    """Plays the handle's acceleration and the master arm's motion."""
+    """Recorded acceleration of the handle and motion of the master's arm."""
 
     _arm = MASTER
 
 
 class ReplaySlave(ReplayDevice):
-    """Plays the tool's acceleration and the slave arm's motion."""
+    """Recorded acceleration of the tool and motion of the slave's arm."""
 
     _arm = SLAVE
 
@@ -132,7 +132,7 @@ def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> tra
 
 
 def is_bag(file: str) -> bool:
-    """Return whether a path is taken for a bag rather than for a CSV or WAV file."""
+    """Return True for the path of a bag, False for that of a CSV or WAV file or of nothing."""
     return Path(file).is_dir() or is_storage(Path(file))
 
 

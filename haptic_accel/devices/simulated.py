@@ -16,25 +16,25 @@ from haptic_accel.devices.recordings import read_recording
 
 
 class SimulatedDevice(Device):
-    """A rig that samples exactly at the times asked for, as a converter with a clock does."""
+    """Virtual rig, sampled exactly at the requested times, as by a converter with a clock."""
 
     _rig: Rig
     _elapsed = 0.0
     _origin: float | None = None
 
     def open(self) -> None:
-        """Let the rig's time go on with the first read or write."""
+        """Continue the rig's time with the first read or write."""
         self._origin = None
 
     def read(self, time: float) -> Sample:
-        """Let physics run until `time` and return the sample then."""
+        """Simulate until `time`, and return the sample then."""
         self._advance(time)
         return self._rig.measure()
 
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
-        """Let physics run until `time`, then change the forces."""
+        """Simulate until `time`, then change the forces."""
         self._advance(time)
         if arm_force is not None:
             self._rig.apply_arm_force(arm_force)
@@ -42,7 +42,7 @@ class SimulatedDevice(Device):
             self._rig.apply_actuator_force(actuator_force)
 
     def close(self) -> None:
-        """Take all forces off."""
+        """Remove all forces."""
         self._rig.release()
 
     def status(self) -> dict[str, int]:
@@ -68,13 +68,13 @@ class SimulatedMaster(SimulatedDevice):
         self._rig = MasterRig(parameters, rate, seed)
 
     def change(self, parameters: MasterRigParameters) -> None:
-        """Let the user hold the handle otherwise."""
+        """Change the user's grip of the handle."""
         self._rig.hold(parameters.grip)
 
 
 @dataclass(frozen=True)
 class RecordingParameters(Checked):
-    """A recorded tool acceleration in place of the simulated one."""
+    """Recorded tool acceleration in place of the simulated one."""
 
     file: str = parameter("", "CSV or WAV file; empty to simulate the surface's texture")
     rate: float = parameter(
@@ -107,7 +107,7 @@ class SimulatedSlave(SimulatedDevice):
         Raises
         ------
         ParameterError
-            A recording is played, which no surface would be heard through.
+            A recording is played in place of the surface's texture.
         """
         if parameters.recording.file:
             raise ParameterError("surface: cannot be changed while a recording is played")

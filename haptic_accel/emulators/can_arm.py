@@ -36,7 +36,7 @@ DAMPING = 1e-3
 
 
 class EmulatedAxis:
-    """ODrive axis, as far as an arm needs it.
+    """ODrive axis with the commands that an arm needs.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ class EmulatedArm:
             self._device.write(now, arm_force=(x, y, z))
 
     def _move(self, now: float) -> None:
-        """Bring the motors where the simulated arm is."""
+        """Set position and speed of the motors to those of the simulated arm."""
         sample = self._device.read(now)
         assert sample, "simulated devices always have a sample"
         x, y, z = (a + b for a, b in zip(self._home, sample.position, strict=True))

@@ -45,7 +45,7 @@ def parse_frame_line(line: bytes) -> Frame | None:
 
 
 class SlcanAdapter:
-    """Adapter, which reads the commands of a host.
+    """Adapter that reads the commands of a host.
 
     Attributes
     ----------

@@ -158,7 +158,7 @@ class DrivenArm:
             axis.reported = axis.estimated = -math.inf
 
     def release(self) -> None:
-        """Release all axes: they may still exert their last torques when a bus is back."""
+        """Release all axes, which may still exert their last torques when a bus is back."""
         with self._lock:
             self.state, self.torques = State.DISARMED, self._zero
             self._send(_idle(self.nodes))

@@ -70,7 +70,7 @@ class ArmLink(Connection):
             self.arm.release()
 
     def _receive(self) -> None:
-        """Receive all frames: after a stall, those that wait must not seem lost."""
+        """Receive all frames: after a stall, those that are queued must not seem lost."""
         timeout = RECEIVE_TIMEOUT
         for _ in range(LONGEST_QUEUE):
             try:

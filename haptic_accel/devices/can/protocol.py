@@ -162,7 +162,7 @@ class Message:
     node: int
 
     def __init_subclass__(cls, command: Command, layout: str = "") -> None:
-        """Note the command, and the layout of its data."""
+        """Set the command, and the layout of its data."""
         cls.COMMAND, cls.LAYOUT = command, struct.Struct(layout)
 
     def frame(self) -> Frame:

@@ -38,8 +38,8 @@ DELAY_STEP = 20e-6
 settles where `IN_TIME` of them are in time."""
 
 LONGEST_DELAY = 1.0
-"""Longest delay besides the length of a frame, in periods: waiting for stragglers would cost more
-than they are worth."""
+"""Longest delay besides the length of a frame, in periods: waiting for frames that come later
+would add more latency than their samples are worth."""
 
 STRAGGLER = 0.5e-3
 """Lateness against the line beyond which a block is ignored, s; a block as much too early shows

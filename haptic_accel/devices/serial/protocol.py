@@ -124,7 +124,7 @@ class Message:
     LAYOUT: ClassVar = struct.Struct("")
 
     def __init_subclass__(cls, kind: FrameType, layout: str = "") -> None:
-        """Note the type of frame, and the layout of its payload if it is not that of the base."""
+        """Set the type of frame, and the layout of its payload unless it is that of the base."""
         cls.TYPE = kind
         if layout:
             cls.LAYOUT = struct.Struct(layout)
@@ -312,7 +312,7 @@ class Status(Message, kind=FrameType.STATUS, layout="<BhIIIIII"):
     unsent: int
 
     def __post_init__(self) -> None:
-        """Make the number of a state the state; raise `ValueError` where there is none."""
+        """Convert the number of a state; raise `ValueError` if there is no such state."""
         object.__setattr__(self, "state", State(self.state))
 
 
@@ -332,7 +332,7 @@ class Error(Message, kind=FrameType.ERROR, layout="<BBH"):
     sequence: int
 
     def __post_init__(self) -> None:
-        """Make the number of a code the code; raise `ValueError` where there is none."""
+        """Convert the number of a code; raise `ValueError` if there is no such code."""
         object.__setattr__(self, "code", ErrorCode(self.code))
 
 
@@ -399,7 +399,7 @@ class Encoder:
 
 
 class Decoder:
-    """Finder of frames in a stream of bytes, from any place on.
+    """Decoder of frames in a stream of bytes that begins anywhere.
 
     Attributes
     ----------
