@@ -97,7 +97,8 @@ class ArmLink(Connection):
 
     def _disconnect(self) -> None:
         with self._sending:
-            bus, self._bus, self.connected = self._bus, None, False
+            self.connected = False
+            bus, self._bus = self._bus, None
         if bus is not None:
             # A lost bus cannot be closed in order.
             with suppress(Exception):
