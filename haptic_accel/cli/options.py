@@ -72,6 +72,7 @@ class Verb(click.Command):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the verb, with the options that mean a word among its words.
 
+        A parameter named ``arguments`` receives the words as the dataclass that declares them.
         A file for results that cannot be written is refused before anything runs for it; one in
         the folder that the verb is to make can be.
         """
