@@ -170,13 +170,14 @@ def latency(
 
 def _compared(words: Sequence[str], rates: Sequence[float], pairs: int, seconds: float) -> Metrics:
     """Measure the graph at several rates, and print the metrics."""
+    runs = {rate: _arguments(words, rate, seconds) for rate in rates}
     rows: list[Metrics] = []
     not_run: list[float] = []
     with stop_on_signal() as stop:
-        for rate in rates:
+        for rate, arguments in runs.items():
             click.echo(f"{pairs} x {rate:g} Hz, {seconds:g} s", err=True)
             try:
-                metrics = measure(_arguments(words, rate, seconds), pairs, "events", stop)
+                metrics = measure(arguments, pairs, "events", stop)
             except StoppedError as end:
                 if end.status == INTERRUPTED:
                     raise
@@ -352,4 +353,7 @@ def _arguments(words: Sequence[str], rate: float, seconds: float) -> GraphArgume
             raise ParameterError(f"{key}: set by the benchmark")
     if not seconds >= 1:
         raise ParameterError(f"seconds = {seconds:g}: must leave at least 1 s for each run")
-    return replace(parse_arguments(words), rate=rate, duration=seconds)
+    arguments = replace(parse_arguments(words), rate=rate, duration=seconds)
+    # Refuses what no node would accept before the first run.
+    graph(arguments)
+    return arguments
