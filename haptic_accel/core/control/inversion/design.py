@@ -230,7 +230,8 @@ def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatA
     frequency = problem.grid.frequency
     model = handle_model(plant.handle).response(frequency)
     terms = inverse_terms(plant.handle, frequency) * model
-    return np.stack([problem.solution(t * problem.grid.delay(goal.granted_delay)) for t in terms])
+    targets = terms * problem.grid.delay(goal.granted_delay)
+    return np.stack([problem.solution(target) for target in targets])
 
 
 def nearest(keeps: Callable[[float], bool], start: float, end: float, halvings: int) -> float:
