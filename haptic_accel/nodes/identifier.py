@@ -30,7 +30,7 @@ class Identifier(GraphNode):
 
     Which force it is follows from the sample's stamp, so that the sweep keeps its time where a
     sample is lost. The actuator's travel is estimated all along; where it comes near its stops,
-    or the handle falls silent, the force is taken off and the run fails.
+    or the handle sends no acceleration, the force is taken off and the run fails.
     """
 
     def __init__(self) -> None:
@@ -123,7 +123,7 @@ class Identifier(GraphNode):
         self.get_logger().info(line)
 
     def _look(self) -> None:
-        """End the run when nobody subscribes or the handle falls silent."""
+        """End the run when nobody subscribes or the handle sends no acceleration."""
         now = time.monotonic()
         if self._origin is None:
             if now - self._started > PATIENCE:

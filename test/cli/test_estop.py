@@ -81,7 +81,7 @@ def test_devices_stop_without_a_coupler_and_learn_of_a_stop_they_missed(
     # Forces flow; then the one who sends them dies.
     observer.collect((ACTUATOR_FORCE,), 100)
     os.kill(nodes["compensator"].process.pid, signal.SIGKILL)
-    observer.status("master_device", "actuator force went silent")
+    observer.status("master_device", "actuator force timed out")
     # Anybody may stop by the topic alone, and be gone.
     anybody = observer.node.create_publisher(
         Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, depth=1)

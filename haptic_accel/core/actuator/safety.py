@@ -162,7 +162,7 @@ class Watchdog:
         self._latest = now
         return True
 
-    def went_silent(self, now: float) -> bool:
+    def expired(self, now: float) -> bool:
         """Return True, once, when commands have stopped."""
         if self._latest is None or now - self._latest < self._timeout:
             return False
@@ -275,7 +275,7 @@ class _ArmChannel(_Channel[Vector]):
         self.limited = 0
 
     def tick(self, now: float) -> Vector | None:
-        return self.let_go(now) if self.watchdog.went_silent(now) else None
+        return self.let_go(now) if self.watchdog.expired(now) else None
 
     def values(self) -> dict[str, str]:
         """Return counts for diagnostics."""
@@ -331,7 +331,7 @@ class _ActuatorChannel(_Channel[float]):
         held = self._held
         self._hold(now, held)
         self._advance(now)
-        if self.watchdog.went_silent(now):
+        if self.watchdog.expired(now):
             return self.let_go(now)
         if not held:
             return None
@@ -503,7 +503,7 @@ class SafetyLayer:
         for channel in self._channels:
             watchdog = channel.watchdog
             counts = {
-                f"{channel.name} went silent": watchdog.timeouts,
+                f"{channel.name} timed out": watchdog.timeouts,
                 f"{channel.name} out of date": watchdog.outdated,
                 f"{channel.name} not finite": channel.rejected,
             }

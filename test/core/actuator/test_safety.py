@@ -193,12 +193,12 @@ def test_silence_takes_each_force_off_after_its_own_time_and_is_reported_once() 
     bench.wait(0.2 * ACTUATOR_TIMEOUT)
     bench.tick()
     assert (bench.actuator, bench.arm) == (0.0, (1.0, 0.0, 0.0))
-    assert bench.layer.warnings() == ["actuator force went silent"]
+    assert bench.layer.warnings() == ["actuator force timed out"]
     bench.wait(ARM_TIMEOUT)
     for _ in range(10):
         bench.tick()
     assert bench.arm == ZERO
-    assert bench.layer.warnings() == ["arm force went silent", "actuator force still missing"]
+    assert bench.layer.warnings() == ["arm force timed out", "actuator force still missing"]
     assert bench.layer.warnings() == ["arm force still missing", "actuator force still missing"]
     assert bench.layer.news(bench.now) == []
     bench.wait(2 * LASTING)
