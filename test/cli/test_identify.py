@@ -117,6 +117,7 @@ def forces(bag: Path) -> np.ndarray:
     return np.array([message.wrench.force.z for message in messages])  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_the_live_graph_finds_the_handle_grip_by_grip(haptic_accel: Start, tmp_path: Path) -> None:
     command = haptic_accel(
         # Two trials, because one during which the host was away is left out.

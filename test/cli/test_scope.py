@@ -35,6 +35,7 @@ async def first_frames(address: str) -> int:
                 return len(message.data)
 
 
+@pytest.mark.slow
 def test_the_graph_outlives_its_scope_and_another_takes_its_place(
     haptic_accel: Start, domain: int
 ) -> None:

@@ -79,7 +79,7 @@ def check_complete(messages: Mapping[str, list[Any]], seconds: float) -> None:
             assert len(found.intersection(taken)) > LEAST_ARRIVED * len(taken), topic
 
 
-@pytest.mark.parametrize("rig", ["ideal", "paper"])
+@pytest.mark.parametrize("rig", ["ideal", pytest.param("paper", marks=pytest.mark.slow)])
 def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     haptic_accel: Start, tmp_path: Path, domain: int, rig: str
 ) -> None:
@@ -162,7 +162,13 @@ def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(
     read(tmp_path / "bag")
 
 
-@pytest.mark.parametrize("node", sorted(EXECUTABLES))
+@pytest.mark.parametrize(
+    "node",
+    [
+        "compensator",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in sorted(EXECUTABLES)[1:]),
+    ],
+)
 def test_a_node_that_dies_ends_the_graph_and_is_named(
     haptic_accel: Start, domain: int, node: str
 ) -> None:
@@ -282,6 +288,7 @@ def test_a_recorded_acceleration_is_played(haptic_accel: Start, tmp_path: Path) 
     assert np.argmax(spectrum) * 1000 / len(played) == pytest.approx(tone, abs=2)
 
 
+@pytest.mark.slow
 def test_a_recorded_surface_is_played(haptic_accel: Start, tmp_path: Path) -> None:
     write_recording(tmp_path / "vinyl.csv", "vinyl")
     command = haptic_accel(

@@ -76,6 +76,7 @@ def desired_by_sample(recorded: Bag) -> dict[int, float]:
     }
 
 
+@pytest.mark.slow
 def test_the_device_and_played_topics_give_the_controller_the_same_input(
     haptic_accel: Start, start: Start, bag: Path, tmp_path: Path
 ) -> None:
