@@ -5,6 +5,10 @@ from __future__ import annotations
 DONE, FAILED, WRONG_ARGUMENTS = 0, 1, 2
 """Exit statuses of every executable and of ``haptic-accel``."""
 
+CUT_SHORT = 6
+"""Exit status of a node whose middleware aborted while it was shut down, all else being done: the
+number of the signal that an abort raises."""
+
 INTERRUPTED = 130
 """Exit status of ``haptic-accel`` after Ctrl-C, as in shells."""
 

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from haptic_accel.core.process import SUPERVISOR
+from haptic_accel.core.process import CUT_SHORT, DONE, SUPERVISOR
 from haptic_accel.graph.processes import Process
 
 LAST_LINES = 20
@@ -27,8 +27,9 @@ LAST_LINES = 20
 PATIENCE = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
 """Signals that ask a process to end, each with the time in s before the next."""
 
-_OUR_SIGNALS = (-signal.SIGINT, -signal.SIGTERM, -signal.SIGALRM)
-"""Statuses of a process stopped by us; the last where its middleware did not come to an end."""
+_ENDS = (DONE, -signal.SIGINT, -signal.SIGTERM, -signal.SIGALRM, CUT_SHORT)
+"""Statuses of a process that has done nothing wrong: after one of our signals, too, and where its
+middleware did not come to an end (SIGALRM) or aborted."""
 
 LOOK_PERIOD = 0.1
 """Interval between checks for the end of a process and a request to stop, s."""
@@ -64,8 +65,8 @@ class Outcome:
         nothing wrong, nor has one whose middleware had to be cut short.
         """
         statuses = self.statuses.items()
-        if self.status == 0:
-            return {name: status for name, status in statuses if status not in (0, *_OUR_SIGNALS)}
+        if self.status in _ENDS:
+            return {name: status for name, status in statuses if status not in _ENDS}
         return {n: s for n, s in statuses if n == self.first or s == -signal.SIGKILL}
 
 

@@ -25,7 +25,15 @@ from rclpy.utilities import remove_ros_args
 
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, EXECUTOR, FAILED, REALTIME, SUPERVISOR, WRONG_ARGUMENTS
+from haptic_accel.core.process import (
+    CUT_SHORT,
+    DONE,
+    EXECUTOR,
+    FAILED,
+    REALTIME,
+    SUPERVISOR,
+    WRONG_ARGUMENTS,
+)
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.middleware import middleware_defaults
@@ -298,9 +306,12 @@ def _close(nodes: Sequence[SupervisedNode]) -> None:
         for node in nodes:
             stack.callback(node.close)
     # Once in some hundred ends under load the middleware does not come back from being torn
-    # down. By now nothing is left that could be lost.
+    # down, or aborts ("pure virtual method called"). By now nothing is left that could be lost.
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(TEARDOWN)
+    # Python's own handlers run too late for an abort: C's _exit, with the signal as the status.
+    libc = ctypes.CDLL(None)
+    libc.signal(CUT_SHORT, libc._exit)
     for node in nodes:
         node.destroy_node()
     rclpy.try_shutdown()

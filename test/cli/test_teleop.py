@@ -20,6 +20,7 @@ import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from haptic_accel.core.process import CUT_SHORT
 from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, TOPICS
 from haptic_accel.nodes.device_node import STALL
 from observing import Observer
@@ -186,6 +187,25 @@ def test_nodes_end_when_their_supervisor_is_killed(haptic_accel: Start, domain: 
     command.wait_for("engaged")
     command.end(signal.SIGKILL)
     wait_until(lambda: nodes_of(domain) == {}, "all nodes ended")
+
+
+ABORTING = """
+import os
+from haptic_accel.nodes.coupler import Coupler
+from haptic_accel.nodes.scheduling import run
+
+class Aborting(Coupler):
+    def destroy_node(self):
+        os.abort()
+
+run("coupler", Aborting)
+"""
+
+
+def test_middleware_that_aborts_when_all_is_done_is_told_from_a_fault(start: Start) -> None:
+    command = start("-c", ABORTING)
+    command.wait_for("waiting for the position of master and slave")
+    assert command.end(signal.SIGINT) == CUT_SHORT, command.text
 
 
 def test_arms_are_let_go_when_one_falls_silent_and_coupled_again(

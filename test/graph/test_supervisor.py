@@ -12,6 +12,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_accel.core.process import CUT_SHORT
 from haptic_accel.graph import supervisor
 from haptic_accel.graph.processes import Process
 from haptic_accel.graph.supervisor import Supervisor, command
@@ -42,6 +43,14 @@ def test_the_first_end_ends_all_with_its_status_and_last_lines() -> None:
     assert (outcome.first, outcome.status) == ("dying", 3)
     assert outcome.last_lines["dying"] == ["oh", "no"]
     assert outcome.failed == {"dying": 3}
+
+
+@pytest.mark.usefixtures("scripts")
+def test_a_node_whose_middleware_aborted_at_its_end_has_not_failed() -> None:
+    ended = script("ended", f"raise SystemExit({CUT_SHORT})")
+    outcome = Supervisor([ended]).run()
+    assert outcome.statuses == {"ended": CUT_SHORT}
+    assert outcome.failed == {}
 
 
 @pytest.mark.usefixtures("scripts")
