@@ -10,7 +10,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy import signal
@@ -159,8 +159,10 @@ def test_a_force_beyond_the_peak_is_cut_and_counted() -> None:
 
 @untimed
 @given(arrays.arrays(np.float64, 50, elements=st.floats(-500.0, 500.0)), peaks)
+@example(np.array([-368.0] * 36 + [158.0] + [-368.0] * 13), 6.0)
 def test_exactly_the_forces_beyond_the_peak_are_cut(values: FloatArray, peak: float) -> None:
-    limited, free = unlimited("dynamic", peak_force=peak), unlimited("dynamic", peak_force=100.0)
+    # A spring that 100 N move by a tenth of the free travel, so that travel limits neither.
+    limited, free = (unlimited("dynamic", peak_force=most, k_s=1e4) for most in (peak, 100.0))
     cut = 0
     for force, wanted in zip(
         forces(limited, values.tolist()), forces(free, values.tolist()), strict=True
