@@ -86,7 +86,7 @@ setup(
         # Handle and tool on serial lines; cobs has no rosdep key.
         "serial": ["pyserial>=3.5", "cobs>=1.2"],
         # Arms on a CAN bus; pyserial is for adapters that speak slcan.
-        "can": ["python-can>=4.1", "pyserial>=3.5"],
+        "can": ["python-can>=4.3", "pyserial>=3.5"],
         "test": TEST,
         "dev": [
             *TEST,
