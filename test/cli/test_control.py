@@ -26,13 +26,16 @@ Ask = Callable[..., tuple[int, str]]
 
 
 def test_another_controller_takes_over_without_a_jump(
-    haptic_accel: Start, ask: Ask, tmp_path: Path
+    haptic_accel: Start, observer: Observer, ask: Ask, tmp_path: Path
 ) -> None:
     graph = haptic_accel("teleop", "rig:=ideal", "controller:=none", "bag:=bag")
     graph.wait_for("engaged")
     change = haptic_accel("control", "controller:=adaptive", "reset:=true")
     assert change.end() == 0, change.text
     assert ask("control", "frozen:=true") == (0, "")
+    # Two reports from now on, so that the bag has one of them.
+    for _ in range(2):
+        observer.status("compensator")
     assert graph.end(signal.SIGINT) == 0, graph.text
     values = read_delivery(tmp_path / "bag", 1000.0).nodes["compensator"]
     assert values["controller"] == "adaptive"
