@@ -68,7 +68,7 @@ RIG_NOTES = {
     "come out below the paper's errors. The order of the controllers is what to compare, not "
     "the value of a cell.",
     "paper": "The simulated rig is eq. (1) to (3) of the paper with Table I and, besides, "
-    "structure, delay, friction, gravity, sensors and users as a real one has; four of its "
+    "mount, delay, friction, gravity, sensors and users as a real one has; four of its "
     "numbers, and three of its surfaces', are fitted to the paper's table in lockstep "
     "(docs/virtual_rig.md). In the live graph the age of its forces is part of the delay.",
 }
