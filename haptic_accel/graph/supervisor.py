@@ -65,7 +65,7 @@ class Outcome:
         nothing wrong, nor has one whose middleware had to be cut short.
         """
         statuses = self.statuses.items()
-        if self.status in _ENDS:
+        if self.status in (DONE, CUT_SHORT):
             return {name: status for name, status in statuses if status not in _ENDS}
         return {n: s for n, s in statuses if n == self.first or s == -signal.SIGKILL}
 

@@ -276,6 +276,7 @@ def _status(builds: Sequence[Build], name: str, realtime: bool, ended: Callable[
 
 def _run(builds: Sequence[Build], realtime: bool, ended: Callable[[], bool]) -> None:
     nodes: list[SupervisedNode] = []
+    well = False
     try:
         try:
             _take_arguments()
@@ -288,8 +289,9 @@ def _run(builds: Sequence[Build], realtime: bool, ended: Callable[[], bool]) -> 
         if realtime:
             ask_for_realtime()
         _spin(nodes, ended)
+        well = True
     finally:
-        _close(nodes)
+        _close(nodes, well)
 
 
 def _take_arguments() -> None:
@@ -300,8 +302,8 @@ def _take_arguments() -> None:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 
 
-def _close(nodes: Sequence[SupervisedNode]) -> None:
-    """Close every node, whatever the others do, then the middleware."""
+def _close(nodes: Sequence[SupervisedNode], well: bool) -> None:
+    """Close every node, whatever the others do, then the middleware; after a failure or not."""
     with ExitStack() as stack:
         for node in nodes:
             stack.callback(node.close)
@@ -309,9 +311,10 @@ def _close(nodes: Sequence[SupervisedNode]) -> None:
     # down, or aborts ("pure virtual method called"). By now nothing is left that could be lost.
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(TEARDOWN)
-    # Python's own handlers run too late for an abort: C's _exit, with the signal as the status.
-    libc = ctypes.CDLL(None)
-    libc.signal(CUT_SHORT, libc._exit)
+    if well:  # an abort must not hide a failure
+        # Python's own handlers run too late for an abort: C's _exit, the signal as the status.
+        libc = ctypes.CDLL(None)
+        libc.signal(CUT_SHORT, libc._exit)
     for node in nodes:
         node.destroy_node()
     rclpy.try_shutdown()

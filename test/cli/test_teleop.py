@@ -195,6 +195,11 @@ from haptic_accel.nodes.coupler import Coupler
 from haptic_accel.nodes.scheduling import run
 
 class Aborting(Coupler):
+    def status(self):
+        if os.environ.pop("fail", None):
+            raise OSError("the cable is out")
+        return super().status()
+
     def destroy_node(self):
         os.abort()
 
@@ -206,6 +211,14 @@ def test_middleware_that_aborts_when_all_is_done_is_told_from_a_fault(start: Sta
     command = start("-c", ABORTING)
     command.wait_for("waiting for the position of master and slave")
     assert command.end(signal.SIGINT) == CUT_SHORT, command.text
+
+
+def test_middleware_that_aborts_after_a_failure_hides_none(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("fail", "once")
+    command = start("-c", ABORTING)
+    assert command.end() == -signal.SIGABRT, command.text
 
 
 def test_arms_are_let_go_when_one_falls_silent_and_coupled_again(

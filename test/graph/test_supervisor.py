@@ -54,6 +54,12 @@ def test_a_node_whose_middleware_aborted_at_its_end_has_not_failed() -> None:
 
 
 @pytest.mark.usefixtures("scripts")
+def test_a_node_that_ends_by_itself_with_an_alarm_has_failed() -> None:
+    ended = script("ended", "import signal; signal.raise_signal(signal.SIGALRM)")
+    assert Supervisor([ended]).run().failed == {"ended": -signal.SIGALRM}
+
+
+@pytest.mark.usefixtures("scripts")
 def test_the_graph_goes_on_without_what_is_optional_and_says_so() -> None:
     said: list[tuple[str, str]] = []
     told, up = threading.Event(), threading.Event()
