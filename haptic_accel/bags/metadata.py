@@ -15,6 +15,7 @@ from rosbags.rosbag2 import ReaderError
 from haptic_accel.bags.folder import METADATA
 from haptic_accel.bags.mcap import NEVER, McapFile, Tally, text_map
 from haptic_accel.bags.rosbags_adapter import Channel, dump_qos_v9, parse_qos
+from haptic_accel.core.sampling import NANOSECONDS
 
 VERSION = 9
 """Version of metadata.yaml, as Jazzy and newer write it."""
@@ -115,6 +116,11 @@ class Metadata:
     def duration(self) -> int:
         """Time from the first message to the last, ns."""
         return max(0, max((file.end for file in self.files), default=0) - self.start)
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first message to the last, s; 0 without messages."""
+        return self.duration / NANOSECONDS if self.messages else 0.0
 
     @property
     def text(self) -> str:

@@ -14,7 +14,6 @@ from haptic_accel.bags.folder import MCAP, METADATA, MUST_BE, free_name, storage
 from haptic_accel.bags.mcap import McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, TopicEntry, read_metadata
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS
 
 DAMAGED = ".damaged"
 """Suffix added to the name of a file that was replaced."""
@@ -104,7 +103,7 @@ def repair(path: Path) -> Repair:
         custom=custom,
     )
     done.messages = now.messages
-    done.duration = now.duration / NANOSECONDS if now.messages else 0.0
+    done.duration = now.seconds
     if whole and not (before and _counts(before) == _counts(now)):
         if (path / METADATA).exists():
             _set_aside(path / METADATA)

@@ -31,7 +31,7 @@ def info(path: Path, json_file: Path | None) -> None:
     """Show a bag's topics, the settings it was recorded with, and any damage."""
     files, metadata = _contents(path)
     size = sum(file.stat().st_size for file in files)
-    seconds = metadata.duration / NANOSECONDS if metadata.messages else 0.0
+    seconds = metadata.seconds
     problems = list(_problems(path, files, metadata))
     facts = facts_of(metadata.custom)
     when = "no messages"

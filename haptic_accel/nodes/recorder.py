@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -198,10 +197,7 @@ def _requested(offered: Sequence[QoSProfile]) -> QoSProfile:
 
 def main() -> None:
     """Run the node."""
-    # Forces must not wait for the recorder. Set before the middleware starts its threads, which
-    # inherit it.
-    os.nice(NICENESS)
-    run("recorder", Recorder, realtime=False)
+    run("recorder", Recorder, niceness=NICENESS)
 
 
 if __name__ == "__main__":

@@ -232,7 +232,7 @@ class SupervisedNode(Node):
 Build = Callable[[], SupervisedNode]
 
 
-def run(name: str, *builds: Build, realtime: bool = True) -> None:
+def run(name: str, *builds: Build, niceness: int = 0) -> None:
     """Run nodes until a signal, the end of their parent, or of one of them; then exit.
 
     Parameters
@@ -241,9 +241,11 @@ def run(name: str, *builds: Build, realtime: bool = True) -> None:
         Name in messages.
     builds : callables
         Functions that make the nodes, which share this process and its executor.
-    realtime : bool
-        Request real-time priority.
+    niceness : int
+        Niceness of a process that must not delay the forces; 0 to request real-time priority.
     """
+    # Before the middleware starts its threads, which inherit it.
+    os.nice(niceness)
     os.environ.update(middleware_defaults(os.environ))
     sharpen_timers()
     # This is the one place where signals are handled: rclpy installs none, no node does.
@@ -256,7 +258,7 @@ def run(name: str, *builds: Build, realtime: bool = True) -> None:
     def ended() -> bool:
         return bool(signals) or os.getppid() != parent
 
-    status = _status(builds, name, realtime, ended)
+    status = _status(builds, name, not niceness, ended)
     # A second signal (launch sends one after the terminal's own) must not fail an end that is
     # under way: Python's own end would put the default back, but leaves what is ignored.
     for number in (signal.SIGINT, signal.SIGTERM):

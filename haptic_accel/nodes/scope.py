@@ -251,10 +251,7 @@ class Scope(GraphNode):
 
 def main() -> None:
     """Run the node."""
-    # Showing the force must not delay it. Set before the middleware starts its threads, which
-    # inherit the niceness.
-    os.nice(NICENESS)
-    run("scope", Scope, realtime=False)
+    run("scope", Scope, niceness=NICENESS)
 
 
 if __name__ == "__main__":
