@@ -17,7 +17,7 @@ from statistics import fmean
 import numpy as np
 
 from haptic_accel.cli.experiment import SURFACES
-from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation, evaluate
+from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import RigParameters, run_trial
 from haptic_accel.graph.arguments import GraphArguments
@@ -169,10 +169,8 @@ def _trial(unknowns: Unknowns, duration: float, condition: tuple[str, str, int])
     surface, controller, seed = condition
     arguments = GraphArguments(rig="paper", surface=surface)
     rig = unknowns.rig(rig_parameters(graph_parameters(arguments)))
-    trial = run_trial(controller, rig, duration=duration, seed=seed)
-    return evaluate(
-        trial.desired_acceleration, trial.actual_acceleration, trial.rate, 1 / trial.rate
-    )
+    # In the paper's loop a force takes effect at once.
+    return run_trial(controller, rig, duration=duration, latency=0, seed=seed).evaluate()
 
 
 if __name__ == "__main__":

@@ -180,7 +180,7 @@ def _measured(arguments: GraphArguments, browser: str, stop: Stop) -> Metrics:
         master = read_delivery(Path(given.bag), given.rate).nodes["master_device"]
     metrics: Metrics = {
         "age_us": durations(master, f"{AGE_OF} age"),
-        "late": int(master[f"{AGE_OF} late"]),
+        "deadlines_missed": int(master[f"{AGE_OF} deadlines missed"]),
         "cpu_cores": usage.cpu_cores,
     }
     return {**metrics, "sent": _sent(clients[0])} if clients else metrics

@@ -105,7 +105,8 @@ class _Line:
             kind, length = rng.choice(
                 [
                     (FrameType.SET_CURRENT, 2),
-                    (FrameType.SET_CURRENT, 2),
+                    (FrameType.SCHEDULE_CURRENT, 6),
+                    (FrameType.ALIGN, 8),
                     (FrameType.ARM, 0),
                     (FrameType.CONFIGURE, 4),
                     (FrameType.IDENTIFY, 0),

@@ -22,8 +22,6 @@ START = 1_700_000_000_000_000_000
 """First stamp, ns."""
 
 NANOSECONDS = 1_000_000_000
-TRANSIT = 4e-4
-"""From stamp to recording, s."""
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 _DOUBLES = {"Pose": 7, "Twist": 6, "Wrench": 6, "Accel": 6}
@@ -130,7 +128,7 @@ def _signal(topic: Topic, values: FloatArray, content: BagContent) -> list[_Mess
         stamp = START + round(seconds * NANOSECONDS)
         data = b"\0\1\0\0" + struct.pack("<iI", *divmod(stamp, NANOSECONDS)) + rest
         data += struct.pack(f"<{doubles}d", 0.0, 0.0, value, *[0.0] * (doubles - 3))
-        found.append((stamp + round(TRANSIT * NANOSECONDS), topic.name, topic.type, data))
+        found.append((stamp, topic.name, topic.type, data))
     return found
 
 

@@ -7,11 +7,25 @@ namespace haptic {
 namespace {
 
 constexpr size_t SAMPLES_HEAD = 6;  // bytes before the samples: index, axes, number
+constexpr int64_t SECOND = 1000000000, MICROSECOND = 1000;  // ns
+constexpr int TOLERANCE = 64;       // a grid's period may differ by this part of it
+constexpr int LARGEST_STEP = 32;    // an interval differs by at most this part of the grid's
+// Ticks in which a distance from the grid is removed. A timer takes a new interval over one tick
+// later, with which a quarter is the fastest correction that does not overshoot.
+constexpr int SMOOTHING = 4;
 
 int axis_count(uint8_t axes) {
   int count = 0;
   for (int axis = 0; axis < AXIS_COUNT; axis++) count += axes >> axis & 1;
   return count;
+}
+
+// Rounds down, where C++ rounds towards zero; b is positive.
+int64_t floor_div(int64_t a, int64_t b) { return a / b - (a % b < 0); }
+
+// Time from one moment to another, us; either may be the later one.
+int32_t difference(uint32_t later, uint32_t earlier) {
+  return static_cast<int32_t>(later - earlier);
 }
 
 // Bytes of the payload that a frame of the host has; -1 for a type that no host sends.
@@ -25,6 +39,10 @@ int payload_length(uint8_t type) {
       return 4;
     case SET_CURRENT:
       return 2;
+    case SCHEDULE_CURRENT:
+      return 6;
+    case ALIGN:
+      return 8;
     default:
       return -1;
   }
@@ -49,6 +67,10 @@ void Board::receive(const uint8_t *bytes, size_t length, uint32_t now) {
 
 void Board::sample(const int16_t values[AXIS_COUNT], uint32_t now) {
   if (!rate_) return;
+  follow_grid(now);
+  last_tick_ = now;
+  ticked_ = true;
+  apply_due();
   if (!pending_samples_) {
     pending_clock_ = now;
     pending_length_ = SAMPLES_HEAD;
@@ -98,6 +120,9 @@ void Board::execute(const Frame &frame, uint32_t now) {
     case CONFIGURE:
       configure(frame, now);
       break;
+    case ALIGN:
+      align(frame);
+      break;
     case ARM:
       if (state_ == ARMED) {
         report(now);
@@ -110,7 +135,8 @@ void Board::execute(const Frame &frame, uint32_t now) {
       enter(DISARMED, now);
       break;
     case SET_CURRENT:
-      set_current(static_cast<int16_t>(read_u16(frame.payload)), now);
+    case SCHEDULE_CURRENT:
+      take_set_point(frame, now);
       break;
   }
 }
@@ -121,10 +147,12 @@ ErrorCode Board::refusal(const Frame &frame) const {
   const int length = payload_length(frame.type);
   if (length < 0) return BAD_TYPE;
   if (frame.length != static_cast<size_t>(length)) return BAD_LENGTH;
-  if ((frame.type == ARM || frame.type == SET_CURRENT) && !has_actuator) return NO_ACTUATOR;
+  const bool sets = frame.type == SET_CURRENT || frame.type == SCHEDULE_CURRENT;
+  if ((frame.type == ARM || sets) && !has_actuator) return NO_ACTUATOR;
   if (frame.type == ARM && state_ == FAULT) return IN_FAULT;
   if (frame.type == DISARM && faulty_) return IN_FAULT;
   if (frame.type == CONFIGURE && !can(frame)) return BAD_VALUE;
+  if (frame.type == ALIGN && !can_follow(frame)) return BAD_VALUE;
   return NO_ERROR;
 }
 
@@ -139,23 +167,94 @@ bool Board::can(const Frame &frame) const {
   return samples >= 1 && samples <= most;
 }
 
+bool Board::can_follow(const Frame &frame) const {
+  const int64_t error = static_cast<int64_t>(read_u32(frame.payload + 4)) * rate_ - SECOND;
+  return rate_ && error <= SECOND / TOLERANCE && -error <= SECOND / TOLERANCE;
+}
+
 void Board::configure(const Frame &frame, uint32_t now) {
   be_silent();
   rate_ = read_u16(frame.payload);
   // Without samples, axes and number mean nothing.
   axes_ = rate_ ? frame.payload[2] : 0;
   samples_per_frame_ = rate_ ? frame.payload[3] : 0;
-  index_ = 0;
+  period_ = rate_ ? static_cast<uint32_t>((SECOND + rate_ / 2) / rate_) : 0;
   send_configuration(now);
 }
 
-void Board::set_current(int16_t counts, uint32_t now) {
-  if (state_ != ARMED && state_ != TIMED_OUT) {
+void Board::align(const Frame &frame) {
+  grid_ = read_u32(frame.payload);
+  grid_fraction_ = 0;
+  grid_period_ = read_u32(frame.payload + 4);
+}
+
+// Go to the point of the grid that is nearest to a tick, and move the next tick to the next.
+void Board::follow_grid(uint32_t now) {
+  if (!grid_period_) return;
+  const int64_t period = grid_period_;
+  const int64_t distance = difference(now, grid_) * MICROSECOND - grid_fraction_;
+  const int64_t points = floor_div(distance + period / 2, period);
+  const int64_t fraction = grid_fraction_ + points * period;
+  const int64_t whole = floor_div(fraction, MICROSECOND);
+  grid_ += static_cast<uint32_t>(whole);
+  grid_fraction_ = static_cast<uint32_t>(fraction - whole * MICROSECOND);
+  const int64_t largest = period / LARGEST_STEP;
+  int64_t step = (distance - points * period) / SMOOTHING;
+  if (step > largest) step = largest;
+  if (step < -largest) step = -largest;
+  period_ = static_cast<uint32_t>(period - step);
+}
+
+// Whether a set-point is due at the last tick or an earlier one.
+bool Board::passed(uint32_t due) const {
+  return 2 * MICROSECOND * difference(due, last_tick_) <= static_cast<int64_t>(period_);
+}
+
+void Board::apply_due() {
+  int number = 0;
+  while (number < scheduled_length_ && passed(scheduled_[number].due)) number++;
+  if (!number) return;
+  apply(scheduled_[number - 1].counts);
+  scheduled_length_ -= number;
+  memmove(scheduled_, scheduled_ + number, sizeof(SetPoint) * scheduled_length_);
+}
+
+void Board::take_set_point(const Frame &frame, uint32_t now) {
+  const int16_t counts = static_cast<int16_t>(read_u16(frame.payload));
+  const bool scheduled = frame.type == SCHEDULE_CURRENT;
+  const uint32_t due = scheduled ? read_u32(frame.payload + 2) : now;
+  const bool too_early = difference(due, now) > LONGEST_LEAD;
+  if (too_early || (state_ != ARMED && state_ != TIMED_OUT)) {
     refused_++;
     return;
   }
   state_ = ARMED;
   last_set_ = now;
+  if (scheduled && ticked_) {
+    schedule(counts, due);
+  } else {
+    scheduled_length_ = 0;
+    apply(counts);
+  }
+}
+
+// Keep a set-point until its tick, in the order in which they are due.
+void Board::schedule(int16_t counts, uint32_t due) {
+  if (passed(due)) {
+    late_++;
+    apply(counts);
+  } else if (scheduled_length_ == ROOM) {
+    overflowed_++;
+  } else {
+    int place = scheduled_length_++;
+    for (; place && difference(scheduled_[place - 1].due, due) > 0; place--) {
+      scheduled_[place] = scheduled_[place - 1];
+    }
+    scheduled_[place] = {due, counts};
+  }
+}
+
+void Board::apply(int16_t counts) {
   current_ = counts < -FULL_SCALE ? static_cast<int16_t>(-FULL_SCALE) : counts;
 }
 
@@ -163,16 +262,18 @@ void Board::set_current(int16_t counts, uint32_t now) {
 void Board::enter(State state, uint32_t now) {
   state_ = state;
   current_ = 0;
+  scheduled_length_ = 0;
   report(now);
 }
 
 void Board::report(uint32_t now) {
   last_status_ = now;
-  uint8_t payload[27] = {state_};
+  uint8_t payload[35] = {state_};
   write_u16(payload + 1, static_cast<uint16_t>(current_));
   const uint32_t counts[] = {decoder_.received, decoder_.damaged, decoder_.lost,
-                             refused_,          timeouts_,        unsent_};
-  for (size_t i = 0; i < 6; i++) write_u32(payload + 3 + 4 * i, counts[i]);
+                             refused_,          timeouts_,        unsent_,
+                             late_,             overflowed_};
+  for (size_t i = 0; i < 8; i++) write_u32(payload + 3 + 4 * i, counts[i]);
   send(STATUS, payload, sizeof payload, now);
 }
 
@@ -219,7 +320,12 @@ void Board::be_silent() {
   rate_ = 0;
   axes_ = 0;
   samples_per_frame_ = 0;
+  index_ = 0;
   pending_samples_ = 0;
+  period_ = 0;
+  grid_period_ = 0;
+  ticked_ = false;
+  scheduled_length_ = 0;
 }
 
 }  // namespace haptic

@@ -2,7 +2,7 @@
 //
 // Nothing here knows the time, a port or a pin: all are given, so that the host compiles it too.
 // The same as haptic_accel/emulators/serial_board.py, with which a test compares it. Times are us of
-// the device's clock and may begin anew.
+// the device's clock and may begin anew; periods are ns, so that none is rounded noticeably.
 #pragma once
 
 #include "protocol.h"
@@ -12,6 +12,8 @@ namespace haptic {
 constexpr uint32_t SET_POINT_TIMEOUT = 5000;  // us without a set-point while a current may flow
 constexpr uint32_t STATUS_PERIOD = 100000;    // us: a status is sent as often unasked
 constexpr uint16_t LOWEST_RATE = 50;          // samples per second
+constexpr int ROOM = 32;                      // scheduled set-points; the largest latency is 20
+constexpr int32_t LONGEST_LEAD = 500000;      // us from a set-point's arrival until it is due
 constexpr int AXIS_COUNT = 3;                 // x, y, z, one bit each, x the lowest
 
 enum State : uint8_t { DISARMED = 0, ARMED = 1, TIMED_OUT = 2, FAULT = 3 };
@@ -45,7 +47,8 @@ class Board {
 
   // Take bytes of the host.
   void receive(const uint8_t *bytes, size_t length, uint32_t now);
-  // Take a sample, counts by axis, and the moment it was taken at.
+  // Take the sample of a tick, counts by axis, and the moment it was taken at; then the set-point
+  // that is due flows.
   void sample(const int16_t values[AXIS_COUNT], uint32_t now);
   // Look at the time: to be called at least every ms.
   void tick(uint32_t now);
@@ -57,13 +60,21 @@ class Board {
   State state() const { return state_; }
   int16_t current() const { return current_; }  // that is to flow, counts of FULL_SCALE
   uint16_t rate() const { return rate_; }       // of the samples wanted; 0 for none
+  uint32_t period() const { return period_; }   // from this tick to the next, ns
 
  private:
   void execute(const Frame &frame, uint32_t now);
   ErrorCode refusal(const Frame &frame) const;
   bool can(const Frame &frame) const;
+  bool can_follow(const Frame &frame) const;
   void configure(const Frame &frame, uint32_t now);
-  void set_current(int16_t counts, uint32_t now);
+  void align(const Frame &frame);
+  void follow_grid(uint32_t now);
+  bool passed(uint32_t due) const;
+  void apply_due();
+  void take_set_point(const Frame &frame, uint32_t now);
+  void schedule(int16_t counts, uint32_t due);
+  void apply(int16_t counts);
   void enter(State state, uint32_t now);
   void report(uint32_t now);
   void identify(uint32_t now);
@@ -87,6 +98,18 @@ class Board {
   size_t pending_length_ = 0;
   uint8_t pending_samples_ = 0;
   uint32_t pending_clock_ = 0;
+  struct SetPoint {
+    uint32_t due;
+    int16_t counts;
+  };
+  SetPoint scheduled_[ROOM];  // in the order in which they are due
+  int scheduled_length_ = 0;
+  uint32_t period_ = 0;
+  uint32_t grid_ = 0;           // point nearest to the last tick, whole us
+  uint32_t grid_fraction_ = 0;  // and ns beyond
+  uint32_t grid_period_ = 0;    // ns; 0 for no grid to follow
+  uint32_t last_tick_ = 0;
+  bool ticked_ = false;
   uint32_t last_set_ = 0;
   uint32_t last_status_ = 0;
   bool heard_ = false;
@@ -94,6 +117,8 @@ class Board {
   uint32_t refused_ = 0;
   uint32_t timeouts_ = 0;
   uint32_t unsent_ = 0;
+  uint32_t late_ = 0;
+  uint32_t overflowed_ = 0;
 };
 
 }  // namespace haptic

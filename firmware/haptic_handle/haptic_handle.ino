@@ -43,6 +43,7 @@ volatile bool hung = false;
 
 IntervalTimer sampler, guard;
 uint16_t sampled_rate = 0;
+uint32_t timed_period = 0;  // ns, given to the timer last
 int16_t flowing = 0;
 haptic::Board *board = nullptr;
 
@@ -99,7 +100,7 @@ void setup() {
   analogReadAveraging(INPUT_AVERAGING);
 
   haptic::Identity identity = {
-      {1, 0, 0}, AXES, HIGHEST_RATE, FULL_SCALE_ACCELERATION, FULL_SCALE_CURRENT, {}};
+      {2, 0, 0}, AXES, HIGHEST_RATE, FULL_SCALE_ACCELERATION, FULL_SCALE_CURRENT, {}};
   write_serial_number(identity.serial_number);
   static haptic::Board the_board(identity, send, nullptr);
   board = &the_board;
@@ -130,7 +131,15 @@ void follow_rate() {
   sampler.end();
   passed = taken;  // of another rate
   sampled_rate = board->rate();
-  if (sampled_rate) sampler.begin(take_sample, 1e6f / sampled_rate);
+  timed_period = board->period();
+  if (sampled_rate) sampler.begin(take_sample, timed_period / 1000.0f);
+}
+
+// The interval that runs is completed as it was; the next has the new length.
+void follow_period() {
+  if (board->period() == timed_period) return;
+  timed_period = board->period();
+  sampler.update(timed_period / 1000.0f);
 }
 
 void drive() {
@@ -151,6 +160,7 @@ void loop() {
   }
   follow_rate();
   pass_samples();
+  follow_period();
   board->tick(micros());
   drive();
   Serial.send_now();

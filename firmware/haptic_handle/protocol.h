@@ -8,7 +8,7 @@
 
 namespace haptic {
 
-constexpr uint8_t VERSION = 1;           // of the protocol
+constexpr uint8_t VERSION = 2;           // of the protocol
 constexpr int16_t FULL_SCALE = 32767;    // counts of the full-scale current either way
 constexpr size_t LONGEST_PAYLOAD = 240;  // bytes: with header and CRC below the 254 of COBS
 constexpr size_t HEADER_SIZE = 8;        // bytes: version, type, sequence number, clock
@@ -24,6 +24,8 @@ enum FrameType : uint8_t {
   ARM = 0x03,
   DISARM = 0x04,
   SET_CURRENT = 0x05,
+  SCHEDULE_CURRENT = 0x06,
+  ALIGN = 0x07,
   IDENTITY = 0x81,
   CONFIGURATION = 0x82,
   SAMPLES = 0x83,

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from haptic_accel.analysis.loading import Analysis, analyse
-from haptic_accel.analysis.metrics import METRICS, AnalysedTrial, Shift
+from haptic_accel.analysis.metrics import METRICS, MILLI, AnalysedTrial, Shift
 from haptic_accel.analysis.segments import Segment, cut
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
@@ -39,7 +39,7 @@ ORDER = (
 _CONDITION = ["controller", "surface"]
 
 
-def load(*paths: Path | str, shift: str = "paper", perceptual: bool = True) -> Analysis:
+def load(*paths: Path | str, shift: str = "granted", perceptual: bool = True) -> Analysis:
     """Analyse bags.
 
     Parameters
@@ -47,7 +47,8 @@ def load(*paths: Path | str, shift: str = "paper", perceptual: bool = True) -> A
     *paths : Path or str
         Bags, files of bags, or folders in which to look for bags.
     shift : str
-        ``paper`` for one sample, ``measured``, or milliseconds.
+        ``granted`` for the latency and one sample, ``paper`` for one sample, ``measured``, or
+        milliseconds.
     perceptual : bool
         Score ST-SIM and SPQI, which takes longest.
 
@@ -83,6 +84,8 @@ def _row(trial: AnalysedTrial) -> dict[str, Any]:
         "seconds": segment.seconds,
         "rate_Hz": segment.rate,
         "high_pass_Hz": segment.high_pass_frequency,
+        "latency_samples": segment.latency,
+        "after_samples": round(trial.metrics["shift_ms"] / MILLI * segment.rate, 6),
         **trial.metrics,
         "nrmse_low_percent": trial.error.low,
         "nrmse_high_percent": trial.error.high,

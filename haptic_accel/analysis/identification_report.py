@@ -156,7 +156,7 @@ def _quantities() -> Iterator[tuple[str, str, str, float]]:
     """Yield name, text, unit, and the factor to that unit, of all that a fit may find."""
     for name, (_, given) in own_schema(HandleParameters).items():
         yield name, given.text, given.unit, 1.0
-    yield "delay", "beside the loop's own sample and the hold", "µs", MICROSECONDS
+    yield "delay", "of the hardware, beside latency, hold and one sample", "µs", MICROSECONDS
     for name, (_, given) in own_schema(MountParameters).items():
         yield f"mount_{name}", "mount of the accelerometer", given.unit or "1", 1.0
 

@@ -37,6 +37,11 @@ class Analysis:
     shift: Shift
     bags: int
 
+    @property
+    def after(self) -> str:
+        """Time after which errors were taken, in words."""
+        return self.shift.words(trial.segment for trial in self.trials)
+
 
 def analyse(
     paths: Sequence[Path],
@@ -56,7 +61,7 @@ def analyse(
     paths : sequence of Path
         Bags, files of bags, or folders in which to look for bags.
     shift : Shift, optional
-        The paper's by default.
+        By default, each trial's latency and one sample.
     perceptual : bool
         Score ST-SIM and SPQI, which takes longest.
     begun : callable, optional

@@ -1,9 +1,9 @@
-"""Metrics of one trial: error, likeness, delay, force, travel, latency."""
+"""Metrics of one trial: error, likeness, delay, force, travel, deadlines."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from haptic_accel.analysis.perception import perceive
 from haptic_accel.analysis.plots import Portrait
 from haptic_accel.analysis.segments import Segment
 from haptic_accel.analysis.traces import Traces
+from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.filters import without_hand_motion
@@ -22,22 +23,18 @@ from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import IntArray
 
 PERCENT = 100.0
 """Percent in a ratio of 1."""
 
-MILLI, MICRO = 1e3, 1e6
-"""Milliseconds, millimetres or microseconds in the SI unit."""
+MILLI = 1e3
+"""Milliseconds or millimetres in the SI unit."""
 
 TRAVEL_BEGIN = 0.1
 """Start of a trial that is left out of the largest travel, s: the estimate begins in the middle,
 wherever the actuator is, and forgets that with the 18 ms of Table I's suspension."""
 
-LATENCY_EDGES = np.geomspace(1e-5, 1.0, 101)
-"""Edges of the latency histogram's bins, s: twenty to a decade, 12 % wide."""
-
-PAPER_SHIFT, MEASURED_SHIFT = "paper", "measured"
+GRANTED_SHIFT, PAPER_SHIFT, MEASURED_SHIFT = "granted", "paper", "measured"
 
 MOST_SHIFT = 100.0
 """Largest shift that is allowed, ms."""
@@ -78,14 +75,11 @@ METRICS: Mapping[str, Metric] = {
     "force_rms_N": Metric("force RMS", "N", 2),
     "force_peak_N": Metric("force peak", "N", 2),
     "travel_mm": Metric("travel used", "mm", 2),
-    "latency_p50_us": Metric("latency p50", "µs", 0),
-    "latency_p99_us": Metric("latency p99", "µs", 0),
-    "latency_max_us": Metric("latency max", "µs", 0),
+    "deadlines_missed_percent": Metric("deadlines missed", "%", 2),
     "age_p50_us": Metric("age p50", "µs", 0),
     "age_p99_us": Metric("age p99", "µs", 0),
     "age_max_us": Metric("age max", "µs", 0),
     "lost": Metric("lost", "", 0),
-    "late": Metric("late", "", 0),
 }
 """Metrics by name with unit, as columns of tables and files have it."""
 
@@ -97,25 +91,26 @@ class Shift:
     Attributes
     ----------
     kind : str
-        ``paper`` for one sample (the paper's 1 ms at its 1 kHz), ``measured`` for each trial's own
-        estimated delay, ``fixed`` for `seconds`.
+        ``granted`` for each trial's latency and one sample more, ``paper`` for one sample (the
+        paper's 1 ms at its 1 kHz), ``measured`` for each trial's own estimated delay, ``fixed``
+        for `seconds`.
     seconds : float
         Shift of the kind ``fixed``, s.
     """
 
-    kind: str = PAPER_SHIFT
+    kind: str = GRANTED_SHIFT
     seconds: float = 0.0
 
     @classmethod
     def read(cls, text: str) -> Shift:
-        """Read ``paper``, ``measured``, or a number of milliseconds.
+        """Read ``granted``, ``paper``, ``measured``, or a number of milliseconds.
 
         Raises
         ------
         ParameterError
             It is none of these.
         """
-        if text in (PAPER_SHIFT, MEASURED_SHIFT):
+        if text in (GRANTED_SHIFT, PAPER_SHIFT, MEASURED_SHIFT):
             return cls(text)
         try:
             milliseconds = float(text)
@@ -123,26 +118,34 @@ class Shift:
             milliseconds = math.nan
         if not abs(milliseconds) <= MOST_SHIFT:
             raise ParameterError(
-                f"shift = {text!r}: must be paper, measured, or from -{MOST_SHIFT:g} to"
-                f" {MOST_SHIFT:g} ms"
+                f"shift = {text!r}: must be granted, paper, measured, or from"
+                f" -{MOST_SHIFT:g} to {MOST_SHIFT:g} ms"
             )
         return cls("fixed", milliseconds * 1e-3)
 
-    def of(self, rate: float, delay: Delay) -> float:
-        """Return the shift of a trial in s; the paper's where its delay is not known."""
+    def of(self, segment: Segment, delay: Delay) -> float:
+        """Return the shift of a trial in s; the granted one where its delay is not known."""
         if self.kind == "fixed":
             return self.seconds
         if self.kind == MEASURED_SHIFT and math.isfinite(delay.seconds):
             return delay.seconds
-        return 1.0 / rate
+        samples = 1 if self.kind == PAPER_SHIFT else granted(segment)
+        return samples / segment.rate
 
-    @property
-    def words(self) -> str:
-        """The shift in words."""
+    def words(self, segments: Iterable[Segment]) -> str:
+        """Return the shift of some trials in words."""
+        if self.kind == GRANTED_SHIFT:
+            found = sorted({granted(segment) for segment in segments})
+            return " or ".join(map(str, found)) + (" sample" if found == [1] else " samples")
         return {
             PAPER_SHIFT: "one sample, as in the paper",
             MEASURED_SHIFT: "the delay measured in each trial",
         }.get(self.kind, f"{1e3 * self.seconds:g} ms")
+
+
+def granted(segment: Segment) -> int:
+    """Return the samples after which a force can be seen: the latency and one more."""
+    return segment.latency + 1
 
 
 @dataclass(frozen=True)
@@ -165,8 +168,6 @@ class AnalysedTrial:
         NRMSE in percent with the interval that pieces of the trial give.
     portrait : Portrait or None
         Parts of the compared accelerations that plots show.
-    latency : ndarray of int64 or None
-        Number of forces in the bins of `LATENCY_EDGES`; those outside are in the first and last.
     traces : Traces
         Signals over time.
     notes : tuple of str
@@ -180,7 +181,6 @@ class AnalysedTrial:
     bands: dict[str, float]
     error: Interval
     portrait: Portrait | None
-    latency: IntArray | None
     traces: Traces
     notes: tuple[str, ...]
 
@@ -218,7 +218,7 @@ def measure(
         notes.append(f"{segment.rate:g} samples per second are too few for its {corner:g} Hz")
     likeness = _Likeness()
     if desired is not None and actual is not None:
-        likeness = _compared(desired, actual, segment.rate, shift, perceptual, notes)
+        likeness = _compared(desired, actual, segment, shift, perceptual, notes)
     travel = _travel(segment)
     signals = {"desired": desired, "actual": actual, "force": force, "travel": travel}
     drawn = {name: values for name, values in signals.items() if values is not None}
@@ -230,21 +230,15 @@ def measure(
     if travel is not None:
         farthest = np.max(np.abs(travel[round(TRAVEL_BEGIN * segment.rate) :]))
         metrics["travel_mm"] = MILLI * float(farthest)
-    latency = None
-    if delivery.transit.any():  # in lockstep there is no latency
-        inside = np.clip(delivery.transit, LATENCY_EDGES[0], LATENCY_EDGES[-1])
-        latency = np.histogram(inside, LATENCY_EDGES)[0].astype(np.int64)
-    for label, quantile in (("p50", 0.5), ("p99", 0.99), ("max", 1.0)):
-        if latency is not None:
-            metrics[f"latency_{label}_us"] = MICRO * float(np.quantile(delivery.transit, quantile))
+    if counts := delivery.deadlines.get(AGE_OF):  # not in lockstep
+        metrics["deadlines_missed_percent"] = PERCENT * counts["missed"] / counts["due"]
+    for label in ("p50", "p99", "max"):
         metrics[f"age_{label}_us"] = delivery.age_us.get(label, math.nan)
     metrics["lost"] = float(sum(delivery.lost.values()))
-    metrics["late"] = float(sum(delivery.late.values()))
     traces = Traces.of(drawn, segment.rate, likeness.shift)
-    kept = replace(segment, signals={}, delivery=replace(delivery, transit=np.empty(0)))
+    kept, unique = replace(segment, signals={}), tuple(dict.fromkeys(notes))
     compared = likeness.bands, likeness.error, likeness.portrait
-    unique = tuple(dict.fromkeys(notes))
-    return AnalysedTrial(name, source, kept, metrics, *compared, latency, traces, unique)
+    return AnalysedTrial(name, source, kept, metrics, *compared, traces, unique)
 
 
 def actual_acceleration(segment: Segment) -> FloatArray | None:
@@ -275,15 +269,16 @@ class _Likeness:
 def _compared(
     desired: FloatArray,
     actual: FloatArray,
-    rate: float,
+    segment: Segment,
     shift: Shift,
     perceptual: bool,
     notes: list[str],
 ) -> _Likeness:
     """Compare two accelerations; add the reason to the notes where that is impossible."""
+    rate = segment.rate
     try:
         delay = estimate_delay(desired, actual, rate)
-        seconds = shift.of(rate, delay)
+        seconds = shift.of(segment, delay)
         desired, actual = shift_back(desired, actual, rate, seconds)
         evaluation = evaluate(desired, actual, rate, 0.0)
         portrait = Portrait.of(desired, actual, rate, evaluation)

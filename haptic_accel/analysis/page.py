@@ -15,7 +15,7 @@ import numpy as np
 from haptic_accel.analysis import frames
 from haptic_accel.analysis.comparison import Comparison
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.metrics import LATENCY_EDGES, METRICS, MILLI, PERCENT, AnalysedTrial
+from haptic_accel.analysis.metrics import METRICS, MILLI, PERCENT, AnalysedTrial
 from haptic_accel.analysis.plots import Portrait, number
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.traces import EXCERPT, Trace, sampled
@@ -36,12 +36,13 @@ CLOUD_POINTS = 1500
 FULL_SCALE = 32767
 """Largest of the whole numbers in which signals are stored: finer than any screen."""
 
-_OMITTED = "nrmse_percent delay_correlation shift_ms latency_max_us age_p50_us age_max_us"
+_OMITTED = "nrmse_percent delay_correlation shift_ms age_p50_us age_max_us"
 PER_TRIAL = tuple(name for name in METRICS if name not in _OMITTED.split())
 """Columns of the table of trials behind the error."""
 
 _REGRESSION_AND_DELAY = PER_TRIAL[:4]
-PER_GROUP = (*_REGRESSION_AND_DELAY, "delay_correlation", "st_sim", "spqi", "latency_p99_us")
+_BESIDE = ("delay_correlation", "st_sim", "spqi", "deadlines_missed_percent")
+PER_GROUP = (*_REGRESSION_AND_DELAY, *_BESIDE)
 """Columns of the table of groups, each with its interval over trials."""
 
 _UNITS = {"travel": MILLI}  # of signals over time, where it is not SI
@@ -127,17 +128,16 @@ def write_page(
     )
 
 
-def _losses(found: Sequence[AnalysedTrial]) -> list[tuple[str, str, int, int]]:
-    """Return trial, topic, lost and late of whatever lost or delayed a sample."""
+def _losses(found: Sequence[AnalysedTrial]) -> list[tuple[str, str, int]]:
+    """Return trial, topic, and number of samples of whatever lost one."""
     rows = []
     for name, delivery in ((trial.name, trial.segment.delivery) for trial in found):
-        late = delivery.late
-        rows += [(name, topic, lost, late[topic]) for topic, lost in delivery.lost.items()]
+        rows += [(name, topic, lost) for topic, lost in delivery.lost.items()]
         rows += [
-            (name, f"samples of the {arm} that were not taken", missed, 0)
+            (name, f"samples of the {arm} that were not taken", missed)
             for arm, missed in delivery.missed.items()
         ]
-    return [row for row in rows if row[2] or row[3]]
+    return [row for row in rows if row[2]]
 
 
 def _data(found: Sequence[AnalysedTrial]) -> dict[str, Any]:
@@ -145,7 +145,6 @@ def _data(found: Sequence[AnalysedTrial]) -> dict[str, Any]:
     share = max(POINTS // max(len(found), 1), FEWEST_POINTS)
     errors = [t.error.value if math.isfinite(t.error.value) else math.inf for t in found]
     return {
-        "edges": (MILLI * LATENCY_EDGES).tolist(),
         "excerpt": EXCERPT,
         "first": errors.index(min(errors)) if errors else 0,
         "trials": [_drawn(trial, share) for trial in found],
@@ -163,7 +162,6 @@ def _drawn(trial: AnalysedTrial, points: int) -> dict[str, Any]:
         "begin": trial.traces.excerpt,
         "cloud": _cloud(trial.portrait) if trial.portrait else None,
         "spectra": _spectra(trial.portrait) if trial.portrait else None,
-        "latency": trial.latency.tolist() if trial.latency is not None else None,
         "free": trial.segment.actuator.travel * MILLI,
     }
 

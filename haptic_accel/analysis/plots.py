@@ -1,4 +1,4 @@
-"""Palette, axes and plots of every report: the paper's Figs. 9 to 11, errors by band, latencies.
+"""Palette, axes and plots of every report: the paper's Figs. 9 to 11, errors by band.
 
 The rest of the package names no colour and draws nothing without this module. What is drawn of a
 trial is kept as a `Portrait`, a few thousand numbers, so that a long recording need not stay in
@@ -269,32 +269,6 @@ def band_errors(errors: Mapping[str, Mapping[str, Interval]]) -> Figure:
     words = [band.removesuffix(" Hz").replace("-", DASH) for band in found]
     panel.set_xticks(places, words)
     panel.legend(ncols=max(min(len(names), 4), 1), **_KEY)
-    return figure
-
-
-def latencies(counts: Mapping[str, FloatArray], edges: FloatArray) -> Figure:
-    """Draw the time from a sample to the recording of its force, as a histogram.
-
-    Parameters
-    ----------
-    counts : mapping of str to ndarray, shape (n,)
-        Number of forces in each bin, by controller.
-    edges : ndarray, shape (n + 1,)
-        Edges of the bins, s.
-    """
-    names = ("from sample to recorded force (ms)", "share of forces (%)")
-    figure, panel = _column(1.9, *names)
-    inner = [np.flatnonzero(count) for count in counts.values() if np.any(count)]
-    low = min((int(places[0]) for places in inner), default=0)
-    high = max((int(places[-1]) + 1 for places in inner), default=len(edges) - 1)
-    for (name, count), color, dashes in zip(counts.items(), cycle(BARS), cycle(DASHES)):
-        look: Style = {"color": color, "linestyle": dashes, "linewidth": 0.96}
-        share = 100.0 * np.asarray(count) / max(float(np.sum(count)), 1.0)
-        panel.stairs(share, 1e3 * edges, label=short(name), **look)
-    panel.set(xscale="log", xlim=(1e3 * float(edges[low]), 1e3 * float(edges[high])))
-    panel.xaxis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
-    panel.set_ylim(bottom=0)
-    panel.legend(ncols=max(min(len(counts), 4), 1), **_KEY)
     return figure
 
 

@@ -42,7 +42,7 @@ _NAMES = [topic.name for topic in topics.ANALYSED]
 _NEEDED_FOR = {
     topics.DESIRED_ACCELERATION.name: ": no error, regression, spectra, delay",
     topics.HANDLE_ACCELERATION.name: ": no error, regression, spectra, delay, travel",
-    topics.ACTUATOR_FORCE.name: ": no force, travel, latency",
+    topics.ACTUATOR_FORCE.name: ": no force, travel",
 }
 _SURFACE = "simulated.surface."
 _CONDITIONS = {
@@ -90,6 +90,8 @@ class Segment:
         not state them.
     notes : list of str
         Assumptions, and what is missing.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force was due.
     """
 
     bag: Path
@@ -104,6 +106,7 @@ class Segment:
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     pair: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    latency: int = 0
 
 
 @dataclass(frozen=True)
@@ -350,6 +353,7 @@ def _segment(
         known.actuator,
         known.pair,
         tuple(notes),
+        recorded.latency,
     )
 
 

@@ -22,8 +22,9 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
         _extent(frame, analysis.bags),
         _errors(analysis),
         _delays(frame, analysis),
-        *_latencies(frame),
+        *_ages(frame),
         _losses(frame, analysis),
+        *_deadlines(analysis),
         *_forces(frame, analysis),
     ]
     if comparison:
@@ -59,37 +60,30 @@ def _errors(analysis: Analysis) -> str:
     if not words:
         return "The error is unknown: desired or handle acceleration is missing."
     over = "" if len(table.columns) == 1 else ", averaged over surfaces"
-    return f"Error (NRMSE{over}): {', '.join(text for _, text in sorted(words))}."
+    each = ", ".join(text for _, text in sorted(words))
+    return f"Error (NRMSE{over}) after {analysis.after}: {each}."
 
 
 def _delays(frame: pd.DataFrame, analysis: Analysis) -> str:
     delays = frame.delay_ms.dropna()
     if delays.empty:
-        return f"No delay stands out in any trial; the shift is {analysis.shift.words}."
+        return f"No delay stands out in any trial; the shift back is {analysis.after}."
     low, high = number(delays.min(), 2), number(delays.max(), 2)
     between = f"{low} ms" if low == high else f"{low} to {high} ms"
     return (
         f"The handle follows what is desired by {between}, according to their cross-correlation;"
-        f" the shift back is {analysis.shift.words}."
+        f" the shift back is {analysis.after}."
     )
 
 
-def _latencies(frame: pd.DataFrame) -> list[str]:
+def _ages(frame: pd.DataFrame) -> list[str]:
     slowest = frame.max(numeric_only=True) / MILLI
-    sentences = []
-    if math.isfinite(slowest.age_p50_us):
-        sentences.append(
-            f"Where it was applied, a force was {slowest.age_p50_us:.2f} ms old in the middle of"
-            f" the slowest trial, and 99 % were younger than {slowest.age_p99_us:.2f} ms."
-        )
-    if math.isfinite(slowest.latency_p50_us):
-        sentences.append(
-            f"Forces were in the bag {slowest.latency_p50_us:.2f} ms after the sample that caused"
-            f" them in the middle of the slowest trial, 99 % within"
-            f" {slowest.latency_p99_us:.2f} ms, all within {slowest.latency_max_us:.2f} ms; the"
-            " recorder's own delay is included."
-        )
-    return sentences
+    if not math.isfinite(slowest.age_p50_us):
+        return []
+    return [
+        f"Where it was applied, a force was {slowest.age_p50_us:.2f} ms old in the middle of"
+        f" the slowest trial, and 99 % were younger than {slowest.age_p99_us:.2f} ms."
+    ]
 
 
 def _losses(frame: pd.DataFrame, analysis: Analysis) -> str:
@@ -98,6 +92,14 @@ def _losses(frame: pd.DataFrame, analysis: Analysis) -> str:
     if not lost and not missed:
         return "No sample was lost."
     return f"{lost} messages were lost and {missed} samples not taken."
+
+
+def _deadlines(analysis: Analysis) -> list[str]:
+    counts = [c for t in analysis.trials for c in t.segment.delivery.deadlines.values()]
+    due, missed = (sum(count[name] for count in counts) for name in ("due", "missed"))
+    if not due:
+        return []
+    return [f"{missed} of {due} forces missed their due time."]
 
 
 def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:

@@ -9,21 +9,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from haptic_accel.analysis import frames, plots
 from haptic_accel.analysis.comparison import Comparison
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.metrics import LATENCY_EDGES, actual_acceleration
+from haptic_accel.analysis.metrics import actual_acceleration
 from haptic_accel.analysis.page import Setting, write_page
 from haptic_accel.analysis.segments import Segment
 from haptic_accel.analysis.summary import summary
 from haptic_accel.core import topics
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
 from haptic_accel.core.evaluation.statistics import CONFIDENCE, Interval, mean_interval
-from haptic_accel.core.model import FloatArray
 
 PAGE = "index.html"
 
@@ -103,15 +101,13 @@ def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[st
             row
             | {
                 "lost_by_topic": trial.segment.delivery.lost,
-                "late_by_topic": trial.segment.delivery.late,
                 "missed_by_arm": trial.segment.delivery.missed,
                 "age_us": trial.segment.delivery.age_us,
+                "deadlines": trial.segment.delivery.deadlines,
                 "warnings": trial.segment.delivery.warnings,
-                "latency_counts": trial.latency.tolist() if trial.latency is not None else None,
             }
             for row, trial in zip(rows, analysis.trials, strict=True)
         ],
-        "latency_edges_s": LATENCY_EDGES.tolist(),
         "groups": frames.groups(analysis).to_dict("records"),
         "paper": {
             "nrmse_percent": [
@@ -164,13 +160,6 @@ def _plots(analysis: Analysis) -> dict[str, Figure]:
     errors = _band_errors(analysis)
     if any(errors.values()):
         drawn["bands"] = plots.band_errors(errors)
-    counts: dict[str, FloatArray] = {}
-    for trial in analysis.trials:
-        if trial.latency is not None:
-            counts.setdefault(trial.controller, np.zeros(len(LATENCY_EDGES) - 1))
-            counts[trial.controller] += trial.latency
-    if counts:
-        drawn["latency"] = plots.latencies(counts, LATENCY_EDGES)
     return drawn
 
 

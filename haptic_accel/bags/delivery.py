@@ -1,4 +1,4 @@
-"""Delivery of samples through the graph: losses, delays, and the age of forces."""
+"""Delivery of samples through the graph: losses, missed deadlines, and the age of forces."""
 
 from __future__ import annotations
 
@@ -12,12 +12,18 @@ import numpy as np
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.evaluation.histogram import QUANTILES
-from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, half_period, places
+from haptic_accel.core.sampling import NANOSECONDS, places
 
 AGE_OF = "actuator force"
 """Command whose age counts: the one whose force is felt."""
+
+COMMANDS = {
+    AGE_OF: ("master_device", AGE_OF),
+    "master arm force": ("master_device", "arm force"),
+    "slave arm force": ("slave_device", "arm force"),
+}
+"""Node and name in its diagnostics of each kind of command."""
 
 LABELS = (*QUANTILES, "max")
 """Labels of durations in diagnostics."""
@@ -33,15 +39,14 @@ class Delivery:
     ----------
     lost : dict
         Messages that are missing although their sample was taken, by topic.
-    late : dict
-        Messages recorded more than half a period after their stamp, by topic.
     missed : dict
         Samples of the grid that were not taken, by arm.
-    transit : ndarray, shape (n,)
-        Time from stamp to recording of each actuator force, s.
     age_us : dict
         Age of the actuator's forces where they were applied, us, as the device reported last: p50,
         p90, p99, p99_9, max.
+    deadlines : dict
+        Forces that had a due time, and those that came after it, by kind of command, as the
+        devices reported last: ``{"actuator force": {"due": n, "missed": n}, ...}``.
     warnings : list of str
         Warnings of nodes in their diagnostics.
     nodes : dict
@@ -49,16 +54,15 @@ class Delivery:
     """
 
     lost: dict[str, int]
-    late: dict[str, int]
     missed: dict[str, int]
-    transit: FloatArray
     age_us: dict[str, float]
+    deadlines: dict[str, dict[str, int]]
     warnings: list[str]
     nodes: dict[str, dict[str, str]]
 
 
 def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
-    """Count what is missing or late within a span of a bag, and find the ages of forces.
+    """Count losses and missed deadlines within a span of a bag, and find the ages of forces.
 
     Parameters
     ----------
@@ -71,7 +75,6 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         Samples per second of the grid.
     """
     seen: dict[str, Any] = {}
-    late: dict[str, int] = {}
     for topic in topics.SIGNALS:
         signal = recorded.signals.get(topic.name)
         if signal is None:
@@ -80,8 +83,6 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         within = (where >= 0) & (where < length)
         if within.any():
             seen[topic.name] = np.bincount(where[within], minlength=length) > 0
-            waited = (signal.received - signal.stamps)[within]
-            late[topic.name] = int(np.sum(waited > half_period(rate)))
     found = [topic for topic in topics.SIGNALS if topic.name in seen]
     # A sample was taken if any message that it caused is there.
     taken = {
@@ -90,10 +91,6 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         if any(topic.source == arm for topic in found)
     }
     end = start + round(length * (NANOSECONDS / rate))
-    transit = np.empty(0)
-    if forces := recorded.signals.get(topics.ACTUATOR_FORCE.name):
-        within = (forces.stamps >= start) & (forces.stamps < end)
-        transit = (forces.received - forces.stamps)[within] / NANOSECONDS
     warnings = [
         f"{said.node}: {said.message}"
         for said in recorded.diagnostics
@@ -102,10 +99,13 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
     ]
     return Delivery(
         lost={topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name])) for topic in found},
-        late=late,
         missed={arm: length - int(np.sum(there)) for arm, there in taken.items()},
-        transit=transit,
-        age_us=_ages(recorded, end),
+        age_us=durations(_report(recorded, "master_device", end), f"{AGE_OF} age"),
+        deadlines={
+            name: counts
+            for name, (node, command) in COMMANDS.items()
+            if (counts := _deadlines(_report(recorded, node, end), command))
+        },
         warnings=list(dict.fromkeys(warnings)),
         nodes={said.node: said.values for said in recorded.diagnostics},
     )
@@ -138,8 +138,15 @@ def durations(values: Mapping[str, str], name: str) -> dict[str, float]:
     return {label: float(value) for label, value in found.items() if value is not None}
 
 
-def _ages(recorded: Bag, end: int) -> dict[str, float]:
-    """Return the ages that the master's device reported last in a span, or soon behind it."""
-    reports = [d for d in recorded.diagnostics if d.node == "master_device"]
+def _report(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
+    """Return what a node reported last before the end of a span, or soon behind it."""
+    reports = [d for d in recorded.diagnostics if d.node == node]
     within = [d for d in reports if d.received <= end] or reports[:1]
-    return durations(within[-1].values, f"{AGE_OF} age") if within else {}
+    return within[-1].values if within else {}
+
+
+def _deadlines(values: Mapping[str, str], command: str) -> dict[str, int]:
+    """Return the counts of a kind of command; nothing where it has no due time."""
+    due = int(values.get(f"{command} due", 0))
+    missed = int(values.get(f"{command} deadlines missed", 0))
+    return {"due": due, "missed": missed} if due else {}

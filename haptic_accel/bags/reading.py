@@ -24,7 +24,7 @@ from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import BoolArray, IntArray, on_grid, places
+from haptic_accel.core.sampling import HIGHEST_LATENCY, BoolArray, IntArray, on_grid, places
 from haptic_accel.core.topics import ACTUATOR_AXIS, DIAGNOSTICS, SIGNALS
 
 _EVENTS = "parameter_events"
@@ -129,6 +129,16 @@ class Bag:
     facts: dict[str, Any] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     problems: list[str] = field(default_factory=list)
+
+    @property
+    def latency(self) -> int:
+        """Samples from the one that caused a force to the tick at which the force was due.
+
+        0 where forces took effect on arrival, as in bags that state no latency.
+        """
+        arguments = self.facts.get("arguments")
+        stated = arguments.get("latency") if isinstance(arguments, dict) else None
+        return stated if isinstance(stated, int) and 0 <= stated <= HIGHEST_LATENCY else 0
 
 
 def read_bag(path: Path) -> Bag:

@@ -12,12 +12,11 @@ from rosbags.interfaces import Qos
 
 from haptic_accel.bags.folder import free_name
 from haptic_accel.bags.recording_options import RecordingOptions
-from haptic_accel.bags.writing import BagWriter
+from haptic_accel.bags.writing import BagWriter, Put
 from haptic_accel.core.parameters import ParameterError
 
 RECORDING, PAUSED, STOPPED = "recording", "paused", "stopped"
 
-Put = Callable[[bytes], None]
 Connect = Callable[[BagWriter], Put]
 
 Answer = tuple[bool, str]
@@ -80,7 +79,7 @@ class RecordingSession:
         puts = self._puts
         puts[topic] = connect(self.writer)
         self._connects[topic] = connect
-        return lambda message: puts[topic](message)
+        return lambda message, received=None: puts[topic](message, received)
 
     @property
     def state(self) -> str:

@@ -12,14 +12,23 @@ from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ACTUATOR_AXIS
+from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
 from haptic_accel.core.trial import Trial
 
 _FIELDS = ("tool_acceleration", "desired_acceleration", "handle_acceleration", "actuator_force")
-_ALONG_ACTUATOR = dict(zip(topics.ANALYSED, _FIELDS, strict=True))
-"""Fields of a trial by the topic of the signal."""
+"""Fields of a trial that hold `ANALYSED`, in its order."""
+
+
+def trial_vectors(trial: Trial) -> dict[Topic, FloatArray]:
+    """Return the signals of a trial by topic, in the order of `SIGNALS`, each of shape (n, 3)."""
+    found = dict(trial.arms)
+    for topic, name in zip(topics.ANALYSED, _FIELDS, strict=True):
+        found[topic.name] = np.zeros((len(trial.time), 3))
+        found[topic.name][:, ACTUATOR_AXIS] = getattr(trial, name)
+    return {topic: found[topic.name] for topic in topics.SIGNALS if topic.name in found}
 
 
 def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) -> None:
@@ -42,14 +51,7 @@ def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) 
     """
     files = BagFiles(path, RecordingOptions(), facts)
     added = []
-    for number, topic in enumerate(topics.SIGNALS, start=1):
-        if topic in _ALONG_ACTUATOR:
-            vectors = np.zeros((len(trial.time), 3))
-            vectors[:, ACTUATOR_AXIS] = getattr(trial, _ALONG_ACTUATOR[topic])
-        elif topic.name in trial.arms:
-            vectors = trial.arms[topic.name]
-        else:
-            continue
+    for number, (topic, vectors) in enumerate(trial_vectors(trial).items(), start=1):
         found = connection(number, f"/{topic.name}", topic.type, [])
         files.add(found)
         rows = [(x, y, z) for x, y, z in vectors.tolist()]

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from rosbags.interfaces import Connection, Qos
 
@@ -28,6 +29,13 @@ ENOUGH = 20
 
 Message = tuple[Connection, int, bytes]
 Command = Callable[[], None]
+
+
+class Put(Protocol):
+    """Receiver of the messages of one topic."""
+
+    def __call__(self, message: bytes, received: int | None = None) -> None:
+        """Take a serialised message, and the system time of its reception in ns if not now."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +105,7 @@ class BagWriter:
 
     def connect(
         self, topic: str, kind: str, offered: Sequence[Qos], *, sampled: bool = False
-    ) -> Callable[[bytes], None]:
+    ) -> Put:
         """Add a topic; return a function to call with each serialised message.
 
         Parameters
@@ -121,11 +129,11 @@ class BagWriter:
         self._queue.append(lambda: self.files.add(added))
         queue, capacity, now = self._queue, self.capacity, time.time_ns
 
-        def put(message: bytes) -> None:
+        def put(message: bytes, received: int | None = None) -> None:
             if self.paused:
                 return
             if len(queue) < capacity:
-                queue.append((added, now(), bytes(message)))
+                queue.append((added, received or now(), bytes(message)))
             else:
                 self._overflow += 1
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -13,6 +14,7 @@ from haptic_accel.analysis import frames
 from haptic_accel.analysis.comparison import RUNS, Comparison, check_comparison, compared
 from haptic_accel.analysis.loading import Analysis, analyse, find_bags
 from haptic_accel.analysis.metrics import METRICS, Shift
+from haptic_accel.analysis.parting import Parting, find_parting
 from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.writing import as_json, write_analysis, write_json
@@ -21,6 +23,7 @@ from haptic_accel.cli.options import FILE, json_option, out_option, verb
 from haptic_accel.cli.output import results_folder
 from haptic_accel.cli.running import progress_bar
 from haptic_accel.cli.tables import print_table
+from haptic_accel.core.parameters import ParameterError
 
 SHOWN = (
     "slope_desired_on_actual",
@@ -31,7 +34,7 @@ SHOWN = (
     "spqi",
     "force_rms_N",
     "travel_mm",
-    "latency_p99_us",
+    "deadlines_missed_percent",
 )
 """Metrics of the second table, by controller over all its trials."""
 
@@ -44,10 +47,11 @@ SHOWN = (
 @click.argument("places", metavar="BAG...", type=FILE, nargs=-1, required=True)
 @click.option(
     "--shift",
-    default="paper",
-    metavar="paper|measured|MS",
-    help="Time by which the actual acceleration is shifted back before it is compared: one sample"
-    " as in the paper, the delay measured in each trial, or milliseconds.",
+    default="granted",
+    metavar="granted|paper|measured|MS",
+    help="Time by which the actual acceleration is shifted back before it is compared: the latency"
+    " and one sample, one sample as in the paper, the delay measured in each trial, or"
+    " milliseconds.",
 )
 @click.option(
     "--compare",
@@ -67,6 +71,12 @@ SHOWN = (
     show_default=False,
     help="Leave out ST-SIM and SPQI, which take longest.",
 )
+@click.option(
+    "--lockstep",
+    is_flag=True,
+    help="Run each trial of simulated devices again in lockstep, and name the first sample at"
+    " which the live one parts from it, with the reason.",
+)
 @json_option
 @out_option
 def analyze(
@@ -75,6 +85,7 @@ def analyze(
     shift: str,
     comparison: str | None,
     perceptual: bool,
+    lockstep: bool,
     out: Path | None,
     json_file: Path | None,
 ) -> None:
@@ -98,13 +109,26 @@ def analyze(
 
         analysis = analyse(places, chosen, perceptual=perceptual, begun=begun)
         progress.update(bar, completed=analysis.bags, description="bags")
+        partings = list(_partings(analysis)) if lockstep else []
     found = compared(analysis, comparison, places) if comparison else None
     page = write_analysis(analysis, folder, found)
     if json_file:
-        write_json(as_json(analysis, found), json_file)
-    print_analysis(analysis, found, f"report: {page}")
+        content = as_json(analysis, found)
+        if lockstep:
+            content["lockstep"] = [asdict(each) | {"bag": str(each.bag)} for each in partings]
+        write_json(content, json_file)
+    print_analysis(analysis, found, *(each.sentence for each in partings), f"report: {page}")
     if not analysis.trials:
         raise StoppedError
+
+
+def _partings(analysis: Analysis) -> Iterator[Parting]:
+    """Compare the bags with lockstep; note why one cannot be."""
+    for bag in dict.fromkeys(trial.segment.bag for trial in analysis.trials):
+        try:
+            yield find_parting(bag)
+        except ParameterError as error:
+            print(error)
 
 
 def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str) -> None:
@@ -118,7 +142,8 @@ def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str
         print_table(
             ("controller", "trials", *table.columns),
             rows,
-            title="Table II: error of the handle's acceleration, % (paper's in brackets)",
+            title=f"Table II: error of the handle's acceleration after {analysis.after}, %"
+            " (paper's in brackets)",
             caption="± half of the 95 % interval",
         )
         print_table(

@@ -1,4 +1,4 @@
-"""``haptic-accel bench latency``: latency and cost of the graph, beside two references."""
+"""``haptic-accel bench latency``: missed deadlines, ages and cost, beside an empty loop."""
 
 from __future__ import annotations
 
@@ -18,28 +18,25 @@ import click
 import psutil
 from matplotlib.figure import Figure
 
-from haptic_accel.bags.delivery import AGE_OF, LABELS, Delivery, durations, read_delivery
+from haptic_accel.bags.delivery import LABELS, Delivery, durations, read_delivery
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, listed_numbers, verb, words
 from haptic_accel.cli.output import save
 from haptic_accel.cli.running import run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
+from haptic_accel.core.due_forces import MISSED_SHARE
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import EXECUTOR, INTERRUPTED
-from haptic_accel.core.topics import SIGNALS
+from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.graph.words import given_keys
 
 ROUNDS = 2
-"""Number of rounds in which graph and references alternate, so that all meet the same machine."""
+"""Number of rounds in which graph and empty loop alternate, so that both meet the same machine."""
 
 MOST_PAIRS = 16
 """Most graphs at a time; more would start hundreds of processes."""
-
-LATE_SHARE = 0.001
-"""Share of late or missed ticks up to which a rate counts as held."""
 
 DOMAIN = "ROS_DOMAIN_ID"
 DOMAINS = 102
@@ -107,7 +104,7 @@ class Usage:
     "--rates",
     type=listed_numbers,
     metavar="HZ,HZ,...",
-    help="Sampling rates to compare, Hz: finds the highest that is held, without references.",
+    help="Sampling rates to compare, Hz: finds the highest that is held.",
 )
 @click.option(
     "--pairs", type=click.IntRange(1, MOST_PAIRS), default=1, help="Number of graphs at a time."
@@ -125,10 +122,10 @@ def latency(
     plot: Path | None,
     json_file: Path | None,
 ) -> None:
-    """Measure the latency of the whole graph, beside two references.
+    """Measure the missed deadlines of the whole graph, beside those of an empty loop.
 
-    Runs the graph as users do, the same on rclpy's default executor, and the same two hops as
-    bare UDP, in turns. Prints ages, losses, CPU and memory.
+    Runs the graph as users do and an empty loop on the same sampling grid, in turns. Prints missed
+    deadlines, ages of forces, losses, CPU and memory.
     """
     if rates:
         metrics = _compared(words, rates, pairs, seconds)
@@ -138,34 +135,29 @@ def latency(
         if not metrics["rows"]:
             raise StoppedError
         return
-    # Imports ROS, which the measuring of rates alone does without.
-    from haptic_accel.cli.udp_floor import udp_floor
-
     span = seconds / ROUNDS
     arguments = _arguments(words, rate, span)
-    runs: dict[str, list[Metrics]] = {"graph": [], "default": [], "floor": []}
+    runs: list[Metrics] = []
     with stop_on_signal() as stop:
         for index in range(ROUNDS):
             turn = f"round {index + 1} of {ROUNDS}"
             click.echo(f"{turn}: the graph, {pairs} x {rate:g} Hz, {span:g} s", err=True)
-            runs["graph"].append(measure(arguments, pairs, "events", stop))
-            click.echo(f"{turn}: the same on rclpy's default executor", err=True)
-            runs["default"].append(measure(arguments, pairs, "default", stop))
-            click.echo(f"{turn}: the same two hops as bare UDP", err=True)
-            runs["floor"].append(udp_floor(rate, span))
-    ours, default, floor = (merged(runs[name], fmean) for name in ("graph", "default", "floor"))
-    metrics = {
-        "rate_hz": rate,
-        "seconds": seconds,
-        "pairs": pairs,
-        **ours,
-        "default_executor": {name: default[name] for name in ("age_us", "cpu_cores")},
-        "udp_floor": {"age_us": floor["age_us"]},
-        "ratio_to_default_p50": ours["age_us"]["p50"] / default["age_us"]["p50"],
-        "ratio_to_floor_p50": ours["age_us"]["p50"] / floor["age_us"]["p50"],
-    }
+            runs.append(measure(arguments, pairs, stop))
+            click.echo(f"{turn}: an empty loop", err=True)
+            runs[-1]["empty_loop"] = _empty_loop(rate, span)
+    metrics = {"rate_hz": rate, "seconds": seconds, "pairs": pairs, **merged(runs, fmean)}
     _print_latency(metrics)
     save(metrics, json_file)
+
+
+def _empty_loop(rate: float, seconds: float) -> Metrics:
+    # Imports ROS.
+    from haptic_accel.nodes.empty_loop import empty_loop
+
+    try:
+        return empty_loop(rate, seconds)
+    except RuntimeError as error:
+        raise StoppedError(str(error)) from None
 
 
 def _compared(words: Sequence[str], rates: Sequence[float], pairs: int, seconds: float) -> Metrics:
@@ -177,31 +169,29 @@ def _compared(words: Sequence[str], rates: Sequence[float], pairs: int, seconds:
         for rate, arguments in runs.items():
             click.echo(f"{pairs} x {rate:g} Hz, {seconds:g} s", err=True)
             try:
-                metrics = measure(arguments, pairs, "events", stop)
+                metrics = measure(arguments, pairs, stop)
             except StoppedError as end:
                 if end.status == INTERRUPTED:
                     raise
                 # A rate beyond the machine's limits is a result too; the next may be lower.
                 not_run.append(rate)
                 continue
-            late_share = _late_share(metrics)
-            rows.append({"rate_hz": rate, "pairs": pairs, **metrics, "late_share": late_share})
-    held = max((r["rate_hz"] for r in rows if r["late_share"] < LATE_SHARE), default=None)
+            metrics["empty_loop"] = _empty_loop(rate, seconds)
+            rows.append({"rate_hz": rate, "pairs": pairs, **metrics})
+    held = max((r["rate_hz"] for r in rows if missed_share(r) < MISSED_SHARE), default=None)
     _print_rates(rows, held)
     for rate in not_run:
         print(f"could not be run: {pairs} x {rate:g} Hz")
     return {"seconds": seconds, "rate_held_hz": held, "rows": rows, "not_run": not_run}
 
 
-def measure(
-    arguments: GraphArguments, pairs: int, executor: str, stop: Callable[[], bool]
-) -> Metrics:
+def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> Metrics:
     """Run graphs as users run them and return their metrics over all pairs.
 
     Returns
     -------
     dict
-        age_us, period_error_us, late, lost, missed, ticks, cpu_cores, peak_mb.
+        deadlines, age_us, period_error_us, late, lost, missed, ticks, cpu_cores, peak_mb.
 
     Raises
     ------
@@ -213,7 +203,7 @@ def measure(
 
     def run_pair(pair: int) -> Metrics:
         bag = Path(folder) / f"pair_{pair}"
-        environment = {EXECUTOR: executor, DOMAIN: str((first + pair) % DOMAINS)}
+        environment = {DOMAIN: str((first + pair) % DOMAINS)}
         supervisor = Supervisor(graph(replace(arguments, bag=str(bag))), environment=environment)
         supervisor.on_line = lambda _, line: usage.watch(supervisor, line)
         run_to_end(supervisor, stop)
@@ -227,22 +217,14 @@ def measure(
 
 
 def _pair_metrics(delivery: Delivery) -> Metrics:
-    """Return one graph's metrics; a message is late if used more than half a period late."""
+    """Return one graph's metrics."""
     nodes = delivery.nodes
-    late = {}
-    for topic in SIGNALS:
-        device, _, name = topic.name.partition("/")
-        if name == "servo_cf":
-            late[topic.name] = int(nodes[f"{device}_device"]["arm force late"])
-        elif name == "handle/servo_cf" or device == "compensator":
-            late[topic.name] = int(nodes["master_device"]["actuator force late"])
-        else:
-            late[topic.name] = int(nodes[f"{device}_device"]["late ticks"])
     devices = ("master_device", "slave_device")
     return {
-        "age_us": durations(nodes["master_device"], f"{AGE_OF} age"),
+        "deadlines": delivery.deadlines,
+        "age_us": delivery.age_us,
         "period_error_us": {name: durations(nodes[name], "tick lateness") for name in devices},
-        "late": late,
+        "late": {name: int(nodes[name]["late ticks"]) for name in devices},
         "lost": delivery.lost,
         "missed": delivery.missed,
         "ticks": {name: int(nodes[name]["ticks"]) for name in devices},
@@ -250,7 +232,7 @@ def _pair_metrics(delivery: Delivery) -> Metrics:
     }
 
 
-COUNTS = {"late", "lost", "missed", "ticks", "dropped_by_recorder"}
+COUNTS = {"due", "missed", "of", "late", "lost", "ticks", "dropped_by_recorder"}
 """Metrics that are added, whatever joins the others."""
 
 
@@ -275,18 +257,27 @@ def merged(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], name: st
     }
 
 
+def missed_share(metrics: Metrics) -> float:
+    """Return the share of missed deadlines of the kind of command that missed most."""
+    return max(
+        (counts["missed"] / counts["due"] for counts in metrics["deadlines"].values()),
+        default=math.nan,
+    )
+
+
 def _print_latency(metrics: Metrics) -> None:
     rows = {
         "age of the force where it is applied, us": metrics["age_us"],
-        "  on rclpy's default executor": metrics["default_executor"]["age_us"],
-        "  as bare UDP, same two hops": metrics["udp_floor"]["age_us"],
         "master_device: lateness of its ticks, us": metrics["period_error_us"]["master_device"],
         "slave_device: lateness of its ticks, us": metrics["period_error_us"]["slave_device"],
+        "empty loop: lateness of its ticks, us": metrics["empty_loop"]["lateness_us"],
     }
+    deadlines = {**metrics["deadlines"], "empty loop": _as_deadline(metrics["empty_loop"])}
+    missed = "; ".join(
+        f"{name} {counts['missed']} of {counts['due']}" for name, counts in deadlines.items()
+    )
     shares = ", ".join(f"{name} {share:.2f}" for name, share in metrics["cpu_cores"].items())
-    default = metrics["default_executor"]["cpu_cores"]["total"]
     memory = ", ".join(f"{name} {size:.0f}" for name, size in metrics["peak_mb"].items())
-    taken, missed = sum(metrics["ticks"].values()), sum(metrics["missed"].values())
     cells = [
         (name, *(f"{ages[label]:.0f}" if label in ages else "-" for label in LABELS))
         for name, ages in rows.items()
@@ -295,23 +286,18 @@ def _print_latency(metrics: Metrics) -> None:
         ("", *LABELS),
         cells,
         title=f"{metrics['pairs']} x {metrics['rate_hz']:g} Hz, {metrics['seconds']:g} s each",
-        caption=f"ratio of p50 to the default executor's {metrics['ratio_to_default_p50']:.2f}, "
-        f"to bare UDP's {metrics['ratio_to_floor_p50']:.1f}\n"
-        f"cores: {shares} (default executor: total {default:.2f})\n"
+        caption=f"missed deadlines: {missed}\n"
+        f"cores: {shares}\n"
         f"memory, MiB: {memory}\n"
-        f"of {taken} ticks missed {missed}; late, worst topic: {max(metrics['late'].values())}; "
+        f"samples not taken: {sum(metrics['missed'].values())}; "
         f"messages lost: {sum(metrics['lost'].values())}, "
         f"dropped by the recorder: {metrics['dropped_by_recorder']}",
         caption_justify="left",
     )
 
 
-def _late_share(metrics: Metrics) -> float:
-    """Share of the devices' ticks that were missed or later than half a period."""
-    late = metrics["late"]
-    bad = late["slave/tool/acceleration"] + late["master/handle/acceleration"]
-    missed = sum(metrics["missed"].values())
-    return float((bad + missed) / (sum(metrics["ticks"].values()) + missed))
+def _as_deadline(empty_loop: Metrics) -> dict[str, int]:
+    return {"due": empty_loop["of"], "missed": empty_loop["missed"]}
 
 
 def _print_rates(rows: Sequence[Metrics], held: float | None) -> None:
@@ -320,12 +306,16 @@ def _print_rates(rows: Sequence[Metrics], held: float | None) -> None:
             f"{row['rate_hz']:g}",
             *(f"{row['age_us'][q]:.0f}" if row["age_us"] else "-" for q in ("p50", "p99")),
             f"{row['cpu_cores']['total']:.2f}",
-            f"{100 * row['late_share']:.2f}",
-            str(sum(row["lost"].values())),
+            f"{100 * missed_share(row):.2f}",
+            f"{100 * row['empty_loop']['missed'] / row['empty_loop']['of']:.2f}",
+            str(sum(row["lost"].values()) + sum(row["missed"].values())),
         )
         for row in rows
     ]
-    headings = ("rate, Hz", "age p50, us", "p99, us", "cores", "late, %", "lost")
+    headings = (
+        *("rate, Hz", "age p50, us", "p99, us", "cores", "deadlines missed, %"),
+        *("empty loop, %", "samples lost"),
+    )
     title = f"highest rate held: {f'{held:g} Hz' if held else 'none'}"
     print_table(headings, cells, left=0, title=title)
 

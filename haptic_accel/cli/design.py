@@ -50,7 +50,8 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         raise ParameterError(f"controller = {name!r}: must be one of {', '.join(DESIGNED)}")
     values = graph_parameters(arguments)
     around, options = node_parameters("compensator", values["compensator"])
-    loop = Loop(arguments.rate, around.high_pass_frequency, options[PLANT].coupled())
+    plant = options[PLANT].coupled().delayed(around.latency)
+    loop = Loop(arguments.rate, around.high_pass_frequency, plant)
     parameters: InverseParameters = options[name]
     spectrum: ToolSpectrum = parameters.texture
     if arguments.surface == RECORDING:
@@ -59,11 +60,12 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         )
         spectrum = measured_spectrum(samples, loop.rate)
     found = predict(parameters.filter(loop), loop.plant, spectrum)
+    granted = parameters.goal(loop).granted_delay
     bound = causal_bound(
         loop.plant,
         loop.rate,
         spectrum,
-        granted_delay=parameters.granted_delay,
+        granted_delay=granted,
         high_pass_frequency=loop.high_pass_frequency,
     )
     frequencies = [frequency for frequency in SHOWN if frequency < found.frequency[-1]]
@@ -73,7 +75,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         (f"{frequency:g}", f"{gain:.3f}", f"{phase:+.1f}")
         for frequency, gain, phase in zip(frequencies, gains, phases, strict=True)
     ]
-    title = "handle over desired acceleration, after the granted delay"
+    title = f"handle over desired acceleration, after the granted delay of {granted} samples"
     print_table(("frequency (Hz)", "gain", "phase (degrees)"), rows, left=0, title=title)
     print(
         f"error {found.nrmse_percent:.1f} % (no causal linear filter below {bound:.1f} %),"
@@ -83,6 +85,8 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
     metrics: dict[str, Any] = {
         "controller": name,
         "rate_hz": loop.rate,
+        "latency_samples": loop.latency,
+        "granted_samples": granted,
         "nrmse_percent": found.nrmse_percent,
         "bound_percent": bound,
         "force_rms_n": found.force_rms,

@@ -1,6 +1,6 @@
 """``haptic-accel doctor``: causes of timing jitter on this machine, with suggested fixes.
 
-Nothing is changed and no timing is measured: ``haptic-accel bench latency`` does that.
+Nothing is changed. ``haptic-accel bench latency`` measures the graph itself.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import psutil
 from rich.markup import escape
@@ -23,7 +23,8 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import json_option, verb
 from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
-from haptic_accel.core.process import EXECUTOR
+from haptic_accel.core.due_forces import MISSED_SHARE
+from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.graph.files import config_folder
 from haptic_accel.nodes.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE
 
@@ -31,8 +32,8 @@ LITTLE_SHARED_MEMORY = 32.0
 """Free shared memory below which the middleware may run out of it, MB."""
 
 LITTLE_RECEIVE_BUFFER = 1 << 20
-"""Receive buffer that is too small, bytes: Linux's default of 212992 holds some 20 ms of the
-graph's messages at 5 kHz."""
+"""Receive buffer that is too small, bytes: Linux's default of 212992 holds some 30 ms of the
+graph's messages at 1 kHz, and the recorder may wait longer for a core."""
 
 HIGHEST_DOMAIN = 101
 """Highest ROS domain whose ports Linux does not assign to other programs (ROS 2 documentation)."""
@@ -75,8 +76,8 @@ ADVICE = {
         " sudo mount -o remount,size=256m /dev/shm, in a container docker run --shm-size=256m",
     ),
     "receive buffer": (
-        "messages from another machine are lost when a node is delayed",
-        f"if the graph spans machines: sudo sysctl -w net.core.rmem_max={4 << 20}",
+        "messages are lost when a process is delayed",
+        f"sudo sysctl -w net.core.rmem_max={4 << 20}",
     ),
     "sourced ROS": (
         "libraries of two ROS 2 installations are mixed in one process",
@@ -85,7 +86,11 @@ ADVICE = {
     ),
     "executor": (
         "callbacks start several times later and cost twice the processor time",
-        f"the events executor of ROS 2 Jazzy or newer, and no {EXECUTOR} in the environment",
+        "the events executor of ROS 2 Jazzy or newer",
+    ),
+    "rate": (
+        "forces come late at that rate, whatever the nodes do",
+        "stop other programs; on a virtual machine, others on its host may be the cause",
     ),
     "timer slack": (
         "the kernel may delay every tick by this time",
@@ -115,6 +120,9 @@ ADVICE = {
 }
 """Meaning of a finding that is not ok, and its fix, by the name of the check."""
 
+LOOP_TIME = 2.0
+"""Length of the empty loop, s."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -132,7 +140,8 @@ class Finding:
 def doctor(json_file: Path | None) -> None:
     """Find causes of timing jitter on this machine and suggest fixes.
 
-    Nothing is changed. To measure the timing itself, use haptic-accel bench latency.
+    Nothing is changed. An empty loop of two seconds shows whether this machine, now, can hold the
+    default rate; haptic-accel bench latency measures the graph itself.
     """
     findings = list(machine_findings())
     unusable = ""
@@ -166,6 +175,7 @@ def machine_findings() -> Iterator[Finding]:
 def ros_findings() -> Iterator[Finding]:
     """Check ROS 2 in the environment of a node."""
     # Imports ROS, which may be missing or broken.
+    from haptic_accel.nodes.empty_loop import empty_loop
     from haptic_accel.nodes.installation import describe_installation
 
     ros = describe_installation()
@@ -179,6 +189,7 @@ def ros_findings() -> Iterator[Finding]:
     yield discovery_range(environment)
     yield domain(environment.get("ROS_DOMAIN_ID", ""))
     yield other_graph(ros.published)
+    yield rate_held(empty_loop(DEFAULT_RATE, LOOP_TIME))
 
 
 def governor(governors: Sequence[str]) -> Finding:
@@ -315,6 +326,16 @@ def other_graph(published: Sequence[str]) -> Finding:
     """Judge which of the graph's signals are published already."""
     found = f"publishes {', '.join(published)}" if published else "none in this domain"
     return _judged("other graph", found, problem=published)
+
+
+def rate_held(loop: Mapping[str, Any]) -> Finding:
+    """Judge the ticks of an empty loop on the sampling grid at the default rate."""
+    missed, of, worst = loop["missed"], loop["of"], loop["lateness_us"]["max"]
+    found = (
+        f"{DEFAULT_RATE:g} Hz now: {missed} of {of} ticks more than a period late, the latest by"
+        f" {worst:.0f} us"
+    )
+    return _judged("rate", found, warning=missed > MISSED_SHARE * of)
 
 
 def _judged(name: str, found: str, *, warning: object = False, problem: object = False) -> Finding:

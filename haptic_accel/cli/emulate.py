@@ -16,26 +16,23 @@ from haptic_accel.cli.running import stop_on_signal
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.parameters import Checked, ParameterError, from_flat, like, parameter
 from haptic_accel.core.trial import DEFAULT_RATE, RigParameters
-from haptic_accel.devices import MASTERS, SLAVES, Device
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
 from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
 from haptic_accel.devices.connection import AUTO
 from haptic_accel.devices.serial.device import HIGHEST_RATE, MISSING_LIBRARY
+from haptic_accel.devices.simulated import SimulatedDevice, SimulatedMaster, SimulatedSlave
 from haptic_accel.emulators.can_arm import EmulatedArm
 from haptic_accel.emulators.can_line import BusPort, CanLine, SlcanPort
 from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, FaultKind, Faults
-from haptic_accel.emulators.loop import Part, run
+from haptic_accel.emulators.loop import run
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 if TYPE_CHECKING:
-    from haptic_accel.emulators.serial_line import EmulatedBoard
+    from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
 
 MASTER, SLAVE = SIDES = "master", "slave"
-
-FIRMWARE = (1, 0, 0)
-"""Firmware version that an emulated board reports."""
 
 PATIENCE = {
     "start_timeout": 10.0,
@@ -146,7 +143,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     rig = arguments.virtual_rig()
     devices = {side: _simulated(rig, side, DEFAULT_RATE, arguments.seed) for side in SIDES}
     try:
-        from haptic_accel.emulators.serial_line import CoupledArms
+        from haptic_accel.emulators.serial_line import CoupledArms, SerialLines
     except ImportError:
         raise StoppedError(f"serial: {MISSING_LIBRARY}") from None
     # The boards must not be delayed by the nodes that they serve. Only here is ROS waited for.
@@ -162,8 +159,8 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     _announce("boards", "serial", folder, {side: {"port": str(folder / side)} for side in SIDES})
     sharpen_timers()
     ask_for_realtime()
-    parts: list[Part] = [*boards, arms]
-    _run(parts, boards, arguments.duration, lambda: arms.coupled, "the hand begins to explore")
+    lines = SerialLines(boards, arms)
+    _run([lines], arguments.duration, lambda: arms.coupled, "the hand begins to explore")
 
 
 @verb("haptic-accel emulate can kinematics:=stage", name="can")
@@ -204,7 +201,7 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
     def driven() -> bool:
         return any(line.driven for line in lines)
 
-    _run(lines, lines, arguments.duration, driven, "the arms have torques")
+    _run(lines, arguments.duration, driven, "the arms have torques")
 
 
 def _faults(
@@ -215,17 +212,22 @@ def _faults(
     return {side: given if side == faulty else Faults() for side in SIDES}
 
 
-def _simulated(rig: RigParameters, side: str, rate: float, seed: int) -> Device:
+def _simulated(rig: RigParameters, side: str, rate: float, seed: int) -> SimulatedDevice:
     """Return one side of the virtual rig."""
-    devices = MASTERS if side == MASTER else SLAVES
-    return devices["simulated"](getattr(rig, side), rate, seed)
+    device = SimulatedMaster if side == MASTER else SimulatedSlave
+    return device(getattr(rig, side), rate, seed)
 
 
 def _board(
-    rig: RigParameters, side: str, port: Path, device: Device, faults: Faults, gravity: float
+    rig: RigParameters,
+    side: str,
+    port: Path,
+    device: SimulatedDevice,
+    faults: Faults,
+    gravity: float,
 ) -> EmulatedBoard:
     """Return the board of one side; only the master's has an actuator."""
-    from haptic_accel.devices.serial.protocol import Identity, axes_bits
+    from haptic_accel.devices.serial.protocol import FIRMWARE, Identity, axes_bits
     from haptic_accel.emulators.serial_line import EmulatedBoard
 
     actuator = rig.master.actuator
@@ -233,9 +235,7 @@ def _board(
     sensor = getattr(rig, side).accelerometer
 
     def measure(time: float) -> float:
-        sample = device.read(time)
-        assert sample, "simulated devices always have a sample"
-        return sample.acceleration + gravity
+        return device.read(time).acceleration + gravity
 
     def drive(time: float, current: float) -> None:
         device.write(time, actuator_force=current * actuator.force_constant)
@@ -272,8 +272,7 @@ def _announce(
 
 
 def _run(
-    parts: Sequence[Part],
-    ports: Sequence[EmulatedBoard | CanLine],
+    lines: Sequence[CanLine | SerialLines],
     duration: float,
     begun: Callable[[], bool],
     line: str,
@@ -290,7 +289,7 @@ def _run(
 
     try:
         with stop_on_signal() as stopped:
-            run(parts, ended)
+            run(lines, ended)
     finally:
-        for port in ports:
-            port.close()
+        for each in lines:
+            each.close()

@@ -13,7 +13,7 @@ import click
 from rich.console import Console
 
 from haptic_accel.analysis.loading import Analysis, analyse
-from haptic_accel.analysis.metrics import AnalysedTrial
+from haptic_accel.analysis.metrics import AnalysedTrial, granted
 from haptic_accel.analysis.page import Setting
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
 from haptic_accel.cli import options
@@ -21,6 +21,7 @@ from haptic_accel.cli.analyze import print_analysis
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import results_folder
 from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
+from haptic_accel.cli.tables import print_table
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
@@ -53,7 +54,8 @@ AROUND = 4.0
 """Estimated time for starting and stopping the graph, s, for the time left."""
 
 LOST_SHARE = 0.01
-"""Share of a signal's samples that may be missing before the reader is warned."""
+"""Share of a signal's samples that may be missing, or of forces that may miss their deadline,
+before the reader is warned."""
 
 LOCKSTEP_NOTE = (
     "Every condition ran in lockstep: no ROS, no clock, same numbers for the same seed."
@@ -69,9 +71,11 @@ RIG_NOTES = {
     "the value of a cell.",
     "paper": "The simulated rig is eq. (1) to (3) of the paper with Table I and, besides, "
     "mount, delay, friction, gravity, sensors and users as a real one has; four of its "
-    "numbers, and three of its surfaces', are fitted to the paper's table in lockstep "
-    "(docs/virtual_rig.md). In the live graph the age of its forces is part of the delay.",
+    "numbers, and three of its surfaces', are fitted to the paper's table in the paper's loop, "
+    "latency:=0 in lockstep (docs/virtual_rig.md).",
 }
+BESIDE = "lockstep_nrmse_percent"
+LOCKSTEP_TITLE = "Error (NRMSE) live and, in brackets, in lockstep, %"
 AVERAGE_NOTE = (
     "The paper's averages are its own; the plain means of its three surfaces are 80.9 % for "
     "constant and 73.7 % for dynamic."
@@ -206,7 +210,12 @@ def _report(
     """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
     analysis = analyse(list(done))
     warnings = list(_warnings(analysis))
+    expected = {} if lockstep else _in_lockstep(done)
+    beside = _beside_lockstep(analysis, expected)
     notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, AVERAGE_NOTE]
+    notes += (
+        [f"{LOCKSTEP_TITLE}: {'; '.join(': '.join(row) for row in beside)}."] if beside else []
+    )
     notes += [RIG_NOTES[arguments.rig]] if arguments.rig in RIG_NOTES else []
     seeds = list(dict.fromkeys(given.seed for given in done.values()))
     settings = {
@@ -236,12 +245,39 @@ def _report(
             "arguments": asdict(arguments),
             "conditions": [
                 _metrics(trial, done[trial.segment.bag].seed, lockstep)
+                | ({} if lockstep else {BESIDE: expected.get(trial.segment.bag)})
                 for trial in analysis.trials
             ],
         }
         write_json(defined(content), json_file)
+    if beside:
+        print_table(("controller", "live (lockstep)"), beside, title=LOCKSTEP_TITLE)
     print_analysis(analysis, None, *warnings, f"report: {page}")
     return {trial.segment.bag for trial in analysis.trials} == set(done)
+
+
+def _in_lockstep(done: Mapping[Path, GraphArguments]) -> dict[Path, float]:
+    """Return the errors of the same conditions in lockstep, %, by bag; none with real devices."""
+    errors = {}
+    with progress_bar(Console()) as progress:
+        bar = progress.add_task("the same in lockstep", total=len(done))
+        for bag, arguments in done.items():
+            if arguments.master == arguments.slave == SIMULATED:
+                errors[bag] = lockstep_trial(arguments).evaluate().nrmse_percent
+            progress.advance(bar)
+    return errors
+
+
+def _beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> list[tuple[str, str]]:
+    """Return, by controller, the errors of each surface live and, in brackets, in lockstep."""
+    rows: dict[str, list[str]] = {}
+    for trial in analysis.trials:
+        if trial.segment.bag in expected:
+            rows.setdefault(trial.controller, []).append(
+                f"{trial.surface} {trial.metrics['nrmse_percent']:.1f}"
+                f" ({expected[trial.segment.bag]:.1f})"
+            )
+    return [(controller, ", ".join(cells)) for controller, cells in rows.items()]
 
 
 def _metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:
@@ -252,12 +288,14 @@ def _metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:
         "seed": seed,
         **{name: trial.metrics[name] for name in EVALUATED},
         "seconds": trial.segment.seconds,
+        "latency_samples": trial.segment.latency,
+        "after_samples": granted(trial.segment),
     }
     if not lockstep:
         delivery = trial.segment.delivery
         ages = {label: delivery.age_us[label] for label in AGES if label in delivery.age_us}
-        counts = {name: getattr(delivery, name) for name in ("lost", "late", "missed")}
-        metrics |= {"age_us": ages, **counts}
+        metrics |= {"age_us": ages, "lost": delivery.lost, "missed": delivery.missed}
+        metrics["missed_deadlines"] = delivery.deadlines
     return metrics
 
 
@@ -270,11 +308,15 @@ def _warnings(analysis: Analysis) -> Iterator[str]:
             for topic in ANALYSED
             if topic.name in delivery.lost
         ]
-        share = max(missing, default=0) / (trial.segment.seconds * trial.segment.rate)
+        samples = trial.segment.seconds * trial.segment.rate
+        shares = {"samples are missing": max(missing, default=0) / samples}
+        for command, count in delivery.deadlines.items():
+            shares[f"{command}s missed their due time"] = count["missed"] / count["due"]
         name = f"{trial.surface} / {trial.controller}"
-        if share > LOST_SHARE:
-            yield (
-                f"{name}: {100 * share:.1f} % of the samples are missing: the machine was too"
-                " busy, and the error is larger for it."
-            )
+        for what, share in shares.items():
+            if share > LOST_SHARE:
+                yield (
+                    f"{name}: {100 * share:.1f} % of the {what}: the machine was too busy, and the"
+                    " error is larger for it."
+                )
         yield from (f"{name}: {warning}." for warning in delivery.warnings)

@@ -14,7 +14,8 @@ import click
 import numpy as np
 
 from haptic_accel.analysis import identification_report as report
-from haptic_accel.bags.excitation import read_excited, read_force_age
+from haptic_accel.bags.excitation import force_age, read_excited
+from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import results_folder, save
@@ -138,11 +139,14 @@ def identify(
     band = max(LOWEST_COMPARED, lowest), min(highest, HIGHEST_COMPARED)
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
         rig = _rig(*by_grip.values())
-        truth, errors = rig.master.handle, _errors(found, rig, arguments.sweep, band, lockstep)
+        on_arrival = not (lockstep or arguments.latency)
+        truth, errors = rig.master.handle, _errors(found, rig, arguments.sweep, band, on_arrival)
+    latency = next(iter(recorded.values()))[0].latency
     run = "lockstep" if lockstep else "live graph"
     if sources:
         run = "recordings: " + ", ".join(sources)
-    settings = {name: str(value) for name, value in asdict(arguments).items() if value != ""}
+    described = replace(arguments, latency=latency)
+    settings = {name: str(value) for name, value in asdict(described).items() if value != ""}
     notes = list(_notes(found))
     parameters = folder / "handle.yaml"
     parameters.write_text(parameter_file(found, actuator, age), encoding="utf-8")
@@ -156,13 +160,17 @@ def identify(
         band=band,
         notes=notes,
     )
-    save(_metrics(found, errors, band), json_file)
+    save(_metrics(found, errors, band, latency), json_file)
     _print(found, truth)
     for name, error in errors.items():
         print(
             f"{name} model against the true response, {band[0]:g} to {band[1]:g} Hz: at most"
             f" {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
         )
+    print(
+        f"latency of the forces, taken off: {latency} samples;"
+        f" delay of the hardware: {found.fit.delay * 1e6:.0f} us"
+    )
     print(*notes, report.explained(found), sep="\n")
     print(f"parameters: {parameters}", f"report: {page}", sep="\n")
 
@@ -172,7 +180,12 @@ def identify(
 
 def _run_lockstep(arguments: IdentifyArguments) -> list[sweeps.IdentificationTrial]:
     return run_identification(
-        _rig(arguments).master, arguments.sweep, arguments.rate, arguments.seed, arguments.trials
+        _rig(arguments).master,
+        arguments.sweep,
+        arguments.rate,
+        arguments.seed,
+        arguments.trials,
+        arguments.latency,
     )
 
 
@@ -221,13 +234,14 @@ def _named(sources: Sequence[str], grip: str) -> Iterator[tuple[str, Path]]:
 def _read(
     places: Iterable[tuple[str, Path]], arguments: IdentifyArguments, recording_rate: float
 ) -> tuple[Recorded, float]:
-    """Read trials from bags and CSV files, and the mean age of the forces in the bags, s."""
+    """Read trials from bags and CSV files, and the mean age of forces without a due time, s."""
     recorded: Recorded = {}
     ages = []
     for grip, path in places:
         if path.is_dir():
-            trials = _trials(path, arguments)
-            ages.append(read_force_age(path))
+            bag = read_bag(path)
+            trials = _trials(bag, arguments)
+            ages.append(force_age(bag))
         else:
             rate = recording_rate or arguments.rate
             force, acceleration = (
@@ -235,13 +249,17 @@ def _read(
             )
             trials = sweeps.find_trials(force, acceleration, arguments.sweep, rate)
         recorded.setdefault(grip, []).extend(trials)
-    rates = {trial.rate for trials in recorded.values() for trial in trials}
-    if len(rates) > 1:
-        raise ParameterError(f"from: recordings of {len(rates)} rates, must be of one")
+    every = [trial for trials in recorded.values() for trial in trials]
+    for name, count in (
+        ("rates", len({trial.rate for trial in every})),
+        ("latencies", len({trial.latency for trial in every})),
+    ):
+        if count > 1:
+            raise ParameterError(f"from: recordings of {count} {name}, must be of one")
     return recorded, fmean(ages) if ages else 0.0
 
 
-def _trials(bag: Path, arguments: IdentifyArguments) -> list[sweeps.IdentificationTrial]:
+def _trials(bag: Bag, arguments: IdentifyArguments) -> list[sweeps.IdentificationTrial]:
     """Return the trials of a bag, without those that miss too many samples.
 
     Raises
@@ -250,14 +268,16 @@ def _trials(bag: Path, arguments: IdentifyArguments) -> list[sweeps.Identificati
         No trial is left.
     """
     force, acceleration, missing = read_excited(bag, arguments.rate)
-    found = sweeps.find_trials(force, acceleration, arguments.sweep, arguments.rate, missing)
+    found = sweeps.find_trials(
+        force, acceleration, arguments.sweep, arguments.rate, missing, bag.latency
+    )
     most = MOST_MISSING * len(found[0].actuator_force)
     whole = [trial for trial in found if trial.status[sweeps.SAMPLES_MISSING] <= most]
     if len(whole) < len(found):
         counts = ", ".join(str(trial.status[sweeps.SAMPLES_MISSING]) for trial in found)
         reason = (
-            f"{bag}: {len(found) - len(whole)} of {len(found)} trials left out, of which more than"
-            f" {100 * MOST_MISSING:g} % of the samples are missing ({counts})"
+            f"{bag.path}: {len(found) - len(whole)} of {len(found)} trials left out, of which more"
+            f" than {100 * MOST_MISSING:g} % of the samples are missing ({counts})"
         )
         if not whole:
             raise RecordingError(reason)
@@ -304,8 +324,8 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
     actuator : ActuatorParameters
         Actuator as known without the identification.
     age : float
-        Age of the forces that came through the live graph, s. It is part of the delay that a
-        controller compensates, but not of the simulated handle's own delay.
+        Age of forces that took effect on arrival, s. It is part of the delay that a controller
+        compensates, but not of the simulated handle's own delay.
     """
     fit = found.fit
     handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
@@ -333,8 +353,9 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
     }
     head = (
         "# A handle as identified; use with config:=FILE. SI units.\n"
-        f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay {fit.delay * 1e6:.0f} us beside"
-        f" the loop's own sample,\n# residual {fit.residual:.2f} (1: noise alone).\n"
+        f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
+        f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
+        f" {fit.residual:.2f} (1: noise alone).\n"
     )
     return head + parameter_text(nodes)
 
@@ -348,21 +369,21 @@ def _errors(
     rig: RigParameters,
     sweep: sweeps.SweepParameters,
     band: tuple[float, float],
-    lockstep: bool,
+    on_arrival: bool,
 ) -> dict[str, report.ModelError]:
     """Compare models with the response of the rig without noise, friction and converters.
 
-    In the live graph the age of the forces adds to the rig's own delay, and belongs into the
-    models: there the delay that was found is taken for the true one.
+    Where forces took effect on arrival, their age adds to the rig's own delay, and belongs into
+    the models: there the delay that was found is taken for the true one.
     """
     master, rate = rig.master, found.discrete.rate
-    delay = master.drive.delay if lockstep else max(0.0, found.fit.delay)
+    delay = max(0.0, found.fit.delay) if on_arrival else master.drive.delay
     clean = replace(
         master,
         drive=replace(master.drive, coulomb_friction=0.0, bits=32, delay=delay),
         accelerometer=replace(master.accelerometer, noise_density=0.0, bits=32),
     )
-    (trial,) = run_identification(clean, sweep, rate)
+    (trial,) = run_identification(clean, sweep, rate, latency=0)
     force, acceleration = (
         sweeps.kept_repeats(values, sweep, rate)
         for values in (trial.actuator_force, centred(trial.handle_acceleration))
@@ -382,12 +403,16 @@ def _errors(
 
 
 def _metrics(
-    found: Identification, errors: Mapping[str, report.ModelError], band: tuple[float, float]
+    found: Identification,
+    errors: Mapping[str, report.ModelError],
+    band: tuple[float, float],
+    latency: int,
 ) -> dict[str, Any]:
     """Return the metrics for a JSON file; its errors without a model are the discrete model's."""
     discrete = errors.get("discrete")
     return {
         **_fit_metrics(found.fit),
+        "latency_samples": latency,
         "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
         "max_phase_error_deg": discrete.phase_deg if discrete else None,
         "band_hz": list(band),
@@ -413,6 +438,7 @@ def _fit_metrics(fit: HandleFit) -> dict[str, Any]:
             for name, (_, given) in own_schema(HandleParameters).items()
         },
         "delay_s": fit.delay,
+        "delay_us": fit.delay * 1e6,
         "delay_standard_error_s": fit.standard_errors.get("delay"),
         "mount": asdict(fit.mount),
         "residual": fit.residual,

@@ -175,6 +175,8 @@ def _metrics(bag: str, trial: Trial, track: Track) -> Metrics:
         **asdict(evaluation),
         "seconds": trial.seconds,
         "rate_hz": trial.rate,
+        "latency_samples": trial.latency,
+        "after_samples": trial.latency + 1,
         "lost": int(track.lost.sum()),
     }
 
@@ -190,6 +192,7 @@ def _print(done: Sequence[Metrics]) -> None:
             Path(row["bag"]).name,
             row["surface"],
             row["controller"],
+            str(row["after_samples"]),
             f"{row['nrmse_percent']:.2f}",
             f"{row['slope_actual_on_desired']:.3f}",
             f"{row['slope_desired_on_actual']:.3f}",
@@ -197,5 +200,5 @@ def _print(done: Sequence[Metrics]) -> None:
         )
         for row in done
     ]
-    headings = ("bag", "surface", "controller", *COLUMNS)
+    headings = ("bag", "surface", "controller", "after\nsamples", *COLUMNS)
     print_table(headings, rows, left=3, title="Replayed in lockstep", show_edge=False)

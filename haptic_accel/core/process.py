@@ -15,8 +15,5 @@ INTERRUPTED = 130
 SUPERVISOR = "HAPTIC_ACCEL_SUPERVISOR"
 """Environment variable with the process id of the process that started a node."""
 
-EXECUTOR = "HAPTIC_ACCEL_EXECUTOR"
-"""Environment variable that selects a node's executor, for comparisons: events or default."""
-
 REALTIME = "HAPTIC_ACCEL_REALTIME"
 """Environment variable that disables real-time priority for comparisons if it is ``no``."""

@@ -15,6 +15,13 @@ from haptic_accel.core.parameters import ParameterError
 NANOSECONDS = 1_000_000_000
 """Nanoseconds in a second."""
 
+LATENCY = 1
+"""Samples from the one that caused a force to the tick at which the force takes effect: the least
+with which the force can be due at a time that is known beforehand."""
+
+HIGHEST_LATENCY = 20
+"""Largest latency, samples."""
+
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
@@ -38,6 +45,12 @@ RELEASED = 0.1
 
 It is the default time-out of the coupler.
 """
+
+
+def check_latency(latency: int) -> None:
+    """Raise a ParameterError for a latency, in samples, that is not allowed."""
+    if not 0 <= latency <= HIGHEST_LATENCY:
+        raise ParameterError(f"latency = {latency}: must be from 0 to {HIGHEST_LATENCY} samples")
 
 
 def half_period(rate: float) -> float:

@@ -17,11 +17,12 @@ from haptic_accel.core.coupling.position_position import (
 )
 from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
-from haptic_accel.core.model import ZERO, FloatArray, HandleParameters, Vector
+from haptic_accel.core.model import FloatArray, HandleParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters
+from haptic_accel.core.sampling import LATENCY, check_latency
 from haptic_accel.core.track import ReplayRig, Track
 
 DEFAULT_RATE = 1000.0
@@ -62,6 +63,8 @@ class Trial:
         Commanded force, N.
     high_pass_frequency : float
         Corner of the compensator's high-pass, Hz.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force took effect.
     arms : dict of ndarray, shape (n, 3)
         Positions (m), velocities (m/s) and motor forces (N) of both arms, by the name of their
         topic; empty where they are not known.
@@ -76,6 +79,7 @@ class Trial:
     handle_acceleration: FloatArray
     actuator_force: FloatArray
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
+    latency: int = LATENCY
     arms: dict[str, FloatArray] = field(default_factory=dict)
 
     @property
@@ -93,7 +97,9 @@ class Trial:
         return len(self.time) / self.rate
 
     def evaluate(self, first: int = 0) -> Evaluation:
-        """Return the paper's metrics from a sample on, with the paper's shift of one sample.
+        """Return the paper's metrics from a sample on, shifted by the latency and one sample.
+
+        A force is seen one sample after it takes effect, the paper's tau_d.
 
         Raises
         ------
@@ -101,7 +107,7 @@ class Trial:
             The desired acceleration is zero, or there are too few samples.
         """
         desired, actual = self.desired_acceleration[first:], self.actual_acceleration[first:]
-        return evaluate(desired, actual, self.rate, 1 / self.rate)
+        return evaluate(desired, actual, self.rate, (self.latency + 1) / self.rate)
 
 
 def run_trial(
@@ -110,6 +116,7 @@ def run_trial(
     *,
     duration: float = 10.0,
     rate: float = DEFAULT_RATE,
+    latency: int = LATENCY,
     seed: int = 0,
     recording: FloatArray | None = None,
     replayed: Track | None = None,
@@ -120,9 +127,10 @@ def run_trial(
 ) -> Trial:
     """Run one condition in lockstep: no clock, no thread, the same result every time.
 
-    In each sample both rigs are read, coupling and compensation are computed, and their forces
-    are applied at once; the response is seen one sample later, the paper's tau_d. The
-    compensation receives the handle's acceleration of the previous sample, as in the live graph.
+    In each sample both rigs are read, coupling and compensation are computed, then the forces of
+    the sample `latency` before take effect; the response is seen one sample later, the paper's
+    tau_d. The compensation receives the handle's acceleration of the previous sample. So does the
+    live graph while no deadline is missed. The rigs stand still until their first force.
 
     Parameters
     ----------
@@ -134,13 +142,16 @@ def run_trial(
         Duration of the trial, s.
     rate : float
         Samples per second.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force takes effect; 0
+        for at once, as in the paper.
     seed : int
         Seed of texture and sensor noise.
     recording : ndarray, optional
         Tool acceleration at `rate` in place of the simulated one, m/s^2.
     replayed : Track, optional
         Tool acceleration and motion at `rate` in place of the simulated slave, played from the
-        first sample.
+        sample after the first force; until then the slave waits at its beginning.
     compensation : CompensationParameters, optional
         Parameters of high-pass and sensor range; `controller` takes the place of its own.
     controllers : mapping, optional
@@ -157,35 +168,38 @@ def run_trial(
     Raises
     ------
     ParameterError
-        Unknown controller, or a rate or duration that is not allowed.
+        Unknown controller, or a rate, latency or duration that is not allowed.
     """
     if replayed is not None and replayed.rate != rate:
         raise ParameterError(f"rate = {rate:g}: must be {replayed.rate:g} Hz as what is replayed")
     check_positive_rate(rate)
+    check_latency(latency)
     if not (np.isfinite(duration) and duration * rate >= 1):
         raise ParameterError(f"duration = {duration}: must hold at least one sample")
     rig = rig or RigParameters()
     around = replace(compensation or CompensationParameters(), controller=controller)
-    slave: Rig
-    if replayed is None:
-        slave = SlaveRig(rig.slave, rate, seed, recording, physics_step)
-    else:
-        slave = ReplayRig(replayed)
-        slave.apply_arm_force(ZERO)  # starts the replay at the first sample
+    slave = (
+        SlaveRig(rig.slave, rate, seed, recording, physics_step)
+        if replayed is None
+        else ReplayRig(replayed)
+    )
     time = np.arange(round(duration * rate)) / rate
     samples = _samples(
         MasterRig(rig.master, rate, seed),
         slave,
         PositionPositionCoupling(rig.coupling),
-        Compensation(around, rate, controllers),
+        Compensation(around, rate, controllers, latency=latency),
         time.tolist(),
+        latency,
         deque(grips),
     )
     signals, arms = zip(*samples, strict=True)
     tool, desired, handle, force = np.array(signals).T.copy()
     vectors = dict(zip(_ARMS, np.array(arms, dtype=float).swapaxes(0, 1), strict=True))
     surface, corner = rig.slave.surface.name, around.high_pass_frequency
-    return Trial(surface, controller, rate, time, tool, desired, handle, force, corner, vectors)
+    return Trial(
+        surface, controller, rate, time, tool, desired, handle, force, corner, latency, vectors
+    )
 
 
 _ARMS = [
@@ -201,10 +215,12 @@ def _samples(
     coupling: PositionPositionCoupling,
     compensation: Compensation,
     times: Sequence[float],
+    latency: int,
     grips: deque[GripChange],
 ) -> Iterator[tuple[tuple[float, ...], tuple[Vector, ...]]]:
     """Yield the signals of each sample in the order of `Trial`, then the arms' vectors."""
     before: float | None = None
+    pending: deque[tuple[Vector, Vector, float]] = deque()
     for time in times:
         master.advance(time)
         if grips and grips[0][0] <= time:
@@ -216,10 +232,15 @@ def _samples(
         on_master, on_slave = coupling.forces(
             handle.position, tool.position, handle.velocity, tool.velocity
         )
+        if before is None:  # the rig was at rest
+            before = handle.acceleration
         desired, force = compensation.sample(tool.acceleration, before)
-        master.apply_arm_force(on_master)
-        slave.apply_arm_force(on_slave)
-        master.apply_actuator_force(force)
+        pending.append((on_master, on_slave, force))
+        if len(pending) > latency:
+            due = pending.popleft()
+            master.apply_arm_force(due[0])
+            slave.apply_arm_force(due[1])
+            master.apply_actuator_force(due[2])
         compensation.adapt()
         before = handle.acceleration
         yield (
@@ -234,11 +255,13 @@ def run_identification(
     rate: float = DEFAULT_RATE,
     seed: int = 0,
     trials: int = 1,
+    latency: int = LATENCY,
 ) -> list[IdentificationTrial]:
     """Excite the simulated handle in lockstep: no clock, the same result every time.
 
-    In each sample the rig is read, then a force applied that acts until the next sample; so the
-    acceleration shows it one sample later at the earliest. Arm and hand do not move.
+    In each sample the rig is read, then the force of the sample `latency` before is applied,
+    which acts until the next sample; so the acceleration shows it one sample later at the
+    earliest. Arm and hand do not move.
 
     Parameters
     ----------
@@ -252,6 +275,8 @@ def run_identification(
         Seed of the noise; each trial has its own.
     trials : int
         Number of trials, each from rest.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force takes effect.
 
     Returns
     -------
@@ -260,14 +285,16 @@ def run_identification(
     Raises
     ------
     ParameterError
-        The number of trials is below 1, or the end frequency is not below half the rate.
+        The number of trials is below 1, the latency is not allowed, or the end frequency is not
+        below half the rate.
     """
     if trials < 1:
         raise ParameterError(f"trials = {trials}: must be at least 1")
-    force = excitation(parameters or SweepParameters(), rate)
+    check_latency(latency)
+    force = np.append(excitation(parameters or SweepParameters(), rate), np.zeros(latency))
     rig = rig or MasterRigParameters()
     return [
-        _excite(MasterRig(rig, rate, _trial_seed(seed, index)), force, rate)
+        _excite(MasterRig(rig, rate, _trial_seed(seed, index)), force, rate, latency)
         for index in range(trials)
     ]
 
@@ -277,10 +304,13 @@ def _trial_seed(seed: int, trial: int) -> int:
     return int(np.random.SeedSequence((seed, trial)).generate_state(1)[0])
 
 
-def _excite(master: MasterRig, force: FloatArray, rate: float) -> IdentificationTrial:
+def _excite(
+    master: MasterRig, force: FloatArray, rate: float, latency: int
+) -> IdentificationTrial:
     acceleration = np.zeros(len(force))
-    for index, value in enumerate(force.tolist()):
+    due = np.append(np.zeros(latency), force).tolist()
+    for index in range(len(force)):
         master.advance(index / rate)
         acceleration[index] = master.measure().acceleration
-        master.apply_actuator_force(value)
-    return IdentificationTrial(rate, force, acceleration, master.status())
+        master.apply_actuator_force(due[index])
+    return IdentificationTrial(rate, force, acceleration, master.status(), latency)

@@ -10,7 +10,7 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import Checked
 from haptic_accel.devices.can.device import CanMaster, CanSlave
 from haptic_accel.devices.can.parameters import CanMasterParameters, CanSlaveParameters
-from haptic_accel.devices.interface import Device, Sample
+from haptic_accel.devices.interface import LATER, Device, Reading
 from haptic_accel.devices.serial import device as serial
 
 
@@ -37,9 +37,15 @@ class CombinedDevice(Device):
                 device.open()
             opened.pop_all()
 
-    def read(self, time: float) -> Sample | None:
-        """Return the arm's motion and the handle's acceleration, None if either has none."""
-        motion, vibration = self._arm.read(time), self._handle.read(time)
+    def read(self, time: float) -> Reading:
+        """Return the arm's motion and the handle's acceleration; nothing if either has none."""
+        motion = self._arm.read(time)
+        if motion is LATER:
+            return LATER
+        # After the arm: a handle gives each of its samples once.
+        vibration = self._handle.read(time)
+        if vibration is LATER:
+            return LATER
         if motion is None or vibration is None:
             return None
         return motion._replace(acceleration=vibration.acceleration)
@@ -76,6 +82,11 @@ class CombinedDevice(Device):
         """Problems of both."""
         return "; ".join(device.problem for device in self._parts.values() if device.problem)
 
+    @property
+    def late(self) -> int:
+        """Number of forces that either part applied late."""
+        return self._arm.late + self._handle.late
+
     def status(self) -> dict[str, int]:
         """Return the counts of both, with the part as prefix."""
         return {
@@ -106,6 +117,7 @@ class CanSerialMaster(CombinedDevice):
 
     Parameters = CanSerialMasterParameters
     ArmDevice, HandleDevice = CanMaster, serial.SerialMaster
+    AHEAD = serial.SerialMaster.AHEAD
 
 
 class CanSerialSlave(CombinedDevice):

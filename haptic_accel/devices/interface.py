@@ -3,11 +3,25 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from enum import Enum
+from typing import Any, ClassVar, Final, Literal, TypeAlias
 
 from haptic_accel.core.model import Sample, Vector
 
-__all__ = ["Device", "DeviceError", "Sample"]
+__all__ = ["LATER", "Device", "DeviceError", "Reading", "Sample"]
+
+
+class _Answer(Enum):
+    """Answer of a device that has not received a sample yet."""
+
+    LATER = "later"
+
+
+LATER: Final = _Answer.LATER
+"""Answer of `Device.read` while the sample may still come."""
+
+Reading: TypeAlias = Sample | Literal[_Answer.LATER] | None
+"""A sample, `LATER`, or None for a sample that is lost or was never taken."""
 
 
 class DeviceError(RuntimeError):
@@ -34,6 +48,10 @@ class Device(ABC):
 
     Parameters: ClassVar[type]
 
+    AHEAD: ClassVar[bool] = False
+    """True if `write` accepts an actuator force ahead of its due time; the device applies it then
+    by its own clock."""
+
     CHANGEABLE: ClassVar[tuple[str, ...]] = ()
     """Dotted names of the parameters that `change` accepts."""
 
@@ -51,13 +69,23 @@ class Device(ABC):
         """
 
     @abstractmethod
-    def read(self, time: float) -> Sample | None:
-        """Return the sample of an instant, None without one: unplugged, or nothing received yet.
+    def read(self, time: float) -> Reading:
+        """Return the sample of a tick.
+
+        Called for each tick of the sampling grid in turn, again after the answer `LATER`; a
+        caller that was held up asks for the ticks of that time too, and one that does not wait
+        any longer goes on to the next tick.
 
         Parameters
         ----------
         time : float
-            Instant of the sample: a tick of the caller's rate, now or just past.
+            Time of the tick, now or past.
+
+        Returns
+        -------
+        Sample, LATER or None
+            `LATER` while the sample may still come; None if there is none: unplugged, lost, or
+            the device keeps no samples of ticks that have passed.
 
         Raises
         ------
@@ -69,12 +97,14 @@ class Device(ABC):
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
-        """Apply forces at once; a force that is not given stays as it is.
+        """Apply forces; a force that is not given stays as it is.
 
         Parameters
         ----------
         time : float
-            Now.
+            The tick read last at which the forces are due, or now for forces that come after
+            it. With `AHEAD`, the time to come at which the actuator's force is due; one for a
+            time that has passed acts at once, and discards those that are not due yet.
         arm_force : tuple of float, optional
             Force of the arm's motors in its base frame, N.
         actuator_force : float, optional
@@ -129,6 +159,14 @@ class Device(ABC):
     def ended(self) -> bool:
         """True once it has ended, and the graph with it: the end of a recording."""
         return False
+
+    @property
+    def late(self) -> int:
+        """Number of forces that the device itself applied after their due time since opened.
+
+        Forces that were given to `write` after their due time do not count.
+        """
+        return 0
 
     def status(self) -> dict[str, int]:
         """Return counts for the diagnostics, by name."""

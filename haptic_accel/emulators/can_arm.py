@@ -17,7 +17,7 @@ from haptic_accel.devices.can.kinematics import kinematics_of
 from haptic_accel.devices.can.load import HEARTBEAT_RATE
 from haptic_accel.devices.can.parameters import STREAMED, CanParameters
 from haptic_accel.devices.can.protocol import AxisState, Frame
-from haptic_accel.devices.interface import Device
+from haptic_accel.devices.simulated import SimulatedDevice
 
 HEARTBEAT_PERIOD = 1 / HEARTBEAT_RATE
 """Period of the heartbeats, s."""
@@ -157,7 +157,7 @@ class EmulatedArm:
     def __init__(
         self,
         parameters: CanParameters,
-        new_device: Callable[[], Device],
+        new_device: Callable[[], SimulatedDevice],
         *,
         rate: float,
         watchdog: float = 0.0,
@@ -213,7 +213,6 @@ class EmulatedArm:
     def _move(self, now: float) -> None:
         """Set position and speed of the motors to those of the simulated arm."""
         sample = self._device.read(now)
-        assert sample, "simulated devices always have a sample"
         x, y, z = (a + b for a, b in zip(self._home, sample.position, strict=True))
         angles = self._kinematics.angles((x, y, z))
         self._inverse = _damped_inverse(self._kinematics.jacobian(angles))

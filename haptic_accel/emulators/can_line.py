@@ -130,7 +130,7 @@ class CanLine:
         Time of the next step.
     """
 
-    terminal = None
+    terminals = ()
 
     def __init__(
         self, port: CanPort, arms: Sequence[EmulatedArm], rate: float, faults: Faults

@@ -17,8 +17,8 @@ class Part(Protocol):
     """Time of the next step."""
 
     @property
-    def terminal(self) -> PseudoTerminal | None:
-        """Port whose bytes make a step due at once; None for none."""
+    def terminals(self) -> Sequence[PseudoTerminal]:
+        """Ports whose bytes make a step due at once."""
 
     def step(self, now: float) -> None:
         """Do all that is due at a time; also called earlier."""
@@ -28,7 +28,7 @@ def run(parts: Sequence[Part], ended: Callable[[], bool]) -> None:
     """Step all parts whenever one is due or has received bytes, until `ended`."""
     start = monotonic()
     while not ended():
-        terminals = [part.terminal for part in parts if part.terminal]
+        terminals = [terminal for part in parts for terminal in part.terminals]
         due = min(part.due for part in parts)
         select.select(terminals, [], [], max(0.0, due - (monotonic() - start)))
         now = monotonic() - start

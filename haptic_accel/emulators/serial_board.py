@@ -1,14 +1,24 @@
 """State machine of the firmware, the same as `firmware/haptic_handle/board.cpp`.
 
-Time and port are given from outside. Times are us of the device's clock, modulo 2**32.
+Time and port are given from outside. Times are us of the device's clock, modulo 2**32; periods
+are ns, so that none is rounded noticeably.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 from haptic_accel.devices.serial import protocol
-from haptic_accel.devices.serial.protocol import CLOCKS, Configuration, ErrorCode, Frame, State
+from haptic_accel.devices.serial.protocol import (
+    CLOCKS,
+    Configuration,
+    ErrorCode,
+    Frame,
+    ScheduleCurrent,
+    SetCurrent,
+    State,
+)
 
 TIMEOUT = 5_000
 """Longest time without a set-point while a current may flow, us."""
@@ -18,6 +28,26 @@ STATUS_PERIOD = 100_000
 
 LOWEST_RATE = 50
 """Lowest sampling rate, Hz."""
+
+ROOM = 32
+"""Most scheduled set-points: the largest latency is 20 samples."""
+
+LONGEST_LEAD = 500_000
+"""Longest time from a scheduled set-point's arrival until it is due, us: 20 samples at the lowest
+rate and a little more."""
+
+SECOND, MICROSECOND = 1_000_000_000, 1_000
+"""Nanoseconds in a second and in a microsecond."""
+
+TOLERANCE = 64
+"""A grid's period may differ from the configured one by this part of it."""
+
+LARGEST_STEP = 32
+"""A sampling interval is at most this part of a period longer or shorter than the grid's."""
+
+SMOOTHING = 4
+"""Ticks in which a distance from the grid is removed. A timer takes a new interval over one tick
+later, with which a quarter is the fastest correction that does not overshoot."""
 
 SILENT = Configuration(0, 0, 0)
 """Configuration before the host sends one."""
@@ -41,6 +71,8 @@ class Board:
     state : State
     current : int
         Set-point of the current, counts of `FULL_SCALE`; 0 unless armed.
+    period : int
+        Time from this sampling tick to the next, ns; 0 without samples.
     """
 
     def __init__(self, identity: protocol.Identity, send: Callable[[bytes], bool]) -> None:
@@ -49,9 +81,10 @@ class Board:
         self._send_bytes = send
         self._decoder = protocol.Decoder()
         self._encoder = protocol.Encoder()
-        self.configuration = SILENT
         self.state = State.DISARMED
         self.current = 0
+        self._scheduled: list[ScheduleCurrent] = []
+        self._last_tick: int | None = None
         self._index = 0
         self._pending: list[int] = []
         self._pending_clock = 0
@@ -59,7 +92,8 @@ class Board:
         self._last_status = 0
         self._contacted = False
         self._faulty = False
-        self._refused = self._timeouts = self._unsent = 0
+        self._refused = self._timeouts = self._unsent = self._late = self._overflowed = 0
+        self._configure(SILENT)
 
     def receive(self, data: bytes, now: int) -> None:
         """Process bytes from the host."""
@@ -70,10 +104,14 @@ class Board:
             self._execute(frame, now)
 
     def sample(self, values: Sequence[int], now: int) -> None:
-        """Process a sample, counts by axis x, y, z, taken at a time."""
+        """Process the sample of a tick, counts by axis x, y, z, then apply what is due."""
         configuration = self.configuration
         if not configuration.rate:
             return
+        self._follow_grid(now)
+        self._last_tick = now
+        while self._scheduled and self._passed(self._scheduled[0].due):
+            self._apply(self._scheduled.pop(0))
         if not self._pending:
             self._pending_clock = now
         self._pending += [v for axis, v in enumerate(values) if configuration.axes >> axis & 1]
@@ -102,8 +140,7 @@ class Board:
     def disconnect(self) -> None:
         """Forget a host that has closed the port; counts stay."""
         self._decoder.restart()
-        self.configuration = SILENT
-        self._pending.clear()
+        self._configure(SILENT)
         self._contacted = False
         self.current = 0
         if self.state is not State.FAULT:
@@ -118,11 +155,11 @@ class Board:
             case protocol.Identify():
                 self._send(self._identity, now)
             case protocol.Configure() as asked:
-                # Sampling restarts; with a rate of 0, axes and number have no meaning.
-                self.configuration = Configuration(**vars(asked)) if asked.rate else SILENT
-                self._index = 0
-                self._pending.clear()
+                # With a rate of 0, axes and number have no meaning.
+                self._configure(Configuration(**vars(asked)) if asked.rate else SILENT)
                 self._send(self.configuration, now)
+            case protocol.Align(tick, period):
+                self._grid, self._grid_fraction, self._grid_period = tick, 0, period
             case protocol.ArmRequest():
                 if self.state is State.ARMED:
                     self._report(now)
@@ -131,8 +168,8 @@ class Board:
                     self._enter(State.ARMED, now)
             case protocol.DisarmRequest():
                 self._enter(State.DISARMED, now)
-            case protocol.SetCurrent(counts):
-                self._set_current(counts, now)
+            case SetCurrent() | ScheduleCurrent() as set_point:
+                self._take_set_point(set_point, now)
 
     def _refusal(self, frame: Frame) -> ErrorCode | None:
         """Return the reason for refusing a frame; None to accept it."""
@@ -143,13 +180,17 @@ class Board:
         if len(frame.payload) != protocol.REQUESTS[frame.type].LAYOUT.size:
             return ErrorCode.LENGTH
         match protocol.read_message(frame):
-            case protocol.ArmRequest() | protocol.SetCurrent() if not self._has_actuator:
+            case protocol.ArmRequest() | SetCurrent() | ScheduleCurrent() if (
+                not self._has_actuator
+            ):
                 return ErrorCode.NO_ACTUATOR
             case protocol.ArmRequest() if self.state is State.FAULT:
                 return ErrorCode.FAULT
             case protocol.DisarmRequest() if self._faulty:
                 return ErrorCode.FAULT
             case protocol.Configure() as asked if asked.rate and not self._can(asked):
+                return ErrorCode.VALUE
+            case protocol.Align(_, period) if not self._can_follow(period):
                 return ErrorCode.VALUE
         return None
 
@@ -161,18 +202,78 @@ class Board:
             and 1 <= asked.samples_per_frame <= protocol.most_samples(asked.axes)
         )
 
-    def _set_current(self, counts: int, now: int) -> None:
-        if self.state not in (State.ARMED, State.TIMED_OUT):
+    def _can_follow(self, period: int) -> bool:
+        rate = self.configuration.rate
+        return rate > 0 and abs(period * rate - SECOND) <= SECOND // TOLERANCE
+
+    def _configure(self, configuration: Configuration) -> None:
+        """Restart sampling, with ticks that follow no grid yet."""
+        rate = configuration.rate
+        self.configuration = configuration
+        self.period = (SECOND + rate // 2) // rate if rate else 0
+        self._grid = self._grid_fraction = self._grid_period = 0
+        self._last_tick = None
+        self._index = 0
+        self._pending.clear()
+        self._scheduled.clear()
+
+    def _follow_grid(self, now: int) -> None:
+        """Move to the point of the grid that is nearest to a tick, and the next tick to the next.
+
+        A point is kept as whole us and the ns beyond.
+        """
+        period = self._grid_period
+        if not period:
+            return
+        distance = difference(now, self._grid) * MICROSECOND - self._grid_fraction
+        points = (distance + period // 2) // period
+        fraction = self._grid_fraction + points * period
+        self._grid = (self._grid + fraction // MICROSECOND) % CLOCKS
+        self._grid_fraction = fraction % MICROSECOND
+        step = math.trunc((distance - points * period) / SMOOTHING)
+        largest = period // LARGEST_STEP
+        self.period = period - min(max(step, -largest), largest)
+
+    def _passed(self, due: int) -> bool:
+        """Return True if a set-point is due at the last tick or an earlier one."""
+        assert self._last_tick is not None
+        return 2 * MICROSECOND * difference(due, self._last_tick) <= self.period
+
+    def _take_set_point(self, set_point: SetCurrent | ScheduleCurrent, now: int) -> None:
+        scheduled = set_point if isinstance(set_point, ScheduleCurrent) else None
+        too_early = scheduled and difference(scheduled.due, now) > LONGEST_LEAD
+        if too_early or self.state not in (State.ARMED, State.TIMED_OUT):
             self._refused += 1
             return
         self.state = State.ARMED
         self._last_set = now
-        self.current = max(-protocol.FULL_SCALE, counts)
+        if scheduled and self._last_tick is not None:
+            self._schedule(scheduled)
+        else:
+            self._scheduled.clear()
+            self._apply(set_point)
+
+    def _schedule(self, set_point: ScheduleCurrent) -> None:
+        """Keep a set-point until its tick, in the order in which they are due."""
+        if self._passed(set_point.due):
+            self._late += 1
+            self._apply(set_point)
+        elif len(self._scheduled) == ROOM:
+            self._overflowed += 1
+        else:
+            place = len(self._scheduled)
+            while place and difference(self._scheduled[place - 1].due, set_point.due) > 0:
+                place -= 1
+            self._scheduled.insert(place, set_point)
+
+    def _apply(self, set_point: SetCurrent | ScheduleCurrent) -> None:
+        self.current = max(-protocol.FULL_SCALE, set_point.counts)
 
     def _enter(self, state: State, now: int) -> None:
         """Change the state; no current flows until the next set-point."""
         self.state = state
         self.current = 0
+        self._scheduled.clear()
         self._report(now)
 
     def _report(self, now: int) -> None:
@@ -180,10 +281,15 @@ class Board:
         decoder = self._decoder
         counts = (
             *(decoder.received, decoder.damaged, decoder.lost),
-            *(self._refused, self._timeouts, self._unsent),
+            *(self._refused, self._timeouts, self._unsent, self._late, self._overflowed),
         )
         self._send(protocol.Status(self.state, self.current, *(n % CLOCKS for n in counts)), now)
 
     def _send(self, message: protocol.Message, now: int) -> None:
         if self._contacted and not self._send_bytes(self._encoder.encode(message, now)):
             self._unsent += 1
+
+
+def difference(later: int, earlier: int) -> int:
+    """Return the time from one to another that is nearer than half the clock's range, us."""
+    return (later - earlier + CLOCKS // 2) % CLOCKS - CLOCKS // 2

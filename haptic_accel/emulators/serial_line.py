@@ -1,23 +1,28 @@
-"""Emulated boards on pseudo-terminals, and the coupling of the arms that carry them."""
+"""Emulated boards on pseudo-terminals, and the coupling of the arms that carry them.
+
+Bytes are exchanged when the emulator wakes. Samples and forces are then made up for in order, each
+at its own time: an emulator that wakes late loses none.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 from pathlib import Path
 
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
-from haptic_accel.devices.interface import Device
 from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, Identity
+from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG, Faults
 from haptic_accel.emulators.pseudo_terminal import BUFFER, PseudoTerminal
 from haptic_accel.emulators.serial_board import Board
 
 STEP = 1e-3
-"""Period of the coupling and of the boards' ticks, s (paper's servo loop)."""
+"""Period of the coupling and of the boards' time-outs, s (paper's servo loop)."""
 
 LONGEST_DELAY = 0.1
-"""Delay after which overdue samples are skipped, s."""
+"""Delay after which overdue samples and forces are skipped, s."""
 
 MOST_GARBAGE, MOST_DROPPED = 40, 8
 """Most bytes added and removed at once."""
@@ -39,6 +44,8 @@ class EmulatedBoard:
     drive : callable, optional
         Receives a time and the current of the actuator from then on, A.
     faults : Faults, optional
+    drift : float
+        Relative excess of its clock's rate.
 
     Attributes
     ----------
@@ -48,7 +55,7 @@ class EmulatedBoard:
     open : bool
         True while a host has the port open.
     due : float
-        Time of the next step.
+        Time of the next sample; infinite without samples.
     """
 
     def __init__(
@@ -58,6 +65,7 @@ class EmulatedBoard:
         measure: Callable[[float], float],
         drive: Callable[[float, float], None] | None = None,
         faults: Faults | None = None,
+        drift: float = 0.0,
     ) -> None:
         self._identity = identity
         self._port = PseudoTerminal(path)
@@ -65,12 +73,11 @@ class EmulatedBoard:
         self._drive = drive
         self._driven = 0.0
         self._held_out = self._held_in = b""
-        self._rate = 0
-        self._next_sample = math.inf
+        self._clock_rate = 1e6 * (1 + drift)
         self.board = Board(identity, self._send)
         self.faults = faults or Faults()
         self.open = False
-        self.due = 0.0
+        self.due = math.inf
 
     @property
     def terminal(self) -> PseudoTerminal | None:
@@ -87,8 +94,8 @@ class EmulatedBoard:
         """Samples per second that the host has configured; 0 for none."""
         return self.board.configuration.rate
 
-    def step(self, now: float) -> None:
-        """Exchange bytes with the host, drive the actuator and take the samples that are due."""
+    def exchange(self, now: float) -> None:
+        """Exchange bytes with the host, and apply what acts at once."""
         self.faults.advance(now)
         if not self.faults.active(UNPLUG):
             self._port.plug()
@@ -96,33 +103,48 @@ class EmulatedBoard:
             self._port.unplug()
             self.board = Board(self._identity, self._send)
         self._receive(now)
-        self.board.tick(clock(now))
+        self.board.tick(self._clock(now))
         stalled = self.faults.active(STALL)
         if self._held_out and not stalled and self._port.write(self._held_out):
             self._held_out = b""
-        if self._drive and self.current != self._driven:
-            self._driven = self.current
-            self._drive(now, self._driven)
-        self._sample(now)
-        self.due = min(now + STEP, self._next_sample)
+        if not self.rate:
+            self.due = math.inf
+        elif self.due == math.inf:
+            # The next whole multiple of the period, so that both boards sample together.
+            self.due = math.ceil(now * self.rate) / self.rate
+        self._apply_current(min(now, self.due))
+
+    def step(self) -> None:
+        """Take the sample that is due, and apply the current from then on."""
+        tick = self.due
+        share = self._measure(tick) / self._identity.full_scale_acceleration
+        counts = round(min(1.0, max(-1.0, share)) * FULL_SCALE)
+        self.board.sample((0, 0, counts), self._clock(tick))
+        self._apply_current(tick)
+        self.due += self._period
+
+    def skip(self, before: float) -> None:
+        """Leave out the samples that were due before a time."""
+        if self.due < before:
+            self.due += math.ceil((before - self.due) / self._period) * self._period
 
     def close(self) -> None:
         """Remove the port."""
         self._port.unplug()
 
-    def _sample(self, now: float) -> None:
-        """Take the samples that are due, each at its time."""
-        if self.rate != self._rate or now - self._next_sample > LONGEST_DELAY:
-            self._rate = self.rate
-            # The next whole multiple of the period, so that both boards sample together.
-            self._next_sample = math.inf
-            if self._rate:
-                self._next_sample = math.ceil(now * self._rate) / self._rate
-        while self._next_sample <= now:
-            share = self._measure(self._next_sample) / self._identity.full_scale_acceleration
-            counts = round(min(1.0, max(-1.0, share)) * FULL_SCALE)
-            self.board.sample((0, 0, counts), clock(self._next_sample))
-            self._next_sample += 1 / self._rate
+    @property
+    def _period(self) -> float:
+        """Time from one sample to the next, s."""
+        return self.board.period / 1e3 / self._clock_rate
+
+    def _clock(self, time: float) -> int:
+        """Return the board's clock at a time in s, us."""
+        return (CLOCK_START + round(time * self._clock_rate)) % CLOCKS
+
+    def _apply_current(self, time: float) -> None:
+        if self._drive and self.current != self._driven:
+            self._driven = self.current
+            self._drive(time, self._driven)
 
     def _receive(self, now: float) -> None:
         data = self._port.read()
@@ -136,7 +158,7 @@ class EmulatedBoard:
         stalled = self.faults.active(STALL)
         self._held_in = data[-BUFFER:] if stalled else b""
         if data and not stalled:
-            self.board.receive(self._spoiled(data), clock(now))
+            self.board.receive(self._spoiled(data), self._clock(now))
 
     def _send(self, data: bytes) -> bool:
         if not (self.faults.active(STALL) or self._held_out):
@@ -166,7 +188,7 @@ class CoupledArms:
     Parameters
     ----------
     boards : sequence of EmulatedBoard
-    devices : sequence of Device
+    devices : sequence of SimulatedDevice
         Master and slave.
     coupling : PositionPositionCoupling
 
@@ -176,12 +198,10 @@ class CoupledArms:
         Time of the next step, s.
     """
 
-    terminal = None
-
     def __init__(
         self,
         boards: Sequence[EmulatedBoard],
-        devices: Sequence[Device],
+        devices: Sequence[SimulatedDevice],
         coupling: PositionPositionCoupling,
     ) -> None:
         self._boards = boards
@@ -194,13 +214,15 @@ class CoupledArms:
         """True once both boards were sampled."""
         return self._coupling.engaged
 
-    def step(self, now: float) -> None:
+    def skip(self, before: float) -> None:
+        """Leave out the forces that were due before a time."""
+        self.due = max(self.due, before)
+
+    def step(self) -> None:
         """Exchange the forces of the arms."""
-        if now < self.due:
-            return
-        self.due = now + STEP
+        now = self.due
+        self.due += STEP
         master, slave = (device.read(now) for device in self._devices)
-        assert master and slave, "simulated devices always have a sample"
         if not self.coupled:
             if not all(board.rate for board in self._boards):
                 return
@@ -214,6 +236,44 @@ class CoupledArms:
             device.write(now, arm_force=force)
 
 
-def clock(time: float) -> int:
-    """Return the clock of a board at a time in s, us."""
-    return (CLOCK_START + round(time * 1e6)) % CLOCKS
+class SerialLines:
+    """Boards, and the arms that carry them, in order of time.
+
+    Parameters
+    ----------
+    boards : sequence of EmulatedBoard
+    arms : CoupledArms, optional
+
+    Attributes
+    ----------
+    due : float
+        Time of the next step, s.
+    """
+
+    def __init__(self, boards: Sequence[EmulatedBoard], arms: CoupledArms | None = None) -> None:
+        self._boards = boards
+        self._events: list[EmulatedBoard | CoupledArms] = [*boards]
+        if arms:
+            self._events.append(arms)
+        self.due = 0.0
+
+    @property
+    def terminals(self) -> list[PseudoTerminal]:
+        """Ports that hosts have open."""
+        return [board.terminal for board in self._boards if board.terminal]
+
+    def step(self, now: float) -> None:
+        """Exchange bytes, then take all samples and exchange all forces that are due."""
+        for board in self._boards:
+            board.exchange(now)
+        for event in self._events:
+            event.skip(now - LONGEST_DELAY)
+        while (event := min(self._events, key=attrgetter("due"))).due <= now:
+            event.step()
+        # The arms' forces are made up for with the next sample: they need no wake-up of their own.
+        self.due = min(now + STEP, *(board.due for board in self._boards))
+
+    def close(self) -> None:
+        """Remove the ports."""
+        for board in self._boards:
+            board.close()

@@ -66,6 +66,7 @@ class GraphArguments(RecordingOptions):
     replay_loop: bool = like(ReplayParameters, "loop")
     replay_start: float = like(ReplayParameters, "start")
     rate: float = like(nodes.SampledParameters, "rate")
+    latency: int = like(nodes.DeviceNodeParameters, "latency")
     duration: float = parameter(
         0.0, "time from engaging to the end; 0 = until stopped", unit="s", low=0.0, high=1e6
     )
@@ -91,6 +92,7 @@ class IdentifyArguments(SweepParameters, RecordingOptions):
     grip: str = like(GraphArguments, "grip")
     master: str = like(GraphArguments, "master")
     rate: float = like(GraphArguments, "rate")
+    latency: int = like(GraphArguments, "latency")
     bag: str = like(GraphArguments, "bag")
     config: str = like(GraphArguments, "config")
     seed: int = like(GraphArguments, "seed")

@@ -26,7 +26,8 @@ def lockstep_trial(
     arguments : GraphArguments
         Simulated master, and simulated slave unless there is a track.
     track : Track, optional
-        Recorded slave at the arguments' rate, which is played to its end.
+        Recorded slave at the arguments' rate, which is played to its end, from the sample after
+        the first force.
     grips : sequence of GripChange
         Changes of grip, in order of time.
     """
@@ -35,12 +36,16 @@ def lockstep_trial(
     around, controllers = node_parameters("compensator", values["compensator"])
     recording = None
     if track is None:
+        duration = arguments.duration
         recording = played(rig.slave.recording, arguments.rate)  # type: ignore[attr-defined]
+    else:
+        duration = track.seconds + (arguments.latency + 1) / arguments.rate
     return run_trial(
         arguments.controller,
         rig,
-        duration=arguments.duration if track is None else track.seconds,
+        duration=duration,
         rate=arguments.rate,
+        latency=arguments.latency,
         seed=arguments.seed,
         recording=recording,
         replayed=track,

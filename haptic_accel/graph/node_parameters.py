@@ -18,6 +18,7 @@ from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, AccelerometerParameters
 from haptic_accel.core.parameters import Checked, Schema, from_flat, like, parameter, schema
+from haptic_accel.core.sampling import HIGHEST_LATENCY, LATENCY
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES
 
@@ -45,6 +46,13 @@ class SampledParameters(Checked):
 class DeviceNodeParameters(SampledParameters):
     """Parameters of both device nodes."""
 
+    latency: int = parameter(
+        LATENCY,
+        "samples from the one that caused a force to the tick at which it takes effect; 0 for on"
+        " arrival",
+        low=0,
+        high=HIGHEST_LATENCY,
+    )
     seed: int = parameter(
         0, "seed of the simulated devices' texture and sensor noise", low=0, high=2**31 - 1
     )
@@ -90,12 +98,15 @@ class RestamperNodeParameters(SampledParameters):
 class CouplerNodeParameters(CouplingParameters, EngagementParameters):
     """Parameters of the node `coupler`."""
 
+    rate: float = like(SampledParameters, "rate")
+
 
 @dataclass(frozen=True)
 class CompensatorNodeParameters(CompensationParameters):
     """Parameters of the node `compensator`."""
 
     rate: float = like(SampledParameters, "rate")
+    latency: int = like(DeviceNodeParameters, "latency")
 
     def __post_init__(self) -> None:
         """Check all fields, and the rate against the high-pass."""

@@ -192,7 +192,8 @@ def _files(arguments: Arguments) -> list[Path]:
 def _own_parameters(arguments: Arguments) -> Values:
     """Return the parameters that arguments set, by executable."""
     sampled = {"rate": arguments.rate}
-    device: dict[str, Any] = {**sampled, "seed": arguments.seed}
+    timed = {**sampled, "latency": arguments.latency}
+    device: dict[str, Any] = {**timed, "seed": arguments.seed}
     master = {**device, "device": arguments.master}
     if arguments.grip != names.AVERAGE_GRIP:  # which a file may change
         master[f"{names.SIMULATED}.grip.posture"] = arguments.grip
@@ -222,12 +223,13 @@ def _own_parameters(arguments: Arguments) -> Values:
     if arguments.slave == names.PLAYED_TOPICS:
         own = {"master_device": master, "restamper": {**sampled, "listeners": listeners}}
     own["coupler"] = {
+        **sampled,
         "duration": arguments.duration,
         # The hand starts to explore when the arms engage: all others must be there.
         "compensated": True,
         "listeners": listeners,
     }
-    own["compensator"] = {**sampled, "controller": arguments.controller}
+    own["compensator"] = {**timed, "controller": arguments.controller}
     if arguments.record:
         own[RECORDER] = recorder
     if arguments.scope:

@@ -11,38 +11,63 @@ import scipy.signal  # noqa: F401
 from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
+from haptic_accel.core.control.bridging import Bridge
 from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.nodes.interface import GraphNode
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import CATCH_UP, FELT_PRIORITY, ArrivalKeeper, run
 
 FROZEN = "adaptive.frozen"
 """Parameter that stops the adaptation."""
 
-KEPT = 4
-"""Number of handle samples kept to find the one of the previous tick."""
+LONGEST_WAIT = 0.5
+"""Longest wait for the handle's sample of the tick before, periods from the tool's own stamp: the
+force must reach its device by the next tick."""
+
+LONGEST_BRIDGE = 0.02
+"""Longest gap in the tool's samples that is bridged by prediction, s; texture is not known any
+longer ahead, and arms let go soon after."""
 
 
 class Compensator(GraphNode):
-    """Every tool acceleration causes one force, published before anything else."""
+    """Every tool acceleration causes one force, published before anything else.
+
+    It is computed with the handle's acceleration of the tick before, which is waited for a little.
+    """
+
+    polls = True
 
     def __init__(self) -> None:
         super().__init__("compensator", ("controller", FROZEN))
         p = self.parameters
         # All of them: designing one takes longer than a force may wait.
-        self._compensation = Compensation(p, p.rate, self.options, tuple(CONTROLLERS))
+        self._compensation = Compensation(
+            p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency
+        )
         self._period = NANOSECONDS / p.rate
-        self._handle: deque[tuple[int, float]] = deque(maxlen=KEPT)
+        self._tool: deque[tuple[int, float]] = deque()
+        self._handle: deque[tuple[int, float]] = deque(maxlen=round(CATCH_UP * p.rate))
+        self._handles = self.inbox(topics.HANDLE_ACCELERATION)
+        self._bridge = Bridge()
         self._last: int | None = None
-        self._samples = self._lost = self._stale = 0
+        self._samples = self._lost = self._bridged = self._stale = self._without = 0
         self._send_force = self.sender(topics.ACTUATOR_FORCE).send
         self._send_desired = self.sender(topics.DESIRED_ACCELERATION).send
-        self.listen(topics.TOOL_ACCELERATION, self._compensate)
-        self.listen(topics.HANDLE_ACCELERATION, self._keep)
+        self._tools = self.inbox(topics.TOOL_ACCELERATION)
+        self._arrivals = ArrivalKeeper(p.rate)
         self.create_service(Trigger, "~/reset", self._reset)
+
+    def work(self) -> float:
+        """Compute the samples that came."""
+        came = self._tools.take_vectors()
+        for moment, acceleration in came:
+            self._tool.append((moment, acceleration[ACTUATOR_AXIS]))
+        if self._tool:
+            self._compute()
+        return self._arrivals.looked(found=bool(came) and not self._tool)
 
     def close(self) -> None:
         """Leave the actuator without force."""
@@ -62,30 +87,43 @@ class Compensator(GraphNode):
         return warning, {
             "samples": str(self._samples),
             "lost": str(self._lost),
+            "bridged": str(self._bridged),
+            "without the handle's sample": str(self._without),
             "out of order": str(self._stale),
             **values,
         }
 
-    def _keep(self, moment: int, acceleration: Vector) -> None:
-        self._handle.append((moment, acceleration[ACTUATOR_AXIS]))
+    def _compute(self) -> None:
+        """Compute the forces of all samples in order, as far as the handle's samples are there."""
+        for moment, acceleration in self._handles.take_vectors():
+            self._handle.append((moment, acceleration[ACTUATOR_AXIS]))
+        while self._tool:
+            moment, tool = self._tool[0]
+            found, before = self._before(moment)
+            if not found and time.time_ns() - moment < LONGEST_WAIT * self._period:
+                return
+            self._tool.popleft()
+            self._compensate(moment, tool, before)
 
-    def _compensate(self, moment: int, acceleration: Vector) -> None:
+    def _compensate(self, moment: int, tool: float, before: float | None) -> None:
         if not self._in_order(moment):
             return
-        desired, force = self._compensation.sample(
-            acceleration[ACTUATOR_AXIS], self._before(moment)
-        )
+        self._without += before is None
+        self._bridge.put(tool)
+        desired, force = self._compensation.sample(tool, before)
         self._send_force(moment, along_actuator(force))
         self._send_desired(moment, along_actuator(desired))
         self._compensation.adapt()
 
-    def _before(self, moment: int) -> float | None:
-        """Return the handle's acceleration of the tick before a moment, if it was received."""
+    def _before(self, moment: int) -> tuple[bool, float | None]:
+        """Return whether the handle's acceleration of the tick before is known or lost, and it."""
         wanted = moment - self._period
-        for received, acceleration in reversed(self._handle):
-            if abs(received - wanted) < self._period / 2:
-                return acceleration
-        return None
+        while self._handle and self._handle[0][0] < wanted - self._period / 2:
+            self._handle.popleft()
+        if not self._handle:
+            return False, None
+        received, acceleration = self._handle[0]
+        return True, acceleration if received < wanted + self._period / 2 else None
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Reset all controllers: filters and grip estimates."""
@@ -100,15 +138,23 @@ class Compensator(GraphNode):
             if steps < 1:
                 self._stale += 1
                 return False
-            self._lost += steps - 1
+            self._fill(steps - 1)
         self._last = moment
         self._samples += 1
         return True
 
+    def _fill(self, lost: int) -> None:
+        """Pass predictions of lost samples to the filters, which keep their place in time."""
+        self._lost += lost
+        if 0 < lost <= LONGEST_BRIDGE * self.parameters.rate:
+            self._bridged += lost
+            for predicted in self._bridge.predict(lost):
+                self._compensation.sample(predicted, None)
+
 
 def main() -> None:
     """Run the node."""
-    run("compensator", Compensator)
+    run("compensator", Compensator, priority=FELT_PRIORITY)
 
 
 if __name__ == "__main__":

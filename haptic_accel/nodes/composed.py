@@ -6,8 +6,6 @@ CPU; but a fault in one node ends all. The recorder stays apart, so that writing
 
 from __future__ import annotations
 
-from functools import partial
-
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.coupler import Coupler
 from haptic_accel.nodes.master_device import MasterDevice
@@ -18,7 +16,7 @@ from haptic_accel.nodes.slave_device import SlaveDevice
 def main() -> None:
     """Run the nodes."""
     # The tool's sample makes the felt force, and both devices share one interpreter.
-    run("composed", SlaveDevice, Compensator, partial(MasterDevice, first=False), Coupler)
+    run("composed", SlaveDevice, Compensator, MasterDevice, Coupler)
 
 
 if __name__ == "__main__":

@@ -3,50 +3,92 @@
 from __future__ import annotations
 
 import time
-from functools import partial
+from collections import deque
+from collections.abc import Iterator
 
-from rclpy.subscription import Subscription
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from haptic_accel.core import topics
 from haptic_accel.core.coupling.engagement import ARMS, STEP_PERIOD, Engagement
+from haptic_accel.core.coupling.pairing import Motion, Pairing
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.nodes.interface import GraphNode
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.interface import GraphNode, Inbox
+from haptic_accel.nodes.scheduling import CATCH_UP, ArrivalKeeper, run
 
 MASTER, SLAVE = ARMS
+ARM_TOPICS = {MASTER: topics.MASTER, SLAVE: topics.SLAVE}
+
+
+class Motions:
+    """Positions of an arm, each joined with the velocity of the same sample.
+
+    Parameters
+    ----------
+    positions : Inbox
+    velocities : Inbox or None
+        None where velocities are not needed, and count as zero.
+    """
+
+    def __init__(self, positions: Inbox, velocities: Inbox | None) -> None:
+        self._arriving = positions
+        self._inbox = velocities
+        self._positions: deque[tuple[int, Vector]] = deque()
+        self._velocities: deque[tuple[int, Vector]] = deque()
+        self._velocity = ZERO
+
+    def take(self) -> Iterator[Motion]:
+        """Yield the samples that are complete."""
+        self._positions.extend(self._arriving.take_vectors())
+        if self._inbox:
+            self._velocities.extend(self._inbox.take_vectors())
+        while self._positions:
+            stamp, position = self._positions[0]
+            while self._velocities and self._velocities[0][0] <= stamp:
+                received, self._velocity = self._velocities.popleft()
+                if received == stamp:
+                    break
+            else:
+                # A later velocity shows that this one is lost; then the one before stands for it.
+                if self._inbox and not self._velocities:
+                    return
+            self._positions.popleft()
+            yield Motion(stamp, position, self._velocity)
 
 
 class Coupler(GraphNode):
     """Couples the arms while `Engagement` allows it.
 
-    Each arm's sample causes the other arm's force, so that both forces are as fresh as they
-    can be. Services release the arms and take them again: `estop` stops both devices too,
-    `~/engage` frees the arms alone.
+    The samples that both arms took at a tick cause the forces on both. Services release the arms
+    and take them again: `estop` stops both devices too, `~/engage` frees the arms alone.
     """
+
+    polls = True
 
     def __init__(self) -> None:
         super().__init__("coupler")
         self._coupling = PositionPositionCoupling(self.parameters)
         self._engagement = Engagement(self.parameters, time.monotonic())
-        self._positions = dict.fromkeys(ARMS, ZERO)
-        self._velocities = dict.fromkeys(ARMS, ZERO)
+        rate = self.parameters.rate
+        self._pairing = Pairing(rate, round(CATCH_UP * rate))
+        self._engaging = False
+        self._arrivals = ArrivalKeeper(rate)
         self._forces = {
             MASTER: self.sender(topics.MASTER_ARM_FORCE),
             SLAVE: self.sender(topics.SLAVE_ARM_FORCE),
         }
-        for arm, signals in ((MASTER, topics.MASTER), (SLAVE, topics.SLAVE)):
-            self.listen(signals.position, partial(self._on_position, arm))
-            if self.parameters.damping > 0:
-                self.listen(signals.velocity, partial(self._on_velocity, arm))
-        # Received until the first message only: it costs a core a little at each sample.
-        self._first_force: Subscription | None = None
-        if self.parameters.compensated:
-            self._first_force = self.listen(
-                topics.ACTUATOR_FORCE, lambda *_: self._engagement.force_received()
+        damped = self.parameters.damping > 0
+        self._motions = {
+            arm: Motions(
+                self.inbox(signals.position), self.inbox(signals.velocity) if damped else None
             )
+            for arm, signals in ARM_TOPICS.items()
+        }
+        # Until the first message only: each costs the compensator a little.
+        self._first_force: Inbox | None = None
+        if self.parameters.compensated:
+            self._first_force = self.inbox(topics.ACTUATOR_FORCE)
         self._publish_stop = self.publisher(topics.EMERGENCY_STOP).publish
         self.listen_state(topics.EMERGENCY_STOP, self._on_stop)
         self.create_service(SetBool, topics.EMERGENCY_STOP.name, self._serve_stop)
@@ -60,26 +102,39 @@ class Coupler(GraphNode):
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return whether the arms are coupled."""
-        return self._missing(), {"engaged": str(self._coupling.engaged).lower()}
+        return self._missing(), {
+            "engaged": str(self._coupling.engaged).lower(),
+            "positions held": str(self._pairing.held),
+        }
 
     def _let_go(self) -> None:
         now = time.time_ns()
         for force in self._forces.values():
             force.send(now, ZERO)
 
-    def _on_position(self, arm: str, moment: int, position: Vector) -> None:
-        """Note an arm's position, and send the force on the other arm."""
-        self._positions[arm] = position
-        self._engagement.position_received(arm, time.monotonic())
-        if self._coupling.engaged:
-            on_master, on_slave = self._coupling.forces(
-                *self._positions.values(), *self._velocities.values()
-            )
-            other, force = (SLAVE, on_slave) if arm == MASTER else (MASTER, on_master)
-            self._forces[other].send(moment, force)
+    def work(self) -> float:
+        """Couple the samples that came."""
+        return self._arrivals.looked(found=self._couple())
 
-    def _on_velocity(self, arm: str, moment: int, velocity: Vector) -> None:
-        self._velocities[arm] = velocity
+    def _couple(self) -> bool:
+        """Send the forces of every tick whose samples are there; return if none is incomplete."""
+        coupled = False
+        for index, motions in enumerate(self._motions.values()):
+            for motion in motions.take():
+                self._engagement.position_received(ARMS[index], time.monotonic())
+                self._pairing.put(index, motion)
+        for master, slave in self._pairing.pairs():
+            coupled = True
+            if self._engaging:
+                self._engaging = False
+                self._coupling.engage(master.position, slave.position)
+            if self._coupling.engaged:
+                on_master, on_slave = self._coupling.forces(
+                    master.position, slave.position, master.velocity, slave.velocity
+                )
+                self._forces[MASTER].send(slave.stamp, on_master)
+                self._forces[SLAVE].send(master.stamp, on_slave)
+        return coupled and not self._pairing.waiting
 
     def _on_stop(self, stop: bool) -> None:
         """Follow the emergency stop, whoever asked for it."""
@@ -116,20 +171,25 @@ class Coupler(GraphNode):
 
     def _step(self) -> None:
         """Engage, release, or end, as things are now."""
+        self._couple()
+        if self._first_force and any(True for _ in self._first_force.take()):
+            self.destroy_subscription(self._first_force.subscription)
+            self._first_force = None
+            self._engagement.force_received()
+            return  # that took a while: engaging waits for the next call
         decision = self._engagement.step(time.monotonic(), self._listeners())
         if decision.latch:
             self._latch(True)
         if decision.warning:
             self.get_logger().warning(decision.warning)
         if decision.release:
+            self._engaging = False
             self._coupling.disengage()
             self._let_go()
         if decision.engage:
-            self._coupling.engage(*self._positions.values())
-            if self._first_force:
-                self.destroy_subscription(self._first_force)
-                self._first_force = None
             self.get_logger().info("engaged")
+            self._couple()  # what came meanwhile
+            self._engaging = True  # with the next samples of both arms
         if decision.finished:
             self.finish(f"duration of {self.parameters.duration:g} s is over")
 

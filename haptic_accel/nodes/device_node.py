@@ -1,8 +1,10 @@
-"""Base of the two device nodes: samples a device, applies commands as they arrive."""
+"""Base of the two device nodes: samples a device, and applies each command when it is due."""
 
 from __future__ import annotations
 
 import time
+from collections import deque
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.lifecycle import LifecycleState
@@ -12,15 +14,36 @@ from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
+from haptic_accel.core.due_forces import DueForces
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, ArmTopics, along_actuator
 from haptic_accel.devices import Device, DeviceError, Sample
+from haptic_accel.devices.interface import LATER
 from haptic_accel.graph.node_parameters import SAFETY
+from haptic_accel.nodes.interface import Inbox
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
-from haptic_accel.nodes.scheduling import RateKeeper, start_timer, system_time
+from haptic_accel.nodes.scheduling import (
+    FLOWING,
+    ArrivalKeeper,
+    RateKeeper,
+    system_time,
+    wake_time,
+)
+
+ARM, ACTUATOR = "arm_force", "actuator_force"
+"""Kinds of commands, by their names in `Device.write`."""
+
+BOOL_PLACE = 4
+"""Place of the value in a serialised std_msgs/Bool: behind the header of CDR, before padding."""
+
+MANY_MISSED = 0.01
+"""Share of missed deadlines between two reports above which diagnostics warn."""
+
+PATIENCE = 0.02
+"""Time after which a sample that has not come counts as lost, s."""
 
 STALL = 0.02
 """Time without a tick above which diagnostics warn, s: a fiftieth of their own period."""
@@ -41,32 +64,65 @@ def quantiles(durations: DurationHistogram, name: str) -> dict[str, str]:
     return {f"{name} {label} (us)": f"{value * 1e6:.1f}" for label, value in found}
 
 
-class Command:
-    """Ages of one kind of command when applied.
+class Commands:
+    """Commands of one kind: where they come from, and when they were applied.
+
+    Parameters
+    ----------
+    inbox : Inbox
+    latency : int
+        As for `DueForces`.
+    allowed : callable
+        Returns the force to write for a time in s, an age of the command's sample in s, and a
+        force; None to leave the device as it is.
+    ahead : bool
+        The device takes a force before it is due.
 
     Attributes
     ----------
+    forces : DueForces
     age : DurationHistogram
         Time from the stamp of the sample that caused a force to its application.
-    late : int
-        Number of forces older than half a period when applied.
     """
 
-    def __init__(self, period: float) -> None:
-        self._period = period
+    def __init__(
+        self,
+        inbox: Inbox,
+        latency: int,
+        allowed: Callable[[float, float, Vector], Any],
+        *,
+        ahead: bool = False,
+    ) -> None:
+        self.inbox = inbox
+        self.allowed = allowed
+        self.ahead = ahead and latency > 0
+        self.latency = latency
+        self._lag = 0 if self.ahead else latency
+        self.forces = DueForces(latency)
         self.age = DurationHistogram()
-        self.late = 0
 
-    def applied(self, moment: int) -> None:
-        """Note that a command caused by a sample of a moment (system time, ns) was applied."""
-        age = age_of(moment)
-        self.age.add(age)
-        self.late += age > self._period / 2
+    def is_missing(self, tick: int) -> bool:
+        """Return whether commands come, but not yet the one that is needed after a tick."""
+        newest, needed = self.forces.newest, tick - self._lag
+        return newest is not None and needed - FLOWING <= newest < needed
+
+    def applied(self, stamp: int) -> None:
+        """Note that a command caused by a sample with a stamp was applied."""
+        self.age.add(age_of(stamp))
+
+    def count_anew(self) -> None:
+        """Forget ages and counts."""
+        self.age.reset()
+        self.forces.count_anew()
 
     def status(self, name: str) -> dict[str, str]:
         """Return values for diagnostics."""
-        count = {f"{name} count": str(self.age.count)}
-        return {**count, **quantiles(self.age, f"{name} age"), f"{name} late": str(self.late)}
+        return {
+            f"{name} count": str(self.age.count),
+            f"{name} due": str(self.forces.due),
+            f"{name} deadlines missed": str(self.forces.missed),
+            **quantiles(self.age, f"{name} age"),
+        }
 
 
 def age_of(moment: int) -> float:
@@ -80,9 +136,11 @@ def steady_now() -> float:
 
 
 class DeviceNode(ManagedNode):
-    """Samples a device on the machine's sampling grid, publishes, applies commands at once.
+    """Samples a device on the machine's sampling grid, publishes, and applies commands when due.
 
-    Every command passes a safety layer. Once configured, the node samples and publishes,
+    At each tick it takes a sample, publishes it, and then applies the forces that are due: those
+    caused by the samples `latency` ticks before. What comes later is applied on arrival. Every
+    command passes a safety layer. Once configured, the node samples and publishes,
     which needs no force and shows whether all is well; forces are allowed only while it is active.
 
     Parameters
@@ -91,18 +149,11 @@ class DeviceNode(ManagedNode):
     devices : dict
         Device classes by name.
     arm : ArmTopics
-    first : bool
-        Its tick runs before that of another device in the same process.
     """
 
-    def __init__(
-        self,
-        executable: str,
-        devices: dict[str, type[Device]],
-        arm: ArmTopics,
-        *,
-        first: bool = True,
-    ) -> None:
+    polls = True
+
+    def __init__(self, executable: str, devices: dict[str, type[Device]], arm: ArmTopics) -> None:
         super().__init__(
             executable,
             [f"{name}.{field}" for name, kind in devices.items() for field in kind.CHANGEABLE],
@@ -111,23 +162,35 @@ class DeviceNode(ManagedNode):
         self._kind = devices[p.device]
         self.device = self._build_device()
         self.safety = SafetyLayer(self.options[SAFETY], p.rate)
-        self.rate_keeper = RateKeeper(p.rate)
-        self._first = first
-        self._timer: Any = None
-        self._used = self._starting = False
+        self._lead = wake_time()
+        self.rate_keeper = RateKeeper(p.rate, lead=self._lead)
+        self._arrivals = ArrivalKeeper(p.rate)
+        self._patience = max(1, round(PATIENCE * p.rate))
+        self._per_nanosecond = p.rate / NANOSECONDS
+        self._sampling = False
+        self._tick = self._stamp = 0
+        self._now = steady_now()
+        self._waiting: deque[int] = deque()
+        self._used = self._starting = self._warned = False
         self._failure: Exception | None = None
         self._unread = self._reported_unread = 0
+        self._reported_deadlines = {"due": 0, "missed": 0}
         self._started = time.monotonic()
         self._send_position = self.sender(arm.position).send
         self._send_velocity = self.sender(arm.velocity).send
         self._send_acceleration = self.sender(arm.acceleration).send
         self._publish_stopped = self.publisher(arm.stopped).publish
-        self._commands = {"arm force": Command(1 / p.rate)}
-        self.listen(arm.arm_force, self._apply_arm_force)
+        self._commands = {
+            ARM: Commands(self.inbox(arm.arm_force), p.latency, self.safety.arm_force)
+        }
         if arm.actuator_force:
-            self._commands["actuator force"] = Command(1 / p.rate)
-            self.listen(arm.actuator_force, self._apply_actuator_force)
-        self.listen_state(topics.EMERGENCY_STOP, self._stop)
+            self._commands[ACTUATOR] = Commands(
+                self.inbox(arm.actuator_force),
+                p.latency,
+                self._allowed_actuator_force,
+                ahead=self._kind.AHEAD,
+            )
+        self._stops = self.inbox(topics.EMERGENCY_STOP)
         self.create_service(Trigger, "~/arm", self._serve_arm)
         self.create_timer(NEWS_PERIOD, self._log_news)
         if p.autostart:
@@ -143,7 +206,10 @@ class DeviceNode(ManagedNode):
             self.device.open()
             if self.device.remark:
                 self.get_logger().info(self.device.remark)
-            self._timer = start_timer(self, self.rate_keeper, self._sample, first=self._first)
+            self.rate_keeper = RateKeeper(self.parameters.rate, lead=self._lead)
+            self._arrivals = ArrivalKeeper(self.parameters.rate)
+            self._waiting.clear()
+            self._sampling = True
         except Exception as error:  # rclpy would keep it to itself
             self._failure = error
             if not self._starting:  # otherwise the process ends with this line
@@ -210,8 +276,8 @@ class DeviceNode(ManagedNode):
             "ticks without a sample": str(self._unread),
             **quantiles(keeper.lateness, "tick lateness"),
         }
-        for name, command in self._commands.items():
-            values |= command.status(name)
+        for name, commands in self._commands.items():
+            values |= commands.status(name.replace("_", " "))
         counts = {name: str(count) for name, count in self.device.status().items()}
         return self._warning(), {**values, **self.safety.status(), **counts}
 
@@ -223,9 +289,29 @@ class DeviceNode(ManagedNode):
             *self.safety.warnings(),
             self.device.problem,
             "no sample" if new else "",
+            self._missed_deadlines(),
             f"stalled for {stall * 1e3:.0f} ms" if stall >= STALL else "",
         ]
         return ", ".join(filter(None, warnings))
+
+    def _missed_deadlines(self) -> str:
+        """Return a warning if too many forces came late since the last report."""
+        forces = [commands.forces for commands in self._commands.values()]
+        counts = {
+            "due": sum(each.due for each in forces),
+            "missed": sum(each.missed for each in forces) + self.device.late,
+        }
+        due, missed = (counts[name] - self._reported_deadlines[name] for name in counts)
+        self._reported_deadlines = counts
+        if missed <= MANY_MISSED * due or due < self.parameters.rate / 2:
+            return ""
+        if not self._warned:
+            self._warned = True
+            self.get_logger().warning(
+                f"{missed} of {due} forces came after their due time: is this machine fit for"
+                f" {self.parameters.rate:g} Hz now? haptic-accel doctor"
+            )
+        return f"{missed} of {due} deadlines missed"
 
     def _build_device(self) -> Device:
         p = self.parameters
@@ -241,21 +327,15 @@ class DeviceNode(ManagedNode):
         self.trigger_activate()
 
     def _renew(self) -> None:
-        """Make a new device in place of a used one, and a new sampling grid."""
-        if self._timer is not None:
-            self.destroy_timer(self._timer)
-            self._timer = None
+        """Make a new device in place of a used one."""
         if self._used:
             self.device = self._build_device()
-            self.rate_keeper = RateKeeper(self.parameters.rate)
         self._used = True
 
     def _release(self) -> None:
         """Stop sampling, and leave the device without force."""
         self.safety.enable(steady_now(), False)
-        # Not destroyed: this may be its own callback.
-        if self._timer is not None:
-            self._timer.cancel()
+        self._sampling = False
         self._close_device()
 
     def _close_device(self) -> None:
@@ -278,60 +358,147 @@ class DeviceNode(ManagedNode):
         self._failure = None
         self.report()
 
-    def _sample(self) -> None:
-        due = self.rate_keeper.tick()
-        if due is None:
-            return
-        try:
-            sample = self.device.read(due / NANOSECONDS)
-        except (DeviceError, OSError) as error:
-            self._fail(error)
-            return
-        if sample is None:
-            self._unread += 1
+    # The tick
+
+    def work(self) -> float:
+        """Serve a tick whose time has come, or what the last one still needs."""
+        for data, _ in self._stops.take():
+            self._stop(bool(data[BOOL_PLACE]))
+        if not self._sampling:
+            return steady_now() + NEWS_PERIOD
+        tick = self.rate_keeper.due()
+        if tick is None:
+            self._look_again()
         else:
-            self._publish(sample, system_time(due))
-        self._watch(None if sample is None else sample.acceleration)
+            self._serve(tick)
         if self.device.ended:
             self.finish(f"{self.parameters.device} device has ended")
+        following = self.rate_keeper.next
+        if self._needs_more():
+            return min(self._arrivals.looked(found=False), following)
+        if tick is None:
+            self._arrivals.looked(found=True)
+        return following
 
-    def _publish(self, sample: Sample, moment: int) -> None:
+    def _serve(self, tick: int) -> None:
+        """Take the sample of a tick, publish it, and apply the forces that are due."""
+        moment = self.rate_keeper.time(tick)
+        self._tick, self._stamp = tick, system_time(moment)
+        self._waiting.append(tick)
+        acceleration = self._read()
+        if self._sampling:
+            self._receive()
+            self._apply(moment / NANOSECONDS)
+            self._watch(moment / NANOSECONDS, acceleration)
+
+    def _look_again(self) -> None:
+        """Take samples and forces that were not there at their tick."""
+        self._read()
+        if self._sampling:
+            self._receive()
+            self._apply(steady_now())
+
+    def _needs_more(self) -> bool:
+        """Return whether a sample or a command of the last tick is still to come."""
+        return bool(self._waiting) or any(
+            commands.is_missing(self._tick) for commands in self._commands.values()
+        )
+
+    def _read(self) -> float | None:
+        """Publish the samples that are there, in order; return the last acceleration."""
+        acceleration = None
+        while self._waiting:
+            tick = self._waiting[0]
+            moment = self.rate_keeper.time(tick)
+            try:
+                sample = self.device.read(moment / NANOSECONDS)
+            except (DeviceError, OSError) as error:
+                self._fail(error)
+                return None
+            if sample is LATER:
+                if tick > self._tick - self._patience:
+                    break
+                sample = None
+            self._waiting.popleft()
+            if sample is None:
+                self._unread += 1
+            else:
+                acceleration = sample.acceleration
+                self._publish(sample, self._stamp - self.rate_keeper.time(self._tick) + moment)
+        return acceleration
+
+    def _publish(self, sample: Sample, stamp: int) -> None:
         # What makes the felt force goes first.
-        self._send_acceleration(moment, along_actuator(sample.acceleration))
-        self._send_position(moment, sample.position)
-        self._send_velocity(moment, sample.velocity)
+        self._send_acceleration(stamp, along_actuator(sample.acceleration))
+        self._send_position(stamp, sample.position)
+        self._send_velocity(stamp, sample.velocity)
 
-    def _watch(self, acceleration: float | None) -> None:
+    def _receive(self) -> None:
+        """Take the commands that have come."""
+        for name, commands in self._commands.items():
+            for stamp, force in commands.inbox.take_vectors():
+                if name == ARM and commands.forces.newest is None:
+                    # The arms engage: what was late while nodes came up says nothing of the run.
+                    for each in self._commands.values():
+                        each.count_anew()
+                sample = self._tick + round((stamp - self._stamp) * self._per_nanosecond)
+                commands.forces.put(sample, stamp, force)
+                if commands.ahead:
+                    self._send_ahead(name, sample + commands.latency)
+
+    def _send_ahead(self, name: str, tick: int) -> None:
+        """Write a force that a device will apply by its own clock when it is due."""
+        # One that is late already acts at once, and the device does not count it.
+        self._commands[name].forces.missed += tick <= self._tick
+        self._write_due(self.rate_keeper.time(tick) / NANOSECONDS, tick, [name])
+
+    def _apply(self, time: float) -> None:
+        """Apply the forces that are due at the last tick, or were before."""
+        self._write_due(
+            time, self._tick, [name for name, each in self._commands.items() if not each.ahead]
+        )
+
+    def _write_due(self, time: float, tick: int, names: Sequence[str]) -> None:
+        """Write the newest forces that are due at a tick, as the safety layer allows them."""
+        now = self._advanced(time)
+        given: dict[str, Any] = {}
+        stamps: dict[str, int] = {}
+        for name in names:
+            commands = self._commands[name]
+            if caused := commands.forces.take(tick):
+                stamp, force = caused
+                allowed = commands.allowed(now, age_of(stamp), force)
+                if allowed is not None:
+                    given[name], stamps[name] = allowed, stamp
+        if not given or not self._write(time, **given):
+            return
+        for name, stamp in stamps.items():
+            self._commands[name].applied(stamp)
+
+    def _advanced(self, time: float) -> float:
+        """Return a time for the safety layer, s, which must not go back."""
+        self._now = max(self._now, min(time, steady_now()))
+        return self._now
+
+    def _watch(self, time: float, acceleration: float | None) -> None:
         """Apply the forces that the safety layer reduces without a command."""
-        now = steady_now()
-        arm, actuator = self.safety.tick(now, acceleration)
-        self._write(now, arm_force=arm, actuator_force=actuator)
+        arm, actuator = self.safety.tick(self._advanced(time), acceleration)
+        self._write(time, arm_force=arm, actuator_force=actuator)
 
-    def _write(self, now: float, **forces: Any) -> bool:
-        """Apply forces that are not None, or close a device that fails; return if any is given."""
+    def _write(self, time: float, **forces: Any) -> bool:
+        """Apply forces that are not None, or close a device that fails; return if any was."""
         given = {name: force for name, force in forces.items() if force is not None}
         if not given:
             return False
         try:
-            self.device.write(now, **given)
+            self.device.write(time, **given)
         except (DeviceError, OSError) as error:
             self._fail(error)
+            return False
         return True
 
-    def _apply_arm_force(self, moment: int, force: Vector) -> None:
-        now, command = steady_now(), self._commands["arm force"]
-        if self._write(now, arm_force=self.safety.arm_force(now, age_of(moment), force)):
-            if not command.age.count:
-                # The arms engage: what was late while nodes came up says nothing about the run.
-                for each in self._commands.values():
-                    each.age.reset()
-            command.applied(moment)
-
-    def _apply_actuator_force(self, moment: int, force: Vector) -> None:
-        now = steady_now()
-        allowed = self.safety.actuator_force(now, age_of(moment), force[ACTUATOR_AXIS])
-        if self._write(now, actuator_force=allowed):
-            self._commands["actuator force"].applied(moment)
+    def _allowed_actuator_force(self, now: float, age: float, force: Vector) -> float | None:
+        return self.safety.actuator_force(now, age, force[ACTUATOR_AXIS])
 
     def _stop(self, stop: bool) -> None:
         """Take all forces off and refuse commands, or allow them again; answer in any case."""

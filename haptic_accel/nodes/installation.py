@@ -11,10 +11,9 @@ from pathlib import Path
 
 import rclpy
 
-from haptic_accel.core.process import EXECUTOR
 from haptic_accel.core.topics import SIGNALS
 from haptic_accel.nodes.middleware import middleware_defaults
-from haptic_accel.nodes.scheduling import EXECUTORS, sharpen_timers
+from haptic_accel.nodes.scheduling import EventsExecutor, sharpen_timers
 
 ANNOUNCEMENT = 3.5
 """Time to look for other nodes, s: without a profile, Fast DDS announces nodes every 3 s."""
@@ -55,7 +54,6 @@ def describe_installation() -> Installation:
     wheels = [
         re.fullmatch(r"ros[-_](\w+)[-_]rclpy", d.name or "") for d in metadata.distributions()
     ]
-    executor = EXECUTORS[os.environ.get(EXECUTOR, "events")]
     rclpy.init(args=[])
     try:
         node = rclpy.create_node("haptic_accel_doctor")
@@ -67,7 +65,7 @@ def describe_installation() -> Installation:
     return Installation(
         next((w[1] for w in wheels if w), os.environ.get("ROS_DISTRO", "")),
         f"{metadata.version('rclpy')} in {Path(rclpy.__file__).parent}",
-        f"{executor.__name__} of {executor.__module__}",
+        f"{EventsExecutor.__name__} of {EventsExecutor.__module__}",
         rclpy.get_rmw_implementation_identifier(),
         TIMER_SLACK.read_text().strip() if TIMER_SLACK.is_file() else "",
         published,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -29,8 +29,11 @@ from haptic_accel.nodes.scheduling import SupervisedNode, scheduling_class
 DIAGNOSTICS_PERIOD = 1.0
 """Interval between diagnostics, s."""
 
-DEPTH = 10
-"""Number of messages kept for a slow subscriber; only the recorder needs more."""
+DEPTH = 1000
+"""Number of messages kept for a subscriber: what comes in `CATCH_UP` at the highest rates."""
+
+SENT = 10
+"""Number of messages kept by a publisher."""
 
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy gives every node."""
@@ -43,7 +46,8 @@ class Sender:
 
     def __init__(self, publisher: Publisher, topic: Topic) -> None:
         self._publisher = publisher
-        self._publish = publisher.publish
+        # As `publish` does, which asks first what it got.
+        self._publish: Any = publisher.handle.publish_raw
         self._pack = StampedVector(topic).pack
 
     def send(self, stamp: int, vector: Vector) -> None:
@@ -54,6 +58,35 @@ class Sender:
     def listeners(self) -> int:
         """Number of subscribers found."""
         return int(self._publisher.get_subscription_count())
+
+
+class Inbox:
+    """Messages of one topic that wait until they are taken, and wake no process.
+
+    Attributes
+    ----------
+    subscription : Subscription
+    """
+
+    def __init__(self, subscription: Subscription) -> None:
+        self.subscription = subscription
+        self._take: Any = subscription.handle.take_message
+        self._type = subscription.msg_type
+
+    def take(self) -> list[tuple[bytes, int]]:
+        """Return serialised messages and the times of their reception, system time in ns."""
+        found = []
+        while taken := self._take(self._type, True):
+            data, information = taken
+            found.append((data, information["received_timestamp"]))
+        return found
+
+    def take_vectors(self) -> list[tuple[int, Vector]]:
+        """Return stamps, system time in ns, and vectors of a signal."""
+        found = []
+        while taken := self._take(self._type, True):
+            found.append(unpack_stamped_vector(taken[0]))
+        return found
 
 
 class GraphNode(SupervisedNode):
@@ -80,6 +113,7 @@ class GraphNode(SupervisedNode):
     """
 
     def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
+        self._inboxes: set[Subscription] = set()
         super().__init__(
             executable,
             # Values of the command line and of files must be seen before they are
@@ -100,13 +134,20 @@ class GraphNode(SupervisedNode):
         """Create the sender of a signal."""
         return Sender(self.publisher(topic), topic)
 
-    def listen(
-        self, topic: Topic, callback: Callable[[int, Vector], None], depth: int = DEPTH
-    ) -> Subscription:
+    def listen(self, topic: Topic, callback: Callable[[int, Vector], None]) -> Subscription:
         """Subscribe to a signal; the callback gets stamps, system time in ns, and vectors."""
-        return self.subscribe_raw(
-            topic, lambda data: callback(*unpack_stamped_vector(data)), depth
-        )
+        return self.subscribe_raw(topic, lambda data: callback(*unpack_stamped_vector(data)))
+
+    def inbox(self, topic: Topic) -> Inbox:
+        """Subscribe to a topic whose messages are taken when they are needed."""
+        subscription = self.subscribe_raw(topic, _ignore)
+        self._inboxes.add(subscription)
+        return Inbox(subscription)
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """Subscriptions whose messages wake the executor."""
+        return (each for each in super().subscriptions if each not in self._inboxes)
 
     def listen_state(self, topic: Topic, callback: Callable[[bool], None]) -> Subscription:
         """Subscribe to a latched state, true or false."""
@@ -119,15 +160,13 @@ class GraphNode(SupervisedNode):
 
     def publisher(self, topic: Topic) -> Publisher:
         """Create a topic's publisher."""
-        depth = 1 if topic.latched else DEPTH
+        depth = 1 if topic.latched else SENT
         return self.create_publisher(message_type(topic), topic.name, quality(topic, depth))
 
-    def subscribe_raw(
-        self, topic: Topic, callback: Callable[[bytes], None], depth: int
-    ) -> Subscription:
+    def subscribe_raw(self, topic: Topic, callback: Callable[[bytes], None]) -> Subscription:
         """Subscribe to a topic's messages as they are serialised."""
         return self.create_subscription(
-            message_type(topic), topic.name, callback, quality(topic, depth), raw=True
+            message_type(topic), topic.name, callback, quality(topic), raw=True
         )
 
     def close(self) -> None:
@@ -203,6 +242,10 @@ class GraphNode(SupervisedNode):
             descriptor.read_only = name not in self._changeable
             # ROS would take the value as given: 300 is no double to it.
             self.declare_parameter(name, value, descriptor, ignore_override=True)
+
+
+def _ignore(data: bytes) -> None:
+    """Do nothing with a message: an inbox takes it."""
 
 
 def _descriptor(default: Any, specification: Specification) -> ParameterDescriptor:

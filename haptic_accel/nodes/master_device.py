@@ -9,16 +9,10 @@ from haptic_accel.nodes.scheduling import run
 
 
 class MasterDevice(DeviceNode):
-    """The device node of the master, which also applies the actuator's force.
+    """The device node of the master, which also applies the actuator's force."""
 
-    Parameters
-    ----------
-    first : bool
-        As for `DeviceNode`.
-    """
-
-    def __init__(self, *, first: bool = True) -> None:
-        super().__init__("master_device", MASTERS, MASTER, first=first)
+    def __init__(self) -> None:
+        super().__init__("master_device", MASTERS, MASTER)
 
 
 def main() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -12,16 +14,18 @@ from std_srvs.srv import Trigger
 from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.session import Answer, RecordingSession
+from haptic_accel.bags.writing import Put
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import SIGNALS, TOPICS, Topic
-from haptic_accel.nodes.interface import GraphNode, message_type, quality
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.interface import GraphNode, Inbox, message_type, quality
+from haptic_accel.nodes.scheduling import RECORDING_PRIORITY, run
 
-DEPTH = 1000
-"""Queue length of a subscription, which holds messages while Python is busy."""
+TAKING_PERIOD = 0.02
+"""Interval at which waiting messages of the signals are taken, s: waking for each of them would
+take a fifth of a core, and a queue of `DEPTH` holds ten times as many at 5 kHz."""
 
 NICENESS = 10
-"""Niceness of the recorder, so that it yields to the nodes that make the force."""
+"""Niceness of the recorder without real-time priority: it yields to the nodes that make forces."""
 
 DISCOVERY_PERIOD = 1.0
 """Interval between searches for topics given by name or expression, s."""
@@ -49,6 +53,8 @@ class Recorder(GraphNode):
         self._session = RecordingSession(p.bag, p.queue, p, custom_data(p.facts))
         self._reported = ""
         self._settled: set[str] = set()
+        self._sources: list[tuple[Inbox, Put]] = []
+        self._taken = 0.0
         for topic in (*TOPICS, PARAMETER_EVENTS):
             self._record_own(topic)
         session = self._session
@@ -59,8 +65,17 @@ class Recorder(GraphNode):
             self.create_timer(DISCOVERY_PERIOD, self._look_for_topics)
         self.get_logger().info(f"{session.state} to {session.path}")
 
+    def work(self) -> float:
+        """Take the messages of the signals that have come."""
+        now = time.monotonic()
+        if now >= self._taken + TAKING_PERIOD:
+            self._taken = now
+            self._take()
+        return self._taken + TAKING_PERIOD
+
     def close(self) -> None:
         """Finish the bag and print its summary."""
+        self._take()
         done, line = self._session.stop()
         if done:
             print(line, flush=True)
@@ -100,18 +115,26 @@ class Recorder(GraphNode):
         """Subscribe to one of the graph's topics, whose type and quality of service are known."""
         name = self.resolve_topic_name(topic.name)
         self._settled.add(name)
-        profile = quality(topic, DEPTH)
+        profile = quality(topic)
         offered = _stored(profile)._replace(liveliness=rosbag2.QosLiveliness.AUTOMATIC)
         put = self._session.connect(name, topic.type, [offered], sampled=topic in SIGNALS)
-        self._subscribe(message_type(topic), name, put, profile)
+        self._sources.append((self.inbox(topic), put))
 
-    def _subscribe(
-        self, kind: Any, name: str, put: Callable[[bytes], None], profile: QoSProfile
-    ) -> None:
+    def _take(self) -> None:
+        """Pass on what has come, in the order of reception."""
+        taken = [
+            (received, put, data)
+            for inbox, put in self._sources
+            for data, received in inbox.take()
+        ]
+        for received, put, data in sorted(taken, key=itemgetter(0)):
+            put(data, received)
+
+    def _subscribe(self, kind: Any, name: str, put: Put, profile: QoSProfile) -> None:
         # Losses on the way show in the stamps. The middleware's own event (message lost) is no
         # help: of 5000 messages of which 95 came, Fast DDS reported 5, and with the events
         # executor of the wheels taking the event can hang for ever.
-        self.create_subscription(kind, name, put, profile, raw=True)
+        self.create_subscription(kind, name, lambda data: put(data), profile, raw=True)
 
     def _look_for_topics(self) -> None:
         """Record topics given by name or expression that exist by now."""
@@ -192,12 +215,12 @@ def _requested(offered: Sequence[QoSProfile]) -> QoSProfile:
     """Return the strictest quality that all publishers of a topic offer, as `ros2 bag record`."""
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in offered)
     latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in offered)
-    return quality(Topic("", "", "", "", reliable, latched), DEPTH)
+    return quality(Topic("", "", "", "", reliable, latched))
 
 
 def main() -> None:
     """Run the node."""
-    run("recorder", Recorder, niceness=NICENESS)
+    run("recorder", Recorder, niceness=NICENESS, priority=RECORDING_PRIORITY)
 
 
 if __name__ == "__main__":

@@ -15,9 +15,7 @@ from contextlib import ExitStack, suppress
 from typing import Any
 
 import rclpy
-from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterException
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -28,7 +26,6 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import (
     CUT_SHORT,
     DONE,
-    EXECUTOR,
     FAILED,
     REALTIME,
     SUPERVISOR,
@@ -39,13 +36,9 @@ from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.middleware import middleware_defaults
 
 try:
-    from rclpy.executors import EventsExecutor  # ROS 2 Lyrical and newer
+    from rclpy.executors import EventsExecutor as EventsExecutor  # ROS 2 Lyrical and newer
 except ImportError:
-    from rclpy.experimental import EventsExecutor
-
-EXECUTORS = {"events": EventsExecutor, "default": SingleThreadedExecutor}
-"""Executors by name; `default` is for comparison and several times slower."""
-
+    from rclpy.experimental import EventsExecutor as EventsExecutor
 
 LOOK_ROUND = 0.25
 """Interval between checks for signals and the parent while no message comes, s.
@@ -54,19 +47,42 @@ A deadline is needed at all because the events executor of the binary wheels, wh
 built for glibc 2.28, neither sleeps nor delivers when it waits without one.
 """
 
-TIMER_OFFSET = 50e-6
-"""Largest offset from the grid at which a timer may start, s: about the time to create one."""
+SERVING_PERIOD = 5e-3
+"""Interval between requests and timers served by a node that polls, s. In between it sleeps, which
+takes half the processor time of waiting with the executor."""
 
-TIMER_TRIES = 50
+FOUND_AT_ONCE = 0.9
+"""Share of ticks whose messages are there at the first look."""
 
-WAKES = 2
-"""Number of threads that wake before a timer's callback runs: the executor's two."""
+EARLIEST_LOOK = 0.3e-3
+"""Time of the first look after the grid point until it is known better, s."""
 
-FOLLOW = 50e-6
-"""Offset behind the grid of the timer that runs second in a shared process, s."""
+ARRIVAL_STEP = 20e-6
+"""Increase of the time of the first look after one that came too early, s; after others it shrinks
+by a ninth of that, and so settles where `FOUND_AT_ONCE` find all."""
 
-LARGEST_SHIFT = 0.2
-"""Largest offset from the grid that a timer may have, periods; `RateKeeper.tick` allows 0.25."""
+FLOWING = 5
+"""Ticks without a message after which those of a tick are looked for only once."""
+
+LOOKS = 5
+"""Most looks in a period for what a tick still needs: more would take processor time just when
+there is too little."""
+
+CATCH_UP = 0.1
+"""Longest time without a tick whose grid points are served afterwards, s; arms let go by then."""
+
+BEHIND = 0.3
+"""Longest time from one tick in time to the next, s: a process that needs longer cannot hold the
+rate, and leaves out the grid points that wait rather than stay behind."""
+
+LARGEST_LEAD = 0.1
+"""Largest time that a tick may begin before its grid point, periods."""
+
+SHORT = 5_000
+"""Duration of a reading of two clocks up to which they count as read together, ns."""
+
+READINGS = 5
+"""Most readings of the clocks, of which the shortest counts."""
 
 LONGEST_RUN = 1_000_000
 """Time that a real-time thread may run without a pause, us, before the kernel ends its process
@@ -75,9 +91,11 @@ LONGEST_RUN = 1_000_000
 SLEEPS, SLEEP = 20, 1e-3
 """Number and length in s of the sleeps that measure the time to wake a thread."""
 
-FORCE_PRIORITY = 40
-"""Real-time priority of nodes that make forces: the same for all, so that none interrupts
-another, and below the kernel's own threads at 50."""
+RECORDING_PRIORITY, FORCE_PRIORITY, FELT_PRIORITY = 30, 40, 41
+"""Real-time priorities, below the kernel's own threads at 50. Nodes that make forces have the
+same, so that none interrupts another, but for the compensator: it may interrupt the others, whose
+work for a tick can wait, for its force is due at the next. The recorder, which delays none of
+them, must not wait for ordinary programs: messages would be lost."""
 
 TEARDOWN = 3
 """Time allowed for shutting the middleware down, s."""
@@ -89,8 +107,9 @@ PR_SET_TIMERSLACK = 29
 class RateKeeper:
     """Ticks on an absolute grid: whole multiples of the period on the machine's steady clock.
 
-    All nodes of a machine at one rate tick together, as the paper's single servo loop did; a
-    late tick shifts no later one; missed ticks are counted and not made up for.
+    All nodes of a machine at one rate tick together, as the paper's single servo loop did. A late
+    tick shifts no later one, and the grid points for which a process was too late are served
+    afterwards, each in its turn, for `CATCH_UP` at most.
 
     Parameters
     ----------
@@ -98,21 +117,28 @@ class RateKeeper:
         Ticks per second.
     clock : callable
         Steady time in ns.
+    lead : float
+        Time by which a tick may begin early, s: the time to wake a thread.
 
     Attributes
     ----------
     ticks, late, missed : int
-        Ticks kept; of these, later than half a period; grid points without a tick.
+        Grid points served; of these, later than half a period; grid points that were left out.
     lateness : DurationHistogram
-        Lateness of the ticks kept, from the first grid point not served before.
+        Lateness of the ticks.
     """
 
-    def __init__(self, rate: float, clock: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(
+        self, rate: float, clock: Callable[[], int] = time.monotonic_ns, lead: float = 0.0
+    ) -> None:
         self._period = NANOSECONDS / rate
         self._clock = clock
-        self._last: int | None = None
+        self._lead = min(lead * NANOSECONDS, LARGEST_LEAD * self._period)
+        self._most, self._longest = (max(1, round(span * rate)) for span in (CATCH_UP, BEHIND))
+        self._next = math.floor((clock() + self._lead) / self._period) + 1
+        self._in_time = self._next - 1
+        self._longest_gap = 0.0
         self.ticks = self.late = self.missed = 0
-        self._longest_gap = 0
         self.lateness = DurationHistogram()
 
     @property
@@ -120,75 +146,81 @@ class RateKeeper:
         """Period, s."""
         return self._period / NANOSECONDS
 
-    def wait_for_grid(self, lead: float = 0.0) -> None:
-        """Return just after a grid point, or `lead` s before: the moment to start a timer on."""
-        ahead = lead * NANOSECONDS
-        start = self._index(self._clock() + ahead)
-        while self._index(self._clock() + ahead) == start:
-            time.sleep(0)
+    @property
+    def next(self) -> float:
+        """Steady time at which to call `due`, s."""
+        return (self._next * self._period - self._lead) / NANOSECONDS
 
-    def lateness_now(self, lead: float = 0.0) -> float:
-        """Return the time since the last grid point, or since `lead` s before it, s."""
-        now = self._clock() + lead * NANOSECONDS
-        return (now - self._index(now) * self._period) / NANOSECONDS
+    def time(self, tick: int) -> int:
+        """Return the steady time of a grid point, ns."""
+        return round(tick * self._period)
 
-    def tick(self) -> int | None:
-        """Note that the timer fired.
-
-        Returns
-        -------
-        int or None
-            The grid point it is for, steady time in ns; None when that one had its tick.
-        """
+    def due(self) -> int | None:
+        """Return the number of the next grid point if its time has come, each once."""
         now = self._clock()
-        # A timer may fire a little early, never by half a period.
-        index = self._index(now + self._period / 4)
-        first = index if self._last is None else self._last + 1
-        if index < first:
+        newest = math.floor((now + self._lead) / self._period)
+        if newest < self._next:
             return None
-        self.missed += index - first
-        self._longest_gap = max(self._longest_gap, index - first)
-        self._last = index
-        self.ticks += 1
-        # Counted from the first grid point that waited, so that a stall shows its length.
-        lateness = now - first * self._period
+        if newest == self._next:
+            self._in_time = newest
+        behind = newest - self._in_time > self._longest
+        tick = newest if behind else max(self._next, newest + 1 - self._most)
+        self.missed += tick - self._next
+        lateness = now - tick * self._period
         self.lateness.add(lateness / NANOSECONDS)
-        if lateness > self._period / 2:
-            self.late += 1
-        return round(index * self._period)
+        self.late += lateness > self._period / 2
+        self._longest_gap = max(self._longest_gap, now - self._next * self._period)
+        self.ticks += 1
+        self._next = tick + 1
+        return tick
 
     def take_longest_gap(self) -> float:
-        """Return the longest time without a tick since the last call, s."""
-        gap, self._longest_gap = self._longest_gap, 0
-        return gap * self.period
-
-    def _index(self, now: float) -> int:
-        return math.floor(now / self._period)
+        """Return the largest lateness of a tick since the last call, s."""
+        gap, self._longest_gap = self._longest_gap, 0.0
+        return gap / NANOSECONDS
 
 
-def start_timer(
-    node: Node, rate_keeper: RateKeeper, callback: Callable[[], None], *, first: bool = True
-) -> Any:
-    """Start a timer on a rate keeper's grid.
+class ArrivalKeeper:
+    """Looks for the messages of each tick about when they come, and again until they do.
+
+    To sleep until then takes half the processor time of being woken by each message.
 
     Parameters
     ----------
-    first : bool
-        Aim ahead of the grid, by the time to wake; otherwise `FOLLOW` after it, so that the
-        second of two ticks for one grid point finds a core and the interpreter free.
+    rate : float
+        Ticks per second.
+    clock : callable
+        Steady time in s.
     """
-    clock = Clock(clock_type=ClockType.STEADY_TIME)
-    lead = WAKES * wake_time() if first else -FOLLOW
-    limit = LARGEST_SHIFT * rate_keeper.period
-    lead = min(max(lead, -limit), limit)
-    for _ in range(TIMER_TRIES):
-        rate_keeper.wait_for_grid(lead)
-        timer = node.create_timer(rate_keeper.period, callback, clock=clock)
-        if rate_keeper.lateness_now(lead) <= TIMER_OFFSET:
-            return timer
-        # The process was held up just here; all ticks would be late by as much.
-        node.destroy_timer(timer)
-    return node.create_timer(rate_keeper.period, callback, clock=clock)
+
+    def __init__(self, rate: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._period = 1 / rate
+        self._clock = clock
+        self._offset = min(EARLIEST_LOOK, self._period / 2)
+        self._silence = FLOWING * self._period
+        self._found = -math.inf
+        self._next = 0.0
+        self._first = True
+
+    def looked(self, *, found: bool) -> float:
+        """Return the steady time of the next look, s, after one that found all, or not."""
+        now = self._clock()
+        if found:
+            self._found = now
+            if now >= self._next and self._first:
+                self._offset -= ARRIVAL_STEP * (1 - FOUND_AT_ONCE)
+        elif now < self._next:
+            return self._next
+        elif now - self._found < self._silence:
+            if self._first:
+                self._first = False
+                self._offset += ARRIVAL_STEP * FOUND_AT_ONCE
+            return now + self._period / LOOKS
+        self._offset %= self._period
+        self._next = (math.floor((now - self._offset) / self._period) + 1) * self._period
+        self._next += self._offset
+        self._first = True
+        return self._next
 
 
 def wake_time() -> float:
@@ -207,16 +239,40 @@ def system_time(steady: int) -> int:
     Stamps are system time, so that they compare between machines; taken anew each time,
     because system time is adjusted while steady time runs on.
     """
-    return time.time_ns() - (time.monotonic_ns() - steady)
+    shortest = math.inf
+    offset = 0
+    for _ in range(READINGS):
+        before, system, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
+        if after - before < shortest:
+            shortest, offset = after - before, system - (before + after) // 2
+        if shortest < SHORT:
+            break
+    return offset + steady
 
 
 class SupervisedNode(Node):
-    """A node that can end by itself and be closed."""
+    """A node that can end by itself and be closed.
+
+    Attributes
+    ----------
+    polls : bool
+        True if `work` takes all messages that must not wait from their inboxes, so that the
+        executor need only serve requests and timers.
+    """
+
+    polls = False
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.finished: Future = Future()
         """Its result is set when the node's task is done."""
+
+    def work(self) -> float:
+        """Do what is due by the clock; return the steady time of the next call, s.
+
+        The node's callbacks run in between, when a message or a request comes.
+        """
+        return math.inf
 
     def finish(self, line: str = "") -> None:
         """Note, once, that the node's task is done, with a line for the log if there is one."""
@@ -232,7 +288,7 @@ class SupervisedNode(Node):
 Build = Callable[[], SupervisedNode]
 
 
-def run(name: str, *builds: Build, niceness: int = 0) -> None:
+def run(name: str, *builds: Build, niceness: int = 0, priority: int = FORCE_PRIORITY) -> None:
     """Run nodes until a signal, the end of their parent, or of one of them; then exit.
 
     Parameters
@@ -242,7 +298,9 @@ def run(name: str, *builds: Build, niceness: int = 0) -> None:
     builds : callables
         Functions that make the nodes, which share this process and its executor.
     niceness : int
-        Niceness of a process that must not delay the forces; 0 to request real-time priority.
+        Niceness where real-time priority is not requested or not granted.
+    priority : int
+        Real-time priority to request; 0 for none.
     """
     # Before the middleware starts its threads, which inherit it.
     os.nice(niceness)
@@ -258,7 +316,7 @@ def run(name: str, *builds: Build, niceness: int = 0) -> None:
     def ended() -> bool:
         return bool(signals) or os.getppid() != parent
 
-    status = _status(builds, name, not niceness, ended)
+    status = _status(builds, name, priority, ended)
     # A second signal (launch sends one after the terminal's own) must not fail an end that is
     # under way: Python's own end would put the default back, but leaves what is ignored.
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -266,17 +324,17 @@ def run(name: str, *builds: Build, niceness: int = 0) -> None:
     sys.exit(status)
 
 
-def _status(builds: Sequence[Build], name: str, realtime: bool, ended: Callable[[], bool]) -> int:
+def _status(builds: Sequence[Build], name: str, priority: int, ended: Callable[[], bool]) -> int:
     wrong = (ParameterError, InvalidParameterException)
     try:
-        _run(builds, realtime, ended)
+        _run(builds, priority, ended)
     except (*wrong, DeviceError, OSError) as error:
         print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
         return WRONG_ARGUMENTS if isinstance(error, wrong) else FAILED
     return DONE
 
 
-def _run(builds: Sequence[Build], realtime: bool, ended: Callable[[], bool]) -> None:
+def _run(builds: Sequence[Build], priority: int, ended: Callable[[], bool]) -> None:
     nodes: list[SupervisedNode] = []
     well = False
     try:
@@ -288,8 +346,8 @@ def _run(builds: Sequence[Build], realtime: bool, ended: Callable[[], bool]) -> 
             if any(word in str(error) for word in ("ROS arguments", "param")):
                 raise ParameterError(str(error)) from error
             raise
-        if realtime:
-            ask_for_realtime()
+        if priority:
+            ask_for_realtime(priority)
         _spin(nodes, ended)
         well = True
     finally:
@@ -323,17 +381,27 @@ def _close(nodes: Sequence[SupervisedNode], well: bool) -> None:
 
 
 def _spin(nodes: Sequence[SupervisedNode], ended: Callable[[], bool]) -> None:
-    executor = EXECUTORS[os.environ.get(EXECUTOR, "events")]()
+    executor = EventsExecutor()
     for node in nodes:
         executor.add_node(node)
+    polls, served = all(node.polls for node in nodes), 0.0
     # Everything made so far stays; without garbage there is nothing to collect, and a
     # collection would take milliseconds at the wrong moment.
     gc.collect()
     gc.freeze()
     gc.disable()
     try:
-        while not (any(node.finished.done() for node in nodes) or ended()):
-            executor.spin_until_future_complete(nodes[0].finished, timeout_sec=LOOK_ROUND)
+        while not (any([node.finished.done() for node in nodes]) or ended()):
+            wake = min([node.work() for node in nodes])
+            now = time.monotonic()
+            pause = min(max(0.0, wake - now), LOOK_ROUND)
+            if not polls:
+                executor.spin_once(timeout_sec=pause)
+            elif now - served >= SERVING_PERIOD:
+                served = now
+                executor.spin_once(timeout_sec=0.0)
+            elif pause:
+                time.sleep(min(pause, SERVING_PERIOD))
     finally:
         executor.shutdown()
 
@@ -345,7 +413,7 @@ def sharpen_timers() -> None:
         libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
 
 
-def ask_for_realtime() -> bool:
+def ask_for_realtime(priority: int = FORCE_PRIORITY) -> bool:
     """Request real-time priority for this process, if the system allows it.
 
     To be called after set-up, which would otherwise take the cores from nodes that run;
@@ -359,10 +427,11 @@ def ask_for_realtime() -> bool:
     if os.environ.get(REALTIME) == "no" or not hasattr(os, "sched_setscheduler"):
         return False
     try:
-        resource.setrlimit(resource.RLIMIT_RTTIME, (LONGEST_RUN, 2 * LONGEST_RUN))
+        if priority >= FORCE_PRIORITY:  # the recorder may write to a slow disk for longer
+            resource.setrlimit(resource.RLIMIT_RTTIME, (LONGEST_RUN, 2 * LONGEST_RUN))
         for thread in os.listdir("/proc/self/task"):
             with suppress(ProcessLookupError):  # one that has just ended
-                os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(FORCE_PRIORITY))
+                os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(priority))
     except OSError:
         return False
     return True

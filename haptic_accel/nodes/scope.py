@@ -30,9 +30,6 @@ from haptic_accel.scope.node_reports import NodeReport, NodeReports
 from haptic_accel.scope.server import ScopeServer
 from haptic_accel.scope.windows import GraphSettings, Windows
 
-SIGNAL_DEPTH = 1000
-"""Messages of one signal that the middleware queues while Python is busy."""
-
 NICENESS = 10
 """Niceness of the scope's process: lower priority than the nodes that compute the force."""
 
@@ -126,10 +123,10 @@ class Scope(GraphNode):
         self._reported = (time.monotonic(), 0, 0)
         self._commands = Commands(self, self._stopped) if p.control else None
         reports, take = topics.DIAGNOSTICS, self._take_diagnostics
-        profile = quality(reports, DEPTH * len(self._remotes))
+        profile = quality(reports, DEPTH)
         self.create_subscription(DiagnosticArray, reports.name, take, profile)
         changed = self._take_parameters
-        self.create_subscription(ParameterEvent, "/parameter_events", changed, SIGNAL_DEPTH)
+        self.create_subscription(ParameterEvent, "/parameter_events", changed, DEPTH)
         self.listen_state(topics.EMERGENCY_STOP, self._take_stop)
         self.listen_state(topics.MASTER_STOPPED, lambda stop: self._stopped.update(master=stop))
         self.listen_state(topics.SLAVE_STOPPED, lambda stop: self._stopped.update(slave=stop))
@@ -207,9 +204,7 @@ class Scope(GraphNode):
 
     def _follow(self, topic: Topic, take: Callable[[int, float], None]) -> Subscription:
         """Subscribe to a signal; the callback gets stamps and the component along the axis."""
-        return self.listen(
-            topic, lambda stamp, vector: take(stamp, vector[ACTUATOR_AXIS]), SIGNAL_DEPTH
-        )
+        return self.listen(topic, lambda stamp, vector: take(stamp, vector[ACTUATOR_AXIS]))
 
     def _take_force(self, stamp: int, force: float) -> None:
         self.windows.force.put(stamp, force)
@@ -251,7 +246,7 @@ class Scope(GraphNode):
 
 def main() -> None:
     """Run the node."""
-    run("scope", Scope, niceness=NICENESS)
+    run("scope", Scope, niceness=NICENESS, priority=0)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ LABELS = {"p50", "p90", "p99", "p99_9", "max"}
 
 
 @pytest.mark.slow
-def test_latency_gives_well_formed_figures_of_graph_and_yardsticks(
+def test_latency_gives_well_formed_figures_of_graph_and_empty_loop(
     haptic_accel: Start, tmp_path: Path, domain: int
 ) -> None:
     command = haptic_accel(
@@ -24,22 +24,22 @@ def test_latency_gives_well_formed_figures_of_graph_and_yardsticks(
     assert command.end() == 0, command.text
     figures = json.loads((tmp_path / "figures.json").read_text())
     assert (figures["rate_hz"], figures["seconds"], figures["pairs"]) == (200.0, 4.0, 1)
-    for ages in (
-        figures["age_us"],
-        figures["default_executor"]["age_us"],
-        figures["udp_floor"]["age_us"],
-    ):
-        assert set(ages) == LABELS
-        assert 0 < ages["p50"] <= ages["p99"] <= ages["max"]
+    ages = figures["age_us"]
+    assert set(ages) == LABELS
+    # Latency is one sample: no force takes effect before the next tick.
+    assert 0.005 * 1e6 < ages["p50"] * 1.01 <= ages["p99"] * 1.01 <= ages["max"] * 1.01
+    kinds = {"actuator force", "master arm force", "slave arm force"}
+    assert set(figures["deadlines"]) == kinds
+    for counts in figures["deadlines"].values():
+        assert counts["due"] > 400
+        assert 0 <= counts["missed"] <= counts["due"]
+    assert figures["empty_loop"]["of"] >= 800
     assert set(figures["period_error_us"]) == {"master_device", "slave_device"}
     names = {topic.name for topic in SIGNALS}
-    assert set(figures["late"]) == set(figures["lost"]) == names
+    assert set(figures["lost"]) == names
     nodes = {"master_device", "slave_device", "coupler", "compensator", "recorder"}
     assert set(figures["cpu_cores"]) == {*nodes, "total"}
     assert figures["cpu_cores"]["total"] > 0
-    ratio = figures["age_us"]["p50"] / figures["default_executor"]["age_us"]["p50"]
-    assert figures["ratio_to_default_p50"] == pytest.approx(ratio)
-    assert figures["ratio_to_floor_p50"] > 0
     assert nodes_of(domain) == {}
 
 

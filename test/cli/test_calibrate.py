@@ -15,7 +15,7 @@ import yaml
 from haptic_accel.core.model import GRAVITY
 from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
 from haptic_accel.emulators.loop import run
-from haptic_accel.emulators.serial_line import EmulatedBoard
+from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.graph.files import read_parameter_file
 
 WORDS = ("seconds:=0.2", "file:=found.yaml")
@@ -35,7 +35,8 @@ class Turned:
         self.felt = lambda time: 0.0
         self.emulated = EmulatedBoard(identity, path, lambda time: self.felt(time))
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=run, args=([self.emulated], self._ending.is_set))
+        lines = SerialLines([self.emulated])
+        self._thread = threading.Thread(target=run, args=([lines], self._ending.is_set))
         self._thread.start()
 
     def hold(self, gravity: float) -> None:

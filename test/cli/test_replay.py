@@ -42,6 +42,7 @@ def test_golden_bags_give_their_golden_figures_and_the_same_ones_again(tmp_path:
     assert len(found) == len(GOLDEN) == 8
     for one, golden in zip(found, GOLDEN, strict=True):
         assert (Path(one["bag"]).name, one["controller"]) == (golden["bag"], golden["controller"])
+        assert (one["latency_samples"], one["after_samples"]) == (1, 2)
         for name in FIGURES:
             assert one[name] == pytest.approx(golden[name], rel=TOLERANCE, abs=TOLERANCE), one
 
@@ -60,9 +61,11 @@ def test_signals_are_the_same_bit_by_bit_and_the_tool_s_is_the_bag_s() -> None:
     one, two = (lockstep_trial(asked.graph, track=track) for _ in range(2))
     for name in ("desired_acceleration", "handle_acceleration", "actuator_force"):
         assert np.array_equal(getattr(one, name), getattr(two, name))
-    assert np.array_equal(one.tool_acceleration, track.acceleration)
+    # It waits at rest for the first force, which takes effect after the latency of one sample.
+    assert (one.tool_acceleration[:2] == track.rest).all()
+    assert np.array_equal(one.tool_acceleration[2:], track.acceleration)
     recorded = read_bag(DATA / "text").signals[topics.TOOL_ACCELERATION.name]
-    assert np.array_equal(one.tool_acceleration, recorded.values[:, 2])
+    assert np.array_equal(one.tool_acceleration[2:], recorded.values[:, 2])
 
 
 def test_what_came_of_it_is_a_bag_that_says_how_it_was_made(tmp_path: Path) -> None:
@@ -80,7 +83,7 @@ def test_what_came_of_it_is_a_bag_that_says_how_it_was_made(tmp_path: Path) -> N
     assert force.values[:, 2] == pytest.approx(0.128 * desired, abs=1e-12)
     assert set(np.diff(force.stamps)) == {1_000_000}
     golden = read_bag(DATA / "text").signals[topics.TOOL_ACCELERATION.name].values
-    assert np.array_equal(bag.signals[topics.TOOL_ACCELERATION.name].values, golden)
+    assert np.array_equal(bag.signals[topics.TOOL_ACCELERATION.name].values[2:], golden)
 
 
 def test_bags_of_the_same_name_are_not_written_over_each_other(tmp_path: Path) -> None:

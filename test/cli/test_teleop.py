@@ -119,9 +119,13 @@ def test_force_follows_the_desired_acceleration_sample_by_sample(
     check_complete(messages, 2.0)
     both = desired.keys() & forces.keys()
     assert len(both) > LEAST_ARRIVED * len(desired)
-    # Table I: the constant gain is the 0.128 kg of handle and hand.
-    for moment in both:
-        assert forces[moment] == pytest.approx(0.128 * desired[moment], abs=1e-12)
+    # Table I: the constant gain is the 0.128 kg of handle and hand. The actuator's limits, which
+    # a tool that hits the surface reaches where forces come late, only make it smaller.
+    pairs = np.array([(forces[moment], 0.128 * desired[moment]) for moment in both])
+    force, wanted = pairs.T
+    limited = np.abs(force - wanted) > 1e-12
+    assert np.all(np.abs(force[limited]) < np.abs(wanted[limited]))
+    assert limited.mean() < 0.5
 
 
 def test_every_topic_comes_at_the_rate_asked_for(haptic_accel: Start, observer: Observer) -> None:
@@ -266,9 +270,7 @@ def test_what_makes_forces_is_real_time_where_that_is_allowed(
     expected = os.SCHED_FIFO if wanted and realtime_is_allowed() else os.SCHED_OTHER
     nodes = nodes_of(domain)
     for name, process in nodes.items():
-        # Writing to the disk can wait.
-        wanted_class = os.SCHED_OTHER if name == "recorder" else expected
-        wait_until(partial(runs_as, process, wanted_class), f"{name} is scheduled as it should be")
+        wait_until(partial(runs_as, process, expected), f"{name} is scheduled as it should be")
     assert command.end(signal.SIGINT) == 0, command.text
 
 

@@ -14,15 +14,17 @@ from scipy import signal
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers.constant import ConstantParameters
+from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, FloatArray
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig
 from haptic_accel.core.trial import RigParameters, Trial, run_identification, run_trial
 from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 SURFACES = ("plywood", "text", "vinyl")
@@ -46,7 +48,8 @@ def rig_with(surface: str, rig: str = "paper") -> RigParameters:
 
 @lru_cache
 def trial(surface: str, controller: str, seed: int = 0, rig: str = "paper") -> Trial:
-    return run_trial(controller, rig_with(surface, rig), duration=SHORT, seed=seed)
+    """Return a trial of the paper's loop, in which a force takes effect at once."""
+    return run_trial(controller, rig_with(surface, rig), duration=SHORT, seed=seed, latency=0)
 
 
 def nrmse(of: Trial) -> float:
@@ -66,7 +69,7 @@ def equal(one: Trial, other: Trial) -> bool:
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_the_same_seed_gives_the_same_bits(controller: str) -> None:
-    again = run_trial(controller, rig_with("text"), duration=SHORT, seed=0)
+    again = run_trial(controller, rig_with("text"), duration=SHORT, seed=0, latency=0)
     assert equal(again, trial("text", controller))
 
 
@@ -80,6 +83,8 @@ def test_noise_of_tool_and_handle_is_independent() -> None:
     # Though both rigs get the trial's seed; at rest there is nothing but noise.
     rig = RigParameters()
     rigs = MasterRig(rig.master, 1000.0, 5), SlaveRig(rig.slave, 1000.0, 5)
+    for each in rigs:
+        each.disturb()
     handle, tool = ([each.measure().acceleration for _ in range(4000)] for each in rigs)
     assert abs(np.corrcoef(handle, tool)[0, 1]) < 4 / math.sqrt(4000)
 
@@ -162,7 +167,7 @@ def test_duration_and_rate_make_the_samples(duration: float, rate: float, count:
 
 
 def test_a_faster_rate_gives_much_the_same_experiment() -> None:
-    fast = run_trial("none", rig_with("plywood"), duration=SHORT, rate=4000.0)
+    fast = run_trial("none", rig_with("plywood"), duration=SHORT, rate=4000.0, latency=0)
     usual = trial("plywood", "none")
     band = signal.butter(4, 200.0, fs=4000.0, output="sos")
     below = signal.sosfilt(band, fast.desired_acceleration)
@@ -178,36 +183,41 @@ IMPULSE_AT = 40
 """Sample of the recording that is not zero."""
 
 
-def impulse_response(rig: RigParameters, rate: float, controller: str) -> Trial:
+def impulse_response(rig: RigParameters, rate: float, controller: str, latency: int) -> Trial:
     recording = np.zeros(round(rate))
     recording[IMPULSE_AT] = 20.0
-    return run_trial(controller, rig, duration=0.1, rate=rate, recording=recording)
+    return run_trial(
+        controller, rig, duration=0.1, rate=rate, latency=latency, recording=recording
+    )
 
 
 @pytest.mark.parametrize("rate", [1000.0, 4000.0])
-def test_the_handle_answers_exactly_one_sample_later(
-    ideal_rig: RigParameters, rate: float
+@pytest.mark.parametrize("latency", [0, 1, 2, 20])
+def test_the_handle_answers_one_sample_after_the_latency(
+    ideal_rig: RigParameters, rate: float, latency: int
 ) -> None:
-    with_force = impulse_response(ideal_rig, rate, "constant")
-    without = impulse_response(ideal_rig, rate, "none")
+    with_force = impulse_response(ideal_rig, rate, "constant", latency)
+    without = impulse_response(ideal_rig, rate, "none", latency)
     (moment,) = np.flatnonzero(with_force.tool_acceleration)
     force = with_force.actuator_force
     assert force[:moment].tolist() == [0.0] * moment
     # The first sample of a high-pass passes nearly all: 20 m/s^2 of 0.128 kg.
     assert 0.85 * 20.0 * 0.128 < force[moment] < 20.0 * 0.128
     answer = with_force.handle_acceleration - without.handle_acceleration
-    assert np.flatnonzero(answer)[0] == moment + 1
+    assert np.flatnonzero(answer)[0] == moment + latency + 1
     # By then the handle's 1/0.128 kg has come through the 500 Hz low-pass, a little less for
     # grip and bearing.
     asymptote = force[moment] / 0.128 * (1 - math.exp(-2 * math.pi * 500.0 / rate))
-    assert answer[moment + 1] == pytest.approx(asymptote, rel=0.2)
+    assert answer[moment + latency + 1] == pytest.approx(asymptote, rel=0.2)
 
 
-def test_a_recording_is_the_tools_acceleration(ideal_rig: RigParameters) -> None:
+@pytest.mark.parametrize("latency", [0, 1, 5])
+def test_a_recording_is_the_tools_acceleration(ideal_rig: RigParameters, latency: int) -> None:
     recording = np.random.default_rng(0).normal(0.0, 3.0, 400)
-    result = run_trial("dynamic", ideal_rig, duration=1.0, recording=recording)
-    # The first sample is taken before the arms get their first force.
-    expected = np.concatenate([[0.0], recording, recording, recording])[:1000]
+    result = run_trial("dynamic", ideal_rig, duration=1.0, latency=latency, recording=recording)
+    # The first samples are taken before the arms get their first force.
+    before = [0.0] * (latency + 1)
+    expected = np.concatenate([before, recording, recording, recording])[:1000]
     assert np.array_equal(result.tool_acceleration, expected)
 
 
@@ -216,6 +226,51 @@ def test_without_contact_the_handle_stays_quiet(ideal_rig: RigParameters) -> Non
     result = run_trial("dynamic", ideal_rig, duration=0.25)
     assert rms(result.desired_acceleration) < 0.2
     assert rms(result.actuator_force) < 0.05
+
+
+# Latency
+
+
+def test_a_latency_of_one_sample_is_a_delay_of_one_period(ideal_rig: RigParameters) -> None:
+    # The arms' forces are late too: without a coupling there are none.
+    uncoupled = replace(ideal_rig, coupling=CouplingParameters(k_m=0.0, k_sl=0.0))
+    delayed = replace(uncoupled, master=with_delay(uncoupled.master, 1e-3))
+    recording = np.random.default_rng(0).normal(0.0, 3.0, 500)
+    for controller in ("constant", "dynamic"):
+        late, at_once = (
+            run_trial(controller, rig, duration=0.5, latency=latency, recording=recording)
+            for rig, latency in ((uncoupled, 1), (delayed, 0))
+        )
+        # The recording and the hand start with the first force, one sample later.
+        for name in SIGNALS[1:]:
+            one, other = getattr(late, name)[1:], getattr(at_once, name)[:-1]
+            assert one == pytest.approx(other, abs=1e-9), name
+
+
+def with_delay(master: MasterRigParameters, delay: float) -> MasterRigParameters:
+    return replace(master, drive=replace(master.drive, delay=delay))
+
+
+@pytest.mark.parametrize("controller", ["inverse", "adaptive"])
+@pytest.mark.parametrize(("rig", "most"), [("ideal", 2.0), ("paper", 15.0)])
+def test_with_a_latency_that_the_design_knows_the_handle_follows(
+    rig: str, most: float, controller: str
+) -> None:
+    late = run_trial(
+        controller,
+        rig_with("text", rig),
+        duration=8.0,
+        controllers=options_of(rig),
+        latency=1,
+    )
+    assert late.evaluate().nrmse_percent < most
+    at_one_sample = evaluate(late.desired_acceleration, late.actual_acceleration, late.rate)
+    assert at_one_sample.nrmse_percent > 50.0
+
+
+def options_of(rig: str) -> dict[str, Checked]:
+    values = graph_parameters(GraphArguments(rig=rig))
+    return node_parameters("compensator", values["compensator"])[1]
 
 
 # Parameters
@@ -251,6 +306,8 @@ def test_high_pass_and_limit_can_be_chosen() -> None:
         ({"rate": math.nan}, "^rate = nan: must be above 0 Hz$"),
         ({"rate": math.inf}, "^rate = inf: must be above 0 Hz$"),
         ({"rate": 30.0}, "^rate = 30: must be above twice high_pass_frequency = 15 Hz$"),
+        ({"latency": -1}, "^latency = -1: must be from 0 to 20 samples$"),
+        ({"latency": 21}, "^latency = 21: must be from 0 to 20 samples$"),
         ({"duration": 0.0}, "^duration = 0.0: must hold at least one sample$"),
         ({"duration": -1.0}, "^duration = -1.0: must hold at least one sample$"),
         ({"duration": math.nan}, "^duration = nan: must hold at least one sample$"),
@@ -272,7 +329,7 @@ def test_half_the_physics_step_changes_less_than_one_percent(surface: str) -> No
     rig = rig_with(surface)
     rig = replace(rig, master=replace(rig.master, arm=ideal), slave=replace(rig.slave, arm=ideal))
     usual, fine = (
-        run_trial("dynamic", rig, duration=SHORT, physics_step=step)
+        run_trial("dynamic", rig, duration=SHORT, latency=0, physics_step=step)
         for step in (PHYSICS_STEP, PHYSICS_STEP / 2)
     )
     for name in ("tool_acceleration", "handle_acceleration"):
@@ -284,7 +341,9 @@ def test_half_the_physics_step_changes_less_than_one_percent(surface: str) -> No
 @pytest.mark.parametrize("controller", ["constant", "dynamic"])
 def test_nor_does_it_change_the_results_with_encoders(surface: str, controller: str) -> None:
     usual = trial(surface, controller)
-    fine = run_trial(controller, rig_with(surface), duration=SHORT, physics_step=PHYSICS_STEP / 2)
+    fine = run_trial(
+        controller, rig_with(surface), duration=SHORT, latency=0, physics_step=PHYSICS_STEP / 2
+    )
     assert nrmse(usual) == pytest.approx(nrmse(fine), rel=0.01)
     for name in ("tool_acceleration", "handle_acceleration", "actuator_force"):
         assert rms(getattr(usual, name)) == pytest.approx(rms(getattr(fine, name)), rel=0.01)
@@ -295,11 +354,23 @@ def test_nor_does_it_change_the_results_with_encoders(surface: str, controller: 
 SHORT_SWEEP = SweepParameters(duration=0.2)
 
 
-def test_a_force_is_seen_one_sample_later(ideal_master: MasterRigParameters) -> None:
-    (trial,) = run_identification(ideal_master, SHORT_SWEEP)
+@pytest.mark.parametrize("latency", [0, 1, 7])
+def test_a_force_is_seen_one_sample_after_the_latency(
+    ideal_master: MasterRigParameters, latency: int
+) -> None:
+    (trial,) = run_identification(ideal_master, SHORT_SWEEP, latency=latency)
     first = int(np.flatnonzero(trial.actuator_force)[0])
-    assert np.abs(trial.handle_acceleration[: first + 1]).max() < 1e-7
-    assert abs(trial.handle_acceleration[first + 1]) > 0.01
+    assert np.abs(trial.handle_acceleration[: first + latency + 1]).max() < 1e-7
+    assert abs(trial.handle_acceleration[first + latency + 1]) > 0.01
+
+
+def test_an_identification_without_its_latency_is_one_of_the_papers_loop() -> None:
+    at_once, late = (
+        run_identification(parameters=SHORT_SWEEP, seed=1, latency=latency)[0].aligned
+        for latency in (0, 3)
+    )
+    assert np.array_equal(late.actuator_force, at_once.actuator_force)
+    assert np.array_equal(late.handle_acceleration, at_once.handle_acceleration)
 
 
 def test_the_papers_sweep_keeps_clear_of_the_stops() -> None:
@@ -315,6 +386,11 @@ def test_trials_differ_in_noise_alone_and_repeat_with_their_seed() -> None:
     difference = first.handle_acceleration - second.handle_acceleration
     noise = MasterRigParameters().accelerometer.noise
     assert difference.std() == pytest.approx(math.sqrt(2) * noise, rel=0.15)
+
+
+def test_an_impossible_latency_of_an_identification_is_refused() -> None:
+    with pytest.raises(ParameterError, match="^latency = 21: must be from 0 to 20 samples$"):
+        run_identification(latency=21)
 
 
 def test_no_trial_is_refused() -> None:

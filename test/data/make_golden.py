@@ -64,7 +64,7 @@ def samples(arguments: GraphArguments) -> dict[Topic, FloatArray]:
     master = MasterRig(rig.master, arguments.rate, arguments.seed)
     slave = SlaveRig(rig.slave, arguments.rate, arguments.seed)
     coupling = PositionPositionCoupling(rig.coupling)
-    compensation = Compensation(around, arguments.rate, controllers)
+    compensation = Compensation(around, arguments.rate, controllers, latency=0)
     before = None
     for index in range(round((SKIPPED + KEPT) * arguments.rate)):
         for side in (master, slave):

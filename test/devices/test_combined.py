@@ -11,6 +11,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter, schema
 from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError, Sample
 from haptic_accel.devices.combined import CombinedDevice
+from haptic_accel.devices.interface import LATER
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,10 @@ class Noted(Device):
     @property
     def problem(self) -> str:
         return f"{self.name} is silent" if self.parameters.silent else ""
+
+    @property
+    def late(self) -> int:
+        return int(self.parameters.level)
 
     def status(self) -> dict[str, int]:
         return {"count": int(self.parameters.level)}
@@ -113,8 +118,20 @@ def test_motion_is_the_arm_s_and_acceleration_the_handle_s() -> None:
     device = built(arm__level=1.0, handle__level=2.0)
     assert device.read(5.0) == Sample((1.0, 5.0, 0.0), (0.0, 1.0, 0.0), 2.0)
     assert device.status() == {"arm_count": 1, "handle_count": 2}
+    assert device.late == 3
     assert device.remark == "the arm; the handle"
     assert not device.ended
+
+
+def test_a_sample_comes_later_while_either_part_s_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    device = built()
+    with monkeypatch.context() as patched:
+        patched.setattr(Handle, "read", lambda self, time: LATER)
+        assert device.read(0.0) is LATER
+    monkeypatch.setattr(Arm, "read", lambda self, time: LATER)
+    # A handle gives each of its samples once: it must not be read before the arm has one.
+    monkeypatch.setattr(Handle, "read", lambda self, time: pytest.fail("read too early"))
+    assert device.read(0.0) is LATER
 
 
 def test_without_a_part_there_is_no_sample() -> None:

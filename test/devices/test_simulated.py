@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,18 @@ def read(device: Device, first: int, last: int, origin: float = 0.0) -> list[Sam
     return [device.read(origin + index * PERIOD) for index in range(first, last)]
 
 
+def answers(device: Device, waiting: int, origin: float, rate: float) -> list[Sample]:
+    """Return the samples after the first force, which comes at the tick after some waiting."""
+    ticks = [origin + index / rate for index in range(waiting + 120)]
+    for tick in ticks[: waiting + 1]:
+        device.read(tick)
+    samples = []
+    for tick, after in pairwise(ticks[waiting:]):
+        device.write(tick, arm_force=(0.3, 0.0, -1.0), actuator_force=0.4)
+        samples.append(device.read(after))
+    return samples
+
+
 def test_both_sides_have_a_simulated_device() -> None:
     assert MASTERS["simulated"] is SimulatedMaster
     assert SLAVES["simulated"] is SimulatedSlave
@@ -76,6 +89,35 @@ def test_the_slave_follows_the_arm_s_force() -> None:
 
 
 @both
+def test_before_its_first_force_every_sample_is_the_same(device_class: type[Device]) -> None:
+    device, other = opened(device_class, seed=1), opened(device_class, seed=2)
+    device.write(0.0, actuator_force=0.0)
+    assert set(read(device, 0, 300)) == set(read(other, 0, 1))
+
+
+@few
+@given(
+    st.sampled_from([SimulatedMaster, SimulatedSlave]),
+    st.integers(0, 400),
+    st.floats(0.0, 2e9),
+    st.sampled_from([333.0, 1000.0, 3000.0, 4000.0]),
+)
+def test_how_long_it_stood_still_changes_no_bit(
+    device_class: type[Device], waiting: int, origin: float, rate: float
+) -> None:
+    # Close to the surface, so that the tool is dragged over its texture.
+    low = {"tool.height": 1e-4, "surface.roughness": 5e-6}
+    known = schema(device_class.Parameters)
+    values = {name: value for name, value in low.items() if name in known}
+    one, other = (
+        device_class(from_flat(device_class.Parameters, values), rate, 3) for _ in range(2)
+    )
+    for device in (one, other):
+        device.open()
+    assert answers(one, waiting, origin, rate) == answers(other, 0, 0.0, rate)
+
+
+@both
 @pytest.mark.parametrize("origin", [-5.0, 1e6])
 def test_time_may_start_anywhere(device_class: type[Device], origin: float) -> None:
     exact = ArmParameters(position_resolution=0.0)
@@ -89,7 +131,10 @@ def test_time_may_start_anywhere(device_class: type[Device], origin: float) -> N
 
 @both
 def test_the_seed_decides_about_the_noise(device_class: type[Device]) -> None:
-    one, same, other = (read(opened(device_class, seed), 0, 20) for seed in (3, 3, 4))
+    devices = [opened(device_class, seed) for seed in (3, 3, 4)]
+    for device in devices:
+        device.write(0.0, arm_force=(0.0, 0.0, 0.0))
+    one, same, other = (read(device, 1, 20) for device in devices)
     assert one == same
     assert one != other
 

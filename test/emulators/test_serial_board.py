@@ -1,4 +1,4 @@
-"""The device's side of the protocol: what it obeys, and when a current may flow."""
+"""The device's side of the protocol: what it obeys, when it samples, and which current flows."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from haptic_accel.devices.serial.protocol import (
     CLOCKS,
     FULL_SCALE,
     VERSION,
+    Align,
     ArmRequest,
     Configuration,
     Configure,
@@ -27,13 +28,21 @@ from haptic_accel.devices.serial.protocol import (
     Identity,
     Message,
     Samples,
+    ScheduleCurrent,
     SetCurrent,
     State,
     Status,
     encode,
     read_message,
 )
-from haptic_accel.emulators.serial_board import STATUS_PERIOD, TIMEOUT, Board
+from haptic_accel.emulators.serial_board import (
+    LONGEST_LEAD,
+    ROOM,
+    STATUS_PERIOD,
+    TIMEOUT,
+    Board,
+    difference,
+)
 
 HANDLE = Identity((1, 0, 0), 0b111, 10_000, 49.0, 2.75, "handle")
 TOOL = Identity((1, 0, 0), 0b100, 4000, 49.0, 0.0, "tool")
@@ -71,6 +80,17 @@ class Host:
         for index in range(number):
             self.now = (self.now + 250) % CLOCKS
             self.board.sample((index, -index, 100 + index), self.now)
+
+    def tick_at(self, time: int) -> int:
+        """Take a sample at a time; return the current from then on."""
+        self.now = time % CLOCKS
+        self.board.sample((0, 0, 0), self.now)
+        return self.board.current
+
+    def status(self) -> Status:
+        """Return a new status."""
+        self.wait(STATUS_PERIOD)
+        return self.all(Status)[-1]
 
     def all(self, kind: type[M]) -> list[M]:
         return [message for message in self.heard if isinstance(message, kind)]
@@ -112,6 +132,155 @@ def test_the_current_is_zero_after_5_ms_of_silence_and_comes_back() -> None:
     assert host.all(Status)[-1].timeouts == 1
     host.say(SetCurrent(-7))
     assert (host.board.current, host.board.state) == (-7, State.ARMED)
+
+
+# Set-points with a due time
+
+
+def scheduling(rate: int = 1000, start: int = CLOCKS - 10_000) -> Host:
+    """Return a host whose board is armed and had its first tick at the start."""
+    host = Host()
+    host.say(Configure(rate, 4, 1), ArmRequest())
+    host.tick_at(start)
+    return host
+
+
+def test_a_scheduled_set_point_acts_from_its_tick_on() -> None:
+    host = scheduling()
+    start = host.now
+    host.say(ScheduleCurrent(7, (start + 2000) % CLOCKS))
+    assert host.board.current == 0
+    assert host.tick_at(start + 1000) == 0
+    # The host knows the time of a tick up to half a period.
+    assert host.tick_at(start + 1501) == 7
+    assert host.status().late == 0
+
+
+def test_one_that_comes_after_its_tick_acts_at_once_and_is_counted() -> None:
+    host = scheduling()
+    host.say(ScheduleCurrent(7, (host.now + 500) % CLOCKS))
+    assert host.board.current == 7
+    host.say(ScheduleCurrent(8, (host.now + 501) % CLOCKS))
+    assert host.board.current == 7
+    assert host.status().late == 1
+
+
+def test_a_set_point_without_a_due_time_acts_at_once_and_discards_the_scheduled() -> None:
+    host = scheduling()
+    host.say(ScheduleCurrent(7, (host.now + 1000) % CLOCKS), SetCurrent(0))
+    assert host.tick_at(host.now + 1000) == 0
+    assert host.status().late == 0
+
+
+@pytest.mark.parametrize(
+    "discarding", [DisarmRequest(), Configure(1000, 4, 1), Configure(0, 0, 0)], ids=repr
+)
+def test_nothing_scheduled_outlives_what_ends_it(discarding: Message) -> None:
+    host = scheduling()
+    host.say(ScheduleCurrent(7, (host.now + 1000) % CLOCKS), discarding, ArmRequest())
+    assert host.tick_at(host.now + 1000) == 0
+
+
+def test_before_the_first_tick_a_scheduled_set_point_acts_at_once() -> None:
+    host = Host()
+    host.say(ArmRequest(), ScheduleCurrent(7, (host.now + 50_000) % CLOCKS))
+    assert host.board.current == 7
+    assert host.status().late == 0
+
+
+def test_what_is_due_too_far_ahead_or_has_no_room_is_refused_and_counted() -> None:
+    host = scheduling()
+    host.say(ScheduleCurrent(1, (host.now + LONGEST_LEAD + 1) % CLOCKS))
+    for place in range(ROOM + 3):
+        host.say(ScheduleCurrent(place, (host.now + 1000 * (place + 1)) % CLOCKS))
+    host.say(SetCurrent(0))
+    status = host.status()
+    assert (status.refused, status.overflowed) == (1, 3)
+
+
+def test_a_latency_of_20_samples_trips_no_time_out_and_silence_does() -> None:
+    host = scheduling()
+    start = host.now
+    flowing = []
+    for tick in range(1, 100):
+        host.wait(1000)
+        flowing.append(host.tick_at(start + 1000 * tick))
+        host.say(ScheduleCurrent(tick, (start + 1000 * (tick + 20)) % CLOCKS))
+    assert flowing[:20] == [0] * 20
+    assert flowing[20:] == list(range(1, 80))
+    # Counted from the last that came: what was scheduled before the silence is not applied.
+    host.wait(TIMEOUT + 1000)
+    assert (host.board.current, host.board.state) == (0, State.TIMED_OUT)
+    assert host.tick_at(start + 106_000) == 0
+
+
+@settings(max_examples=40)
+@given(
+    st.integers(0, CLOCKS - 1),
+    st.lists(st.integers(-4000, 20_000), min_size=1, max_size=ROOM),
+)
+def test_at_each_tick_the_newest_that_is_due_acts(start: int, leads: Sequence[int]) -> None:
+    host = scheduling(start=start)
+    for counts, ahead in enumerate(leads, start=1):
+        host.say(ScheduleCurrent(counts, (start + ahead) % CLOCKS))
+    late = [counts for counts, ahead in enumerate(leads, start=1) if ahead <= 500]
+    current = late[-1] if late else 0
+    assert host.board.current == current
+    for tick in range(1, 22):
+        due = [
+            (ahead, counts)
+            for counts, ahead in enumerate(leads, start=1)
+            if 500 < ahead <= 1000 * tick + 500
+        ]
+        current = max(due)[1] if due else current
+        assert host.tick_at(start + 1000 * tick) == current
+    assert host.status().late == len(late)
+
+
+# Ticks on the grid of the host
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    rate=st.sampled_from([50, 333, 1000, 4000, 10_000]),
+    drift=st.floats(-1e-3, 1e-3),
+    phase=st.floats(0, 1),
+    start=st.integers(0, CLOCKS - 1),
+    lag=st.booleans(),
+)
+def test_ticks_move_onto_the_grid(
+    rate: int, drift: float, phase: float, start: int, lag: bool
+) -> None:
+    """Also with a timer that takes a new interval over one tick later, as the Teensy's."""
+    host = Host()
+    host.say(Configure(rate, 4, 1))
+    period = 1e6 / rate * (1 + drift)  # us, of the board's clock
+    host.say(Align(round(start + phase * period) % CLOCKS, round(1000 * period)))
+    time, intervals, distances = float(start), [host.board.period], []
+    for _ in range(120):
+        host.tick_at(round(time))
+        distances.append((time - start - phase * period + period / 2) % period - period / 2)
+        intervals.append(host.board.period)
+        time += intervals[-2 if lag else -1] / 1000
+    assert all(abs(each - 1e3 * period) <= 1e3 * period / 32 + 1 for each in intervals[2:])
+    # A board rounds to us, and a grid's period to ns; a half of a tick's period takes 16 steps.
+    assert max(map(abs, distances[40:])) < 4
+
+
+def test_a_grid_of_another_rate_is_refused() -> None:
+    host = Host()
+    host.say(Align(0, 1_000_000), Configure(1000, 4, 1))
+    host.say(Align(0, 1_015_626), Align(0, 984_374), Align(0, 1_015_625))
+    assert [error.code for error in host.all(Error)] == [ErrorCode.VALUE] * 3
+    assert host.board.period == 1_000_000
+
+
+@given(st.integers(0, CLOCKS - 1), st.integers(-(2**31), 2**31 - 1))
+def test_differences_of_times_hold_where_the_clock_begins_anew(time: int, ahead: int) -> None:
+    assert difference((time + ahead) % CLOCKS, time) == ahead
+
+
+# Safety
 
 
 def test_only_set_points_count_against_silence() -> None:
@@ -201,6 +370,7 @@ def test_what_the_port_has_no_room_for_is_counted_and_missing_by_its_numbers() -
         (HANDLE, Frame(VERSION, FrameType.SET_CURRENT, 9, 0, b"x"), ErrorCode.LENGTH),
         (TOOL, Frame(VERSION, FrameType.ARM, 9, 0, b""), ErrorCode.NO_ACTUATOR),
         (TOOL, Frame(VERSION, FrameType.SET_CURRENT, 9, 0, b"\1\0"), ErrorCode.NO_ACTUATOR),
+        (TOOL, Frame(VERSION, FrameType.SCHEDULE_CURRENT, 9, 0, bytes(6)), ErrorCode.NO_ACTUATOR),
         *[
             (TOOL, Frame(VERSION, FrameType.CONFIGURE, 9, 0, asked.pack()), ErrorCode.VALUE)
             for asked in (
@@ -231,6 +401,12 @@ bytes_sent = st.one_of(
         st.binary(max_size=6),
     ),
     st.builds(lambda counts: Encoder().encode(SetCurrent(counts), 0), st.integers(-32768, 32767)),
+    st.builds(
+        lambda counts, due: Encoder().encode(ScheduleCurrent(counts, due % CLOCKS), 0),
+        st.integers(-32768, 32767),
+        st.integers(-20_000, 60_000),
+    ),
+    st.just(Encoder().encode(Configure(1000, 4, 1), 0)),
     st.just(Encoder().encode(ArmRequest(), 0)),
 )
 
@@ -242,6 +418,7 @@ def test_whatever_comes_the_current_is_lawful(steps: Sequence[tuple[bytes, int]]
     for data, milliseconds in steps:
         host.board.receive(data, host.now)
         host.wait(milliseconds * 1000)
+        host.tick_at(host.now)
         assert abs(host.board.current) <= FULL_SCALE
         assert host.board.current == 0 or host.board.state is State.ARMED
         assert host.board.current == 0 or milliseconds * 1000 <= TIMEOUT

@@ -49,9 +49,10 @@ void echo(haptic::Decoder &decoder, const uint8_t *bytes, size_t length) {
 }
 
 void show(const haptic::Board &board) {
-  uint8_t state[5] = {board.state()};
+  uint8_t state[9] = {board.state()};
   haptic::write_u16(state + 1, static_cast<uint16_t>(board.current()));
   haptic::write_u16(state + 3, board.rate());
+  haptic::write_u32(state + 5, board.period());
   give('S', state, sizeof state);
 }
 

@@ -12,6 +12,10 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.devices.serial.protocol import (
+    CLOCKS,
+    FIRMWARE,
+    VERSION,
+    Align,
     ArmRequest,
     Configure,
     Decoder,
@@ -22,7 +26,9 @@ from haptic_accel.devices.serial.protocol import (
     Identify,
     Identity,
     Message,
+    ScheduleCurrent,
     SetCurrent,
+    Status,
     encode,
 )
 from haptic_accel.emulators.serial_board import Board
@@ -30,7 +36,7 @@ from haptic_accel.emulators.serial_board import Board
 pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
 
 HERE = Path(__file__).parent
-FIRMWARE = HERE.parents[1] / "firmware" / "haptic_handle"
+SKETCH = HERE.parents[1] / "firmware" / "haptic_handle"
 STRICT = ["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 CHECKED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 
@@ -44,8 +50,8 @@ FRAMES = 3_000
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Compile the core as the board does, but for the host, and with its errors looked for."""
     path = tmp_path_factory.mktemp("firmware") / "host_board"
-    sources = [HERE / "host_board.cpp", FIRMWARE / "board.cpp", FIRMWARE / "protocol.cpp"]
-    subprocess.run(["g++", *STRICT, *CHECKED, f"-I{FIRMWARE}", *sources, "-o", path], check=True)
+    sources = [HERE / "host_board.cpp", SKETCH / "board.cpp", SKETCH / "protocol.cpp"]
+    subprocess.run(["g++", *STRICT, *CHECKED, f"-I{SKETCH}", *sources, "-o", path], check=True)
     return path
 
 
@@ -111,9 +117,13 @@ class Pair:
         self.script: list[bytes] = []
         self.expected: list[bytes] = []
         self.room = True
+        self.status: Status | None = None
         self.board = Board(identity, self._send)
 
     def _send(self, wire: bytes) -> bool:
+        (frame,) = Decoder().feed(wire)
+        if frame.type == FrameType.STATUS:
+            self.status = Status(*Status.LAYOUT.unpack(frame.payload))
         if self.room:
             self.expected.append(record(b"F", wire))
         return self.room
@@ -144,16 +154,21 @@ class Pair:
 
     def look(self) -> None:
         board = self.board
-        state = struct.pack("<BhH", board.state, board.current, board.configuration.rate)
+        rate = board.configuration.rate
+        state = struct.pack("<BhHI", board.state, board.current, rate, board.period)
         self.expected.append(record(b"S", state))
 
 
-def random_message(random: random.Random) -> Message:
+def random_message(random: random.Random, now: int) -> Message:
+    counts = random.randrange(-32768, 32768)
+    near = (now + random.choice((-600_000, -500, 0, 500, 1500, 6000, 600_000))) % CLOCKS
+    period = random.choice((1_000_000, 1_000_100, 100_000, 984_375, 1_015_626, 0, CLOCKS - 1))
     return random.choice(
         [
             SetCurrent(random.choice((-32768, -32767, 0, 1, 32767))),
-            SetCurrent(random.randrange(-32768, 32768)),
-            SetCurrent(random.randrange(-32768, 32768)),
+            *[ScheduleCurrent(counts, near)] * 6,
+            Align(near, period),
+            Align(random.randrange(CLOCKS), period),
             ArmRequest(),
             DisarmRequest(),
             Identify(),
@@ -172,12 +187,16 @@ def test_both_boards_do_the_same_whatever_comes(program: Path, identity: Identit
     encoder = Encoder()
     pair = Pair(identity)
     now = (1 << 32) - 10_000_000  # the clock begins anew on the way
-    states = set()
+    states, periods = set(), set()
     for _ in range(STEPS):
         now = (now + rng.choice((1, 100, 500, 1000, 1000, 4999, 6000))) % (1 << 32)
         chance = rng.random()
-        if chance < 0.5:
-            wire = encoder.encode(random_message(rng), now)
+        if chance < 0.01:
+            due = [now + rng.randrange(100_000) for _ in range(40)]
+            burst = (ScheduleCurrent(each % 100, each % CLOCKS) for each in due)
+            pair.receive(b"".join(encoder.encode(each, now) for each in burst), now)
+        elif chance < 0.5:
+            wire = encoder.encode(random_message(rng, now), now)
             pair.receive(wire if rng.random() < 0.8 else garbled(rng, wire), now)
         elif chance < 0.55:
             pair.receive(encode(next(random_frames(rng, 1))), now)
@@ -194,17 +213,28 @@ def test_both_boards_do_the_same_whatever_comes(program: Path, identity: Identit
             pair.disconnect()
         pair.look()
         states.add(pair.board.state)
+        periods.add(pair.board.period)
     assert len(states) == (4 if identity.full_scale_current else 2)
+    assert len(periods) > 20
+    assert pair.status
+    counted = min(pair.status.late, pair.status.overflowed, pair.status.refused)
+    assert counted > 0 or not identity.full_scale_current
     assert run(program, identity, b"".join(pair.script)) == b"".join(pair.expected)
 
 
 def test_the_sketch_compiles() -> None:
-    sketch = FIRMWARE / "haptic_handle.ino"
+    sketch = SKETCH / "haptic_handle.ino"
     words = ["g++", "-fsyntax-only", *STRICT, f"-I{HERE / 'arduino'}", "-include", "Arduino.h"]
     subprocess.run([*words, "-x", "c++", sketch], check=True)
 
 
+def test_the_sketch_states_the_version_that_the_driver_asks_for() -> None:
+    sketch = (SKETCH / "haptic_handle.ino").read_text(encoding="utf-8")
+    assert f"{{{', '.join(map(str, FIRMWARE))}}}, AXES" in sketch
+    assert f"uint8_t VERSION = {VERSION};" in (SKETCH / "protocol.h").read_text(encoding="utf-8")
+
+
 def test_the_numbers_of_frames_are_alike() -> None:
-    header = (FIRMWARE / "protocol.h").read_text(encoding="utf-8")
+    header = (SKETCH / "protocol.h").read_text(encoding="utf-8")
     for kind in FrameType:
         assert f"  {kind.name} = 0x{kind:02X},\n" in header

@@ -38,7 +38,7 @@ class Wire:
     def __init__(self) -> None:
         self.currents: list[float] = []
 
-    def set_current(self, current: float) -> None:
+    def set_current(self, current: float, due: float) -> None:
         """Keep a set-point."""
         self.currents.append(current)
 
@@ -87,6 +87,7 @@ def test_all_that_drives_or_limits_the_coil_uses_it(file: Path) -> None:
     assert layer.actuator_force(0.0, 0.0, 50.0) == COIL.peak_force
 
     compensation = Compensation(own, RATE, options)
+    compensation.sample(0.0, 0.0)  # at rest
     assert compensation.sample(1000.0, 0.0)[1] == COIL.peak_force
     expected = ActuatorGuard(COIL, RATE)
     expected.limited(50.0, 0.0)

@@ -59,9 +59,9 @@ def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:
 
 def test_wildcards_reach_the_nodes_that_have_the_parameter(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
-    file.write_text("/**: {ros__parameters: {rate: 500.0}}")
+    file.write_text("/**: {ros__parameters: {latency: 2}}")
     values = read_parameter_file(file)
-    assert values["master_device"] == values["compensator"] == {"rate": 500.0}
+    assert values["master_device"] == values["compensator"] == {"latency": 2}
     assert values["coupler"] == {}
 
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 import rclpy
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
@@ -23,7 +24,11 @@ from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.nodes import device_node
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.nodes.master_device import MasterDevice
+from haptic_accel.nodes.scheduling import system_time
 from running import PATIENCE
+
+PERIOD = 1_000_000
+"""Period of the default rate, ns."""
 
 STOP = {"arm_force": ZERO, "actuator_force": 0.0}
 
@@ -32,12 +37,13 @@ class Witness(SimulatedMaster):
     """A simulated master that keeps every force written to it."""
 
     written: list[dict[str, Any]]
+    times: list[float]
     broken = ""
     unplugged = False
 
     def open(self) -> None:
         """Start with nothing written."""
-        self.written = []
+        self.written, self.times = [], []
         self._work()
         super().open()
 
@@ -47,8 +53,9 @@ class Witness(SimulatedMaster):
         return None if self.unplugged else super().read(time)
 
     def write(self, time: float, **forces: Any) -> None:
-        """Keep the forces, and apply them."""
+        """Keep the forces with their time, and apply them."""
         self.written.append(forces)
+        self.times.append(time)
         super().write(time, **forces)
 
     def _work(self) -> None:
@@ -77,18 +84,32 @@ class Bench:
         assert isinstance(self.node.device, Witness)
         return self.node.device.written
 
+    def wrote(self, name: str, force: Any, first: int = 0) -> bool:
+        """Return whether a force was written to the device."""
+        return any(forces.get(name) == force for forces in self.written[first:])
+
     def until(self, condition: Callable[[], bool]) -> None:
         """Let both nodes run until a condition holds."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, (self.written[-3:], self.answers)
-            self.executor.spin_once(timeout_sec=0.1)
+            self.turn(0.001)
+
+    def turn(self, seconds: float = 0.0) -> None:
+        """Let both nodes do what is due."""
+        while self.node.work() <= time.monotonic():
+            pass
+        self.executor.spin_once(timeout_sec=seconds)
 
     def command(self, arm: Vector, actuator: float, age: float = 0.0) -> None:
         """Send a force to the arm and one to the actuator, made of samples of an age in s."""
         moment = time.time_ns() - round(age * 1e9)
         self._arm.send(moment, arm)
         self._actuator.send(moment, (0.0, 0.0, actuator))
+
+    def send_actuator(self, stamp: int, force: float) -> None:
+        """Send a force to the actuator, made of a sample with a stamp, ns."""
+        self._actuator.send(stamp, (0.0, 0.0, force))
 
     def warned(self, *of: str) -> None:
         """Wait until the node's status has warned of something."""
@@ -126,11 +147,17 @@ class Bench:
 
         self.until(both)
 
-    def stop(self, stop: bool) -> None:
-        """Publish the emergency stop or its release, and wait for the answer."""
+    def stop(self, stop: bool, *, driven: bool = False) -> None:
+        """Publish the emergency stop or its release, and wait for the answer; drive meanwhile."""
         known = len(self.answers)
         self._stop.publish(Bool(data=stop))
-        self.until(lambda: len(self.answers) > known)
+
+        def answered() -> bool:
+            if driven:
+                self.command((0.1, 0.0, 0.2), 0.3)
+            return len(self.answers) > known
+
+        self.until(answered)
 
     def close(self) -> None:
         """End both nodes."""
@@ -162,7 +189,7 @@ def test_the_first_command_after_a_stop_is_zero_and_there_is_no_other(bench: Ben
     stopped = len(bench.written)
     for _ in range(50):
         bench.command((0.1, 0.0, 0.2), 0.3)
-        bench.executor.spin_once(timeout_sec=0.0)
+        bench.turn()
     bench.stop(True)
     assert bench.written[stopped:] == [STOP], "the second stop writes zero again, nothing else"
     assert bench.answers[-1] is True
@@ -175,18 +202,19 @@ def test_the_first_command_after_a_stop_is_zero_and_there_is_no_other(bench: Ben
 
 def test_what_was_stopped_is_not_said_to_have_timed_out(bench: Bench) -> None:
     bench.driven()
-    bench.stop(True)
+    timeouts = bench.node.status()[1]["actuator force timeouts"]
+    bench.stop(True, driven=True)
     over = time.monotonic() + 2 * ARM_TIMEOUT
     bench.until(lambda: time.monotonic() > over)
     warning, values = bench.node.status()
     assert "timed out" not in warning
-    assert values["actuator force timeouts"] == "0"
+    assert values["actuator force timeouts"] == timeouts
 
 
 def test_a_force_whose_sender_has_gone_is_taken_off(bench: Bench) -> None:
     bench.driven()
     for name, none in STOP.items():
-        bench.until(lambda name=name, none=none: any(f.get(name) == none for f in bench.written))
+        bench.until(lambda name=name, none=none: bench.wrote(name, none))
     assert "actuator force timed out" in bench.node.status()[0]
 
 
@@ -208,7 +236,7 @@ def test_nothing_unsafe_reaches_the_device(bench: Bench) -> None:
 
     def cut() -> bool:
         bench.command((30.0, 0.0, 0.0), -1e9)
-        return {"arm_force": (ARM_PEAK_FORCE, 0.0, 0.0)} in bench.written[before:]
+        return bench.wrote("arm_force", (ARM_PEAK_FORCE, 0.0, 0.0), before)
 
     bench.until(cut)
     for wrong in (math.nan, math.inf):
@@ -220,7 +248,7 @@ def test_nothing_unsafe_reaches_the_device(bench: Bench) -> None:
     for forces in bench.written[before:]:
         assert math.hypot(*forces.get("arm_force", ZERO)) <= ARM_PEAK_FORCE * 1.000001
         assert abs(forces.get("actuator_force", 0.0)) <= ActuatorParameters.peak_force
-    assert {"arm_force": (0.5, 0.0, 0.0)} not in bench.written
+    assert not bench.wrote("arm_force", (0.5, 0.0, 0.0))
     bench.driven()
 
 
@@ -231,7 +259,7 @@ def test_where_recovery_is_manual_a_service_arms(bench: Bench) -> None:
     before = len(bench.written)
     for _ in range(20):
         bench.command((0.1, 0.0, 0.2), 0.3)
-        bench.executor.spin_once(timeout_sec=0.0)
+        bench.turn()
     assert bench.written[before:] == []
     answer = bench.call(Trigger, "master_device/arm", Trigger.Request())
     assert (answer.success, answer.message) == (True, "armed")
@@ -269,7 +297,7 @@ def test_states_open_enable_and_close_the_device(bench: Bench) -> None:
     bench.until(lambda: len(heard) > 10)
     for _ in range(20):
         bench.command((0.1, 0.0, 0.2), 0.3)
-        bench.executor.spin_once(timeout_sec=0.0)
+        bench.turn()
     assert bench.written == [], "read, but not moved"
     assert bench.change_state("activate")
     bench.driven()
@@ -307,8 +335,47 @@ def test_a_device_that_fails_is_left_without_force_until_configured_again(bench:
     written = len(device.written)
     for _ in range(20):
         bench.command((0.1, 0.0, 0.2), 0.3)
-        bench.executor.spin_once(timeout_sec=0.0)
+        bench.turn()
     assert len(device.written) == written
     assert bench.change_state("configure")
     assert bench.change_state("activate")
     bench.driven()
+
+
+def test_a_stall_loses_no_sample_and_each_has_its_own_stamp(bench: Bench) -> None:
+    stamps: list[int] = []
+    bench.other.listen(topics.HANDLE_ACCELERATION, lambda stamp, _: stamps.append(stamp))
+    bench.until(lambda: len(stamps) > 20)
+    time.sleep(0.05)
+    stalled = len(stamps)
+    bench.until(lambda: len(stamps) > stalled + 60)
+    steps = np.diff(stamps)
+    assert steps == pytest.approx(np.full(len(steps), PERIOD), abs=PERIOD / 4)
+    assert bench.node.status()[1]["missed ticks"] == "0"
+
+
+def test_a_force_is_applied_at_the_tick_after_that_of_its_sample(bench: Bench) -> None:
+    bench.driven()
+    device = bench.node.device
+    assert isinstance(device, Witness)
+    # Far enough ahead to arrive in time on a busy machine.
+    cause = round(time.monotonic() / PERIOD * 1e9) + 50
+    bench.send_actuator(system_time(bench.node.rate_keeper.time(cause)), 0.77)
+    bench.until(lambda: bench.wrote("actuator_force", 0.77))
+    place = next(i for i, f in enumerate(bench.written) if f.get("actuator_force") == 0.77)
+    assert device.times[place] == pytest.approx((cause + 1) * PERIOD / 1e9, abs=1e-9)
+    assert bench.node.status()[1]["actuator force deadlines missed"] == "0"
+
+
+def test_a_force_that_comes_late_is_applied_on_arrival_and_counted(bench: Bench) -> None:
+    bench.driven()
+    silent = time.monotonic() + 60e-3
+    bench.until(lambda: time.monotonic() > silent)
+    known = int(bench.node.status()[1]["actuator force deadlines missed"])
+
+    def late() -> bool:
+        bench.send_actuator(time.time_ns() - 30 * PERIOD, 0.66)
+        return bench.wrote("actuator_force", 0.66)
+
+    bench.until(late)
+    assert int(bench.node.status()[1]["actuator force deadlines missed"]) > known

@@ -19,6 +19,7 @@ from haptic_accel.core.control.filters import (
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.sampling import LATENCY
 
 AT_RANGE = 0.999
 """Fraction of full scale above which a handle sample counts as saturated: converters differ."""
@@ -85,6 +86,11 @@ def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -
 class Compensation:
     """High-pass, controller and the actuator's limits as one object that takes samples.
 
+    It sleeps until something moves: while all samples since the start or a reset equal the first
+    one, there is no force, and nothing counts or adapts. So one that waited at rest gives, bit for
+    bit, what one gives that has just started. The noise of a real accelerometer wakes it at once.
+    The first sample is the tool's acceleration at rest, mostly gravity: no step for the filters.
+
     Parameters
     ----------
     parameters : CompensationParameters
@@ -96,6 +102,8 @@ class Compensation:
         handle as identified (`PLANT`), where not the defaults.
     prepared : sequence of str
         Controllers to build beforehand, so that `select` takes no time.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force is due.
 
     Attributes
     ----------
@@ -108,7 +116,7 @@ class Compensation:
     Raises
     ------
     ParameterError
-        The rate is too low for the high-pass.
+        The rate is too low for the high-pass, or the latency is not allowed.
     """
 
     def __init__(
@@ -117,6 +125,8 @@ class Compensation:
         rate: float,
         options: Mapping[str, Checked] | None = None,
         prepared: Sequence[str] = (),
+        *,
+        latency: int = LATENCY,
     ) -> None:
         check_corner(rate, parameters.high_pass_frequency)
         self._options = dict(options or {})
@@ -125,7 +135,8 @@ class Compensation:
         actuator = self._options.get(ACTUATOR, ActuatorParameters())
         plant = self._options.get(PLANT, Plant())
         assert isinstance(actuator, ActuatorParameters) and isinstance(plant, Plant)
-        self._loop = Loop(rate, parameters.high_pass_frequency, plant.coupled())
+        plant = plant.coupled().delayed(latency)
+        self._loop = Loop(rate, parameters.high_pass_frequency, plant)
         self.guard = ActuatorGuard(actuator, rate)
         self._built: dict[str, _Channel] = {}
         for name in (parameters.controller, *prepared):
@@ -136,6 +147,7 @@ class Compensation:
         self._listened = 0
         self._resting = -math.expm1(-1.0 / (RESTING * rate))
         self._rest = self._handle = 0.0
+        self._fall_asleep()
         self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
         self.rejected = self.untrusted = 0
 
@@ -148,7 +160,8 @@ class Compensation:
         """Let another controller take over, without a jump in force.
 
         For `LISTENING` it only receives samples, so that its filters settle, then it is faded in
-        over `FADING`. A fade that has begun is completed before another controller starts.
+        over `FADING`. A fade that has begun is completed before another controller starts. While
+        nothing has moved yet, it takes over at once.
 
         Raises
         ------
@@ -158,7 +171,9 @@ class Compensation:
         self._build(name)
         if name == self.controller:
             return
-        if self._follower and self._listened > self._listening:
+        if self._asleep:
+            self._active, self._follower, self._waiting = self._built[name], None, None
+        elif self._follower and self._listened > self._listening:
             self._waiting = self._built[name]
         else:
             self._listen(self._built[name])
@@ -185,8 +200,11 @@ class Compensation:
         actuator_force : float
             Force within the actuator's limits, N; always finite.
         """
+        tool = self._plausible(tool_acceleration)
+        if self._asleep and self._still(tool, handle_acceleration):
+            return 0.0, 0.0
         measured = self._trusted(handle_acceleration)
-        desired, force = self._wanted(self._plausible(tool_acceleration), measured)
+        desired, force = self._wanted(tool, measured)
         if not (math.isfinite(desired) and math.isfinite(force)):
             # An unstable controller: a filter that holds infinity never recovers.
             self.reset()
@@ -201,6 +219,8 @@ class Compensation:
 
     def adapt(self) -> None:
         """Do a piece of the controller's slow work; call it when no force is due."""
+        if self._asleep:
+            return
         self._active.controller.adapt()
         if self._follower:
             self._follower.controller.adapt()
@@ -211,13 +231,14 @@ class Compensation:
             channel.controller.freeze(frozen)
 
     def reset(self) -> None:
-        """Return to the state of a compensation that has always seen zero.
+        """Return to the state of a compensation that has just started.
 
         The estimates of the actuator's heat and travel stay: no reset cools a coil.
         """
         for channel in self._built.values():
             channel.reset()
         self._rest = 0.0
+        self._fall_asleep()
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return a warning, empty for none, and values with units for diagnostics."""
@@ -239,6 +260,25 @@ class Compensation:
         if name not in self._built:
             controller = build_controller(name, self._loop, self._options.get(name))
             self._built[name] = _Channel(name, SampleFilter(self._sections), controller)
+
+    def _fall_asleep(self) -> None:
+        """Wait for a sample that differs from the next one."""
+        self._asleep = True
+        self._tool_at_rest: float | None = None
+        self._handle_at_rest: float | None = None
+
+    def _still(self, tool: float, handle: float | None) -> bool:
+        """Return whether nothing has moved yet; wake up at the first difference."""
+        if self._tool_at_rest is None:
+            self._tool_at_rest = tool
+        if self._handle_at_rest is None:
+            self._handle_at_rest = handle
+        if tool == self._tool_at_rest and (handle is None or handle == self._handle_at_rest):
+            return True
+        self._asleep = False
+        self._rest = self._tool_at_rest
+        self._active.begin(self._rest)
+        return False
 
     def _wanted(self, tool: float, measured: float) -> tuple[float, float]:
         """Return desired acceleration and force, during a change crossfaded to the new one."""

@@ -46,7 +46,7 @@ class GripIdentification:
     Attributes
     ----------
     trials : list of IdentificationTrial
-        Recorded trials.
+        Recorded trials, without latency.
     responses : list of FrequencyResponse
         The paper's DFT ratio of each trial.
     averaged_h1, averaged_h2 : FrequencyResponse
@@ -101,7 +101,8 @@ def identify_handle(
     Parameters
     ----------
     recorded : mapping of str to sequence of IdentificationTrial
-        Trials by the name of the grip.
+        Trials by the name of the grip. Their latency is taken off first, so that the delay found
+        is that of the hardware.
     sweep : SweepParameters
         Excitation of the handle.
     acceleration_range, bandwidth : float
@@ -122,7 +123,9 @@ def identify_handle(
         raise ParameterError("recorded: must hold at least one trial of every grip")
     fit = partial(fit_handle, known=known, low_pass_frequency=bandwidth)
     grips = {
-        name: _identify_grip(list(trials), sweep, acceleration_range, fit, free)
+        name: _identify_grip(
+            [trial.aligned for trial in trials], sweep, acceleration_range, fit, free
+        )
         for name, trials in recorded.items()
     }
     pooled = _pooled(list(grips.values()), fit, free)

@@ -282,7 +282,7 @@ class _Problem:
         found = self._searched(self._start())
         if {"b_s", "b_u"} <= set(self._free):
             other = self._searched(self._mirrored(found.x))
-            found = other if other.cost < found.cost else found
+            found = min(found, other, key=self._preference)
         point = self._decoded(found.x)
         jacobian = np.asarray(found.jac)
         count = len(found.fun)
@@ -311,6 +311,12 @@ class _Problem:
         ]
         low, high = np.transpose(bounds)
         return least_squares(self._residuals, start, bounds=(low, high), x_scale="jac")
+
+    def _preference(self, found: Any) -> tuple[float, float]:
+        """Return what decides between two solutions: the cost; if equal, the known handle."""
+        # Equal but for rounding, which differs from one version of a library to the next.
+        cost = float(f"{found.cost:.6g}")
+        return cost, float(np.linalg.norm(found.x - self._encoded(self._known)))
 
     def _mirrored(self, point: FloatArray) -> FloatArray:
         """Return the point where bearing and grip have exchanged their damping.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -181,12 +181,27 @@ class IdentificationTrial:
         Acceleration as measured, m/s^2.
     status : dict
         Counts of what went beyond a range or was lost, by name: all zero in a good trial.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force took effect. Where
+        it is not known, it is part of the delay that is found.
     """
 
     rate: float
     actuator_force: FloatArray
     handle_acceleration: FloatArray
     status: dict[str, int]
+    latency: int = 0
+
+    @property
+    def aligned(self) -> IdentificationTrial:
+        """The trial as if each force had taken effect right after the sample that caused it."""
+        samples = len(self.actuator_force) - self.latency
+        return replace(
+            self,
+            actuator_force=self.actuator_force[:samples],
+            handle_acceleration=self.handle_acceleration[self.latency :],
+            latency=0,
+        )
 
 
 def find_trials(
@@ -195,6 +210,7 @@ def find_trials(
     parameters: SweepParameters,
     rate: float,
     missing: npt.NDArray[np.bool_] | None = None,
+    latency: int = 0,
 ) -> list[IdentificationTrial]:
     """Find the excitation in a recording by its correlation with the force.
 
@@ -208,6 +224,8 @@ def find_trials(
         Samples per second.
     missing : ndarray of bool, shape (n,), optional
         Mask of the samples that were not recorded, and are filled in.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force took effect.
 
     Returns
     -------
@@ -226,11 +244,12 @@ def find_trials(
     check_pair(actuator_force, handle_acceleration)
     wanted = excitation(parameters, rate)
     length = len(wanted)
-    if len(actuator_force) < length:
+    if len(actuator_force) < length + latency:
         raise RecordingError(
-            f"recording: {len(actuator_force)} samples at {rate:g} Hz, must be at least {length},"
-            f" {parameters.repeats} repeats of {parameters.duration:g} s"
+            f"recording: {len(actuator_force)} samples at {rate:g} Hz, must be at least"
+            f" {length + latency}, {parameters.repeats} repeats of {parameters.duration:g} s"
         )
+    whole, actuator_force = actuator_force, actuator_force[: len(actuator_force) - latency]
     product = signal.correlate(actuator_force, wanted, mode="valid", method="fft")
     energy = np.cumsum(np.concatenate([[0.0], actuator_force**2]))
     norm = np.sqrt((energy[length:] - energy[:-length]) * float(np.sum(wanted**2)))
@@ -248,13 +267,14 @@ def find_trials(
             f" {parameters.repeats} repeats of {parameters.duration:g} s from"
             f" {parameters.start_frequency:g} to {parameters.end_frequency:g} Hz?"
         )
-    gaps = np.zeros(len(actuator_force), dtype=bool) if missing is None else missing
+    gaps = np.zeros(len(whole), dtype=bool) if missing is None else missing
     return [
         IdentificationTrial(
             rate,
-            actuator_force[start : start + length],
-            handle_acceleration[start : start + length],
-            {SAMPLES_MISSING: int(np.sum(gaps[start : start + length]))},
+            whole[start : start + length + latency],
+            handle_acceleration[start : start + length + latency],
+            {SAMPLES_MISSING: int(np.sum(gaps[start : start + length + latency]))},
+            latency,
         )
         for start in sorted(starts)
     ]

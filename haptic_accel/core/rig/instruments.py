@@ -53,8 +53,10 @@ class Accelerometer:
         self._random = np.random.default_rng((seed, stream))
         self._noise: list[float] = []
 
-    def measure(self, low_passed: float) -> float:
+    def measure(self, low_passed: float, *, noisy: bool = True) -> float:
         """Return a sample of the acceleration behind the sensor's low-pass, m/s^2."""
+        if not noisy:
+            return self._converter.convert(low_passed)
         if not self._noise:
             # Drawn in blocks: one call per sample would take longer than the rest together.
             self._noise = self._random.normal(0.0, self._deviation, _NOISE_BLOCK).tolist()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 from haptic_accel.core.model import Sample, Vector
@@ -9,9 +10,31 @@ from haptic_accel.core.model import Sample, Vector
 LONGEST_ADVANCE = 0.1
 """Longest time simulated in one go, s; after a longer stall the rig has stood still."""
 
+RESOLUTION = 10e-6
+"""Longest step of a rig's clock, s."""
+
+
+def clock_step(rate: float) -> float:
+    """Return the step of a rig's clock, s: whole steps fit into a sampling period.
+
+    A clock that counts steps gives every period the same length, whenever the rig has started.
+
+    Examples
+    --------
+    >>> clock_step(1000.0), clock_step(150e3)
+    (1e-05, 6.666666666666667e-06)
+    """
+    period = 1.0 / rate
+    return period / max(1, math.ceil(period / RESOLUTION))
+
 
 class Rig(Protocol):
-    """One side of the virtual rig; times in s from its start."""
+    """One side of the virtual rig; times in s.
+
+    It stands still until its first force: that of the arm, even if zero, or one of the actuator
+    that is not zero. Until then every sample is the same, without noise. So nothing that comes
+    afterwards depends on how long it stood still.
+    """
 
     def advance(self, time: float) -> None:
         """Let physics run until a time; one that has passed changes nothing."""

@@ -22,11 +22,8 @@ from haptic_accel.core.model import (
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.rig.exploration import TABLE_STEP, Exploration, ExplorationParameters
 from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters, Quantizer
-from haptic_accel.core.rig.interface import LONGEST_ADVANCE
+from haptic_accel.core.rig.interface import LONGEST_ADVANCE, clock_step
 from haptic_accel.core.rig.linear_system import LinearSystem
-
-RESOLUTION = 10e-6
-"""Time resolution of commands, s; the linear mechanics has no step error."""
 
 STOP_STEPS = 5
 """Steps between updates of the travel stops' force when a stop is near (50 us)."""
@@ -89,8 +86,8 @@ class MasterRig:
 
     Linear between commands and advanced exactly; only the travel stops and dry friction are
     not linear. The stops' force is updated every 50 us when one is within reach, friction every
-    250 us if there is any. The hand rests until the arm receives its first force (the coupling
-    has engaged), then starts to explore.
+    250 us if there is any. Everything stands still until the first force. The hand rests until
+    the arm receives its first one (the coupling has engaged), then starts to explore.
 
     Parameters
     ----------
@@ -110,10 +107,9 @@ class MasterRig:
         self._p = parameters
         self._seed = seed
         self.handle = held(parameters.handle, parameters.grip, seed)
-        period = 1.0 / rate
-        self._step = period / max(1, math.ceil(period / RESOLUTION))
+        self._step = clock_step(rate)
         self._stall = round(LONGEST_ADVANCE / self._step)
-        self._longest = min(round(period / self._step), round(TABLE_STEP / self._step))
+        self._longest = min(round(1.0 / rate / self._step), round(TABLE_STEP / self._step))
         self._system = self._mechanics()
         self._exploration = Exploration(parameters.exploration)
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
@@ -121,6 +117,7 @@ class MasterRig:
         self._delay = round(parameters.drive.delay / self._step)
         self._commands: deque[tuple[int, float]] = deque()
         self._now = 0
+        self._started = False
         self._explored_since: int | None = None
         # The hand's state at the end of a step is that at the start of the next.
         self._hand_ahead = -1, (0.0, 0.0, 0.0, 0.0)
@@ -137,12 +134,13 @@ class MasterRig:
     def advance(self, time: float) -> None:
         """Let physics run until a time in s; a time that has passed changes nothing."""
         due = round(time / self._step) - self._now
-        if due > self._stall:
-            skipped = due - self._stall
+        longest = self._stall if self._started else 0
+        if due > longest:
+            skipped = due - longest
             self._now += skipped
             if self._explored_since is not None:
                 self._explored_since += skipped
-            due = self._stall
+            due = longest
         while due > 0:
             due -= self._advance(due)
         self._take_commands()
@@ -151,12 +149,14 @@ class MasterRig:
         """Return the present readings of encoders and accelerometer."""
         state = self._system.state.tolist()
         # Held against gravity, the sensor reads as much upwards.
-        acceleration = self._accelerometer.measure(state[MEASURED] + self._p.grip.gravity)
+        low_passed = state[MEASURED] + self._p.grip.gravity
+        acceleration = self._accelerometer.measure(low_passed, noisy=self._started)
         return self._p.arm.sample(state[X_H], state[Y_H], state[VX_H], state[V_H], acceleration)
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis up to their limit."""
         if self._explored_since is None:
+            self._started = True
             self._explored_since = self._now
         inputs, motor_force = self._system.inputs, self._p.arm.motor_force
         inputs[F_X], inputs[F_Z] = motor_force(force[0]), motor_force(force[2])
@@ -167,6 +167,7 @@ class MasterRig:
         NaN takes the force off.
         """
         converted = self._converter.convert(0.0 if math.isnan(force) else force)
+        self._started = self._started or converted != 0.0
         self._commands.append((self._now + self._delay, converted))
         self._take_commands()
 
@@ -176,6 +177,8 @@ class MasterRig:
         self.handle = handle
         self._system = self._mechanics()
         self._system.state[:], self._system.inputs[:] = before.state, before.inputs
+        if not self._started:
+            self._rest()
 
     def hold(self, grip: GripParameters) -> None:
         """Change the grip of the same user from now on."""
@@ -208,6 +211,7 @@ class MasterRig:
 
     def disturb(self, handle_velocity: float = 0.0, actuator_velocity: float = 0.0) -> None:
         """Set velocities along the actuator's axis, m/s: a blow, for tests and experiments."""
+        self._started = True
         self._system.state[V_H] = handle_velocity
         self._system.state[V_A] = actuator_velocity
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, Sample, Vector
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters
-from haptic_accel.core.rig.interface import LONGEST_ADVANCE
+from haptic_accel.core.rig.interface import LONGEST_ADVANCE, clock_step
 from haptic_accel.core.rig.surface import (
     PROFILE_POINTS,
     PROFILE_STEP,
@@ -64,7 +64,7 @@ class SlaveRig:
 
     The surface can only push (Hertz contact with Hunt-Crossley damping); harder pressing makes it
     stiffer and transmits more of the texture. The tip's height follows the profile at the speed
-    of the stroke.
+    of the stroke. It stands still until the arm receives its first force.
 
     Parameters
     ----------
@@ -98,9 +98,10 @@ class SlaveRig:
         self._recording = None if recording is None else recording.tolist()
         self._corner = 2 * math.pi * parameters.accelerometer.bandwidth
         self._force_x = self._force_z = 0.0
-        self._now = 0.0
-        self._driven = False
-        self._played_since: float | None = None
+        self._clock_step = clock_step(rate)
+        self._now = 0  # steps of the clock
+        self._started = False
+        self._played_since: int | None = None
         self._x, self._v_x = 0.0, 0.0
         self._z, self._v_z = parameters.tool.height, 0.0
         self._low_passed = 0.0
@@ -113,26 +114,12 @@ class SlaveRig:
 
     def advance(self, time: float) -> None:
         """Let physics run until a time in s; a time that has passed changes nothing."""
-        due = time - self._now
-        if due <= 0:
+        passed = round(time / self._clock_step) - self._now
+        if passed <= 0:
             return
-        self._now = time
-        due = min(due, LONGEST_ADVANCE)
-        steps = max(1, math.ceil(due / self._longest_step - 1e-6))
-        step = due / steps
-        decay = math.exp(-self._corner * step)
-        # A step's share of its first and last acceleration in the low-pass, the
-        # acceleration taken as linear in between.
-        mean = (1 - decay) / (self._corner * step)
-        first, last = mean - decay, 1 - mean
-        # The motors' force changes only here: the low-pass must see its jump.
-        self._acceleration_x, self._acceleration_z = self._accelerations()
-        for _ in range(steps):
-            before = self._acceleration_z
-            self._step(step)
-            self._low_passed = (
-                decay * self._low_passed + first * before + last * self._acceleration_z
-            )
+        self._now += passed
+        if self._started:
+            self._move(min(passed * self._clock_step, LONGEST_ADVANCE))
 
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
@@ -141,7 +128,7 @@ class SlaveRig:
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis up to their limit."""
-        self._driven = True
+        self._started = True
         motor_force = self._p.arm.motor_force
         self._force_x, self._force_z = motor_force(force[0]), motor_force(force[2])
 
@@ -180,19 +167,38 @@ class SlaveRig:
 
     def disturb(self, velocity_x: float = 0.0, velocity_z: float = 0.0) -> None:
         """Set the tip's velocity, m/s: a throw, for tests and experiments."""
+        self._started = True
         self._v_x, self._v_z = velocity_x, velocity_z
         self._acceleration_x, self._acceleration_z = self._accelerations()
 
+    def _move(self, due: float) -> None:
+        """Integrate the motion over a time in s."""
+        steps = max(1, math.ceil(due / self._longest_step - 1e-6))
+        step = due / steps
+        decay = math.exp(-self._corner * step)
+        # A step's share of its first and last acceleration in the low-pass, the
+        # acceleration taken as linear in between.
+        mean = (1 - decay) / (self._corner * step)
+        first, last = mean - decay, 1 - mean
+        # The motors' force changes only here: the low-pass must see its jump.
+        self._acceleration_x, self._acceleration_z = self._accelerations()
+        for _ in range(steps):
+            before = self._acceleration_z
+            self._step(step)
+            self._low_passed = (
+                decay * self._low_passed + first * before + last * self._acceleration_z
+            )
+
     def _tool_acceleration(self) -> float:
         if self._recording is None:
-            return self._accelerometer.measure(self._low_passed)
-        if not self._driven:
+            return self._accelerometer.measure(self._low_passed, noisy=self._started)
+        if not self._started:
             return 0.0
         if self._played_since is None:
             # From a sample and not from the force, which may fall in the middle between two.
             self._played_since = self._now
         # The recording went through a sensor already: it is played as it is.
-        index = round((self._now - self._played_since) * self._rate)
+        index = round((self._now - self._played_since) * self._clock_step * self._rate)
         return float(self._recording[index % len(self._recording)])
 
     def _step(self, step: float) -> None:

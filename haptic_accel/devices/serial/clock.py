@@ -1,15 +1,15 @@
-"""Time when a sample was taken, by the host's clock: lines fitted to the counts of a device.
+"""A device's clock by the host's: a line fitted to the arrival of its frames.
 
-A frame arrives some time after its first sample was taken, never before, and some much later than
-others. Of each block of frames only the quickest one counts; a line through the last blocks is
-the device's clock. The device stamps samples with some jitter, but takes them evenly: another
-line, of its clock against the count of samples, removes that. The shortest transport time of a
-frame remains, which cannot be measured from one side.
+A frame arrives some time after it was stamped, never before, and some much later than others. Of
+each block of frames only the quickest one counts; the line goes through the last blocks. The
+shortest transport time of a frame remains, which cannot be measured from one side: a device is
+taken to be late by it, and so does all that it is asked to do by its clock a little early.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,19 +27,11 @@ BLOCKS = 256
 LEAST_BLOCKS = 32
 """Fewest blocks to fit a slope to: with fewer, jitter would make a large error."""
 
+FIRST_BLOCKS = 4
+"""Blocks that a line without a fitted slope goes through: an older one is wrong by the drift."""
+
 LARGEST_DRIFT = 1e-3
 """Largest relative difference of a rate from its nominal value: crystals have 1e-4."""
-
-IN_TIME = 0.95
-"""Share of frames that arrive within the delay."""
-
-DELAY_STEP = 20e-6
-"""Increase of the delay for a late frame, s; for others it shrinks by a twentieth of that, and so
-settles where `IN_TIME` of them are in time."""
-
-LONGEST_DELAY = 1.0
-"""Longest delay besides the length of a frame, in periods: waiting for frames that come later
-would add more latency than their samples are worth."""
 
 STRAGGLER = 0.5e-3
 """Lateness against the line beyond which a block is ignored, s; a block as much too early shows
@@ -54,119 +46,94 @@ def unwrapped(count: int, near: int) -> int:
     return near + (count - near + CLOCKS // 2) % CLOCKS - CLOCKS // 2
 
 
-class Line:
-    """Line through the last points, with a slope near a nominal one.
-
-    Parameters
-    ----------
-    slope : float
-        Nominal slope.
-    """
-
-    def __init__(self, slope: float) -> None:
-        self._nominal = slope
-        self._points: deque[tuple[float, float]] = deque(maxlen=BLOCKS)
-        self._start = 0.0, 0.0
-        self.slope = slope
-
-    def __bool__(self) -> bool:
-        """Return True if it has a point."""
-        return bool(self._points)
-
-    def at(self, x: float) -> float:
-        """Return y on the line."""
-        x_0, y_0 = self._start
-        return y_0 + self.slope * (x - x_0)
-
-    def distance(self, x: float, y: float) -> float:
-        """Return the height of a point above the line; 0 without a line."""
-        return y - self.at(x) if self else 0.0
-
-    def add(self, x: float, y: float) -> None:
-        """Add a point, and fit the line."""
-        self._points.append((x, y))
-        # Relative to the last point, so that no digits are lost after hours.
-        points = np.array(self._points) - (x, y)
-        x_mean, y_mean = points.mean(axis=0).tolist()
-        self.slope = self._nominal
-        if len(points) >= LEAST_BLOCKS:
-            variance, covariance = np.cov(points, rowvar=False)[0].tolist()
-            low, high = (self._nominal * (1 + sign * LARGEST_DRIFT) for sign in (-1, 1))
-            self.slope = min(max(covariance / variance, low), high)
-        self._start = x + x_mean, y + y_mean
-
-    def clear(self) -> None:
-        """Remove all points."""
-        self._points.clear()
-
-
-class SampleClock:
-    """Clock of a device's samples.
-
-    Parameters
-    ----------
-    rate : float
-        Nominal sampling rate, Hz.
-    samples_per_frame : int
+class Line(NamedTuple):
+    """Line through a point.
 
     Attributes
     ----------
-    delay : float
-        Time from a frame's first sample until `IN_TIME` of all frames have arrived, s. Samples
-        read at this age are as even as they were taken.
+    clock : float
+        Time by the device's clock, us.
+    time : float
+        The same time by the host's clock, s.
+    slope : float
+        Host's s per us of the device.
     """
 
-    def __init__(self, rate: float, samples_per_frame: int = 1) -> None:
-        self._period = 1 / (rate * MICROSECOND)
-        self._stamps = Line(self._period)
-        self._host = Line(MICROSECOND)
-        self._late_blocks = 0
-        self._block: list[tuple[float, int, int, float]] = []
-        self.delay = 0.0
-        self._longest_delay = (samples_per_frame - 1 + LONGEST_DELAY) / rate
+    clock: float
+    time: float
+    slope: float
 
-    def add(self, index: int, clock: int, arrival: float) -> None:
-        """Process the stamps of a frame.
+
+class DeviceClock:
+    """Clock of a device; one thread may add frames while others convert times."""
+
+    def __init__(self) -> None:
+        self._line = Line(0.0, 0.0, MICROSECOND)
+        self._points: deque[tuple[float, float]] = deque(maxlen=BLOCKS)
+        self._late_blocks = 0
+        self._block: list[tuple[float, int, float]] = []
+
+    @property
+    def known(self) -> bool:
+        """True from the first complete block on; before, the quickest frame so far counts."""
+        return bool(self._points)
+
+    def add(self, clock: int, arrival: float) -> None:
+        """Process the stamp of a frame.
 
         Parameters
         ----------
-        index : int
-            Continuous count of its first sample.
         clock : int
-            Time of that sample by the device's clock, us, continuous.
+            Time of the stamp by the device's clock, us, continuous.
         arrival : float
             Time of arrival by the host's clock, s.
         """
-        # Seconds of the host per second of the device.
-        tick = self._host.slope / MICROSECOND
-        self._block.append((arrival - clock * MICROSECOND * tick, index, clock, arrival))
+        slope = self._line.slope
+        self._block.append((arrival - clock * slope, clock, arrival))
+        if self.known and len(self._block) < BLOCK:
+            return
+        _, stamp, arrived = min(self._block)
         if len(self._block) == BLOCK:
-            self._take(min(self._block))
             self._block.clear()
-        late = arrival - self.time(index) > self.delay
-        self.delay += DELAY_STEP * (IN_TIME if late else IN_TIME - 1)
-        self.delay = min(max(self.delay, 0.0), self._longest_delay)
+            self._take(stamp, arrived)
+        else:
+            self._line = Line(stamp, arrived, slope)
 
-    def time(self, index: int) -> float:
-        """Return the time of a sample by the host's clock, s.
+    def time(self, clock: float) -> float:
+        """Return a time of the device's clock, us, by the host's clock, s."""
+        line = self._line
+        return line.time + line.slope * (clock - line.clock)
 
-        Based on the quickest frame so far until the first block is complete.
-        """
-        if self._host:
-            return self._host.at(self._stamps.at(index))
-        _, first, _, arrival = min(self._block)
-        return arrival + (index - first) * self._period * MICROSECOND
+    def device_time(self, time: float) -> float:
+        """Return a time of the host's clock, s, by the device's clock, us, continuous."""
+        line = self._line
+        return line.clock + (time - line.time) / line.slope
 
-    def _take(self, quickest: tuple[float, int, int, float]) -> None:
-        _, index, clock, arrival = quickest
-        if abs(self._stamps.distance(index, clock)) > self._period / 2:
-            self._stamps.clear()
-        self._stamps.add(index, clock)
-        late = self._host.distance(clock, arrival)
+    def device_duration(self, duration: float) -> float:
+        """Return a duration by the host's clock, s, as one by the device's clock, us."""
+        return duration / self._line.slope
+
+    def _take(self, clock: float, arrival: float) -> None:
+        """Fit the line to the quickest frame of a block, too."""
+        late = arrival - self.time(clock) if self.known else 0.0
         self._late_blocks = self._late_blocks + 1 if late > STRAGGLER else 0
         if 0 < self._late_blocks < PATIENCE:
             return
         if abs(late) > STRAGGLER:
-            self._host.clear()
+            self._points.clear()
             self._late_blocks = 0
-        self._host.add(clock, arrival)
+        self._points.append((clock, arrival))
+        self._line = self._fitted()
+
+    def _fitted(self) -> Line:
+        # Relative to the last point, so that no digits are lost after hours.
+        last = self._points[-1]
+        points, slope = np.array(self._points) - last, MICROSECOND
+        if len(points) < LEAST_BLOCKS:
+            points = points[-FIRST_BLOCKS:]
+        else:
+            variance, covariance = np.cov(points, rowvar=False)[0].tolist()
+            low, high = (MICROSECOND * (1 + sign * LARGEST_DRIFT) for sign in (-1, 1))
+            slope = min(max(covariance / variance, low), high)
+        clock, time = points.mean(axis=0).tolist()
+        return Line(last[0] + clock, last[1] + time, slope)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.devices.connection import AUTO, MANUAL
-from haptic_accel.devices.interface import Device, DeviceError, Sample
+from haptic_accel.devices.interface import LATER, Device, DeviceError, Reading, Sample
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.protocol import Samples
@@ -30,7 +30,7 @@ MOST_WAITING = 4096
 """Most samples kept between two reads."""
 
 LONGEST_HELD = 10
-"""Most ticks for which a sample may be held; beyond, it would be misleading."""
+"""Most ticks for which a sample at another rate may be held; beyond, it would be misleading."""
 
 
 @dataclass(frozen=True)
@@ -72,17 +72,13 @@ class SerialSlaveParameters(PortParameters):
     """Board with an accelerometer."""
 
     rate: int = parameter(
-        0, "samples per second of the board; 0 for the rate of the graph", low=0, high=HIGHEST_RATE
+        0,
+        "samples per second of the board; 0 for the rate of the graph, at which it samples on the"
+        " graph's grid",
+        low=0,
+        high=HIGHEST_RATE,
     )
     samples_per_frame: int = parameter(1, "samples sent together", low=1, high=64)
-    delay: float = parameter(
-        0.0,
-        "least age of a sample, so that all ticks get samples of the same age; 0 for the age at"
-        " which 19 of 20 have arrived, at most a period more than a frame is long",
-        unit="s",
-        low=0.0,
-        high=0.1,
-    )
     calibration: CalibrationParameters = field(default_factory=CalibrationParameters)
 
 
@@ -101,10 +97,11 @@ class SerialMasterParameters(SerialSlaveParameters):
 class SerialDevice(Device):
     """Accelerometer of a board; position and velocity are zero, there is no arm.
 
-    The caller's clock must be `time.monotonic`. A tick gets the newest sample that is as old as
-    the delay; without a new one since the last tick, that one is held for a while, and counted.
-    The delay covers the jitter of the frames' transport: without it, a tick would get none or two
-    by chance. Reading never waits for the port, which has a thread of its own.
+    The caller's clock must be `time.monotonic`. At the rate of the graph, the board samples on the
+    graph's grid, the multiples of its period on that clock, and a tick gets the sample that was
+    taken at it. At another rate it gets the newest one there is; without a new one since the last
+    tick, that one is held for a while, and counted. Reading never waits for the port, which has a
+    thread of its own.
     """
 
     def __init__(self, parameters: SerialSlaveParameters, rate: float, seed: int) -> None:
@@ -125,8 +122,16 @@ class SerialDevice(Device):
         self._configuration = Configuration(
             p.rate or round(rate), axes_bits(p.calibration.axis), p.samples_per_frame
         )
-        required = Requirements(p.port, p.usb_serial, p.baud, self._configuration)
-        required = replace(required, serial_number=p.calibration.board)
+        self._half_period = 0.5 / rate
+        self._on_grid = self._configuration.rate == round(rate)
+        required = Requirements(
+            p.port,
+            p.usb_serial,
+            p.baud,
+            self._configuration,
+            serial_number=p.calibration.board,
+            grid_rate=rate if self._on_grid else 0.0,
+        )
         self._actuator: ActuatorParameters | None = None
         if isinstance(p, SerialMasterParameters):
             self._actuator = p.actuator
@@ -137,7 +142,9 @@ class SerialDevice(Device):
         self._longest_held = LONGEST_HELD / rate
         self._held: Sample | None = None
         self._held_since = 0.0
-        self._samples_held = 0
+        self._counts = Counter(
+            samples_missing=0, samples_skipped=0, samples_overflowed=0, samples_held=0
+        )
 
     def open(self) -> None:
         """Connect to the board, and start sampling."""
@@ -145,35 +152,52 @@ class SerialDevice(Device):
         self._held = None
         self._link.open()
 
-    def read(self, time: float) -> Sample | None:
-        """Return the newest sample taken no later than `time` less the delay.
+    def read(self, time: float) -> Reading:
+        """Return the sample taken at a tick, or for a board of another rate the newest by then.
 
-        None before the first, and once the last is too old to be held.
+        Until the board samples on the grid, a tick gets the sample nearest to it.
         """
-        due = time - self._delay
+        return self._sample_of(time) if self._on_grid else self._newest(time)
+
+    def _sample_of(self, tick: float) -> Reading:
+        """Return the sample within half a period of a tick, and remove those before."""
+        waiting, aligned = self._waiting, self._link.aligned
+        while waiting and waiting[0][0] < tick - self._half_period:
+            waiting.popleft()
+            self._counts["samples_skipped"] += aligned
+        if not waiting:
+            return LATER if self._link.connected else None
+        if waiting[0][0] > tick + self._half_period:
+            self._counts["samples_missing"] += aligned
+            return None
+        return Sample(ZERO, ZERO, waiting.popleft()[1])
+
+    def _newest(self, time: float) -> Sample | None:
+        """Return the newest sample taken by a time; None once the last is too old to be held."""
         newest = None
-        while self._waiting and self._waiting[0][0] <= due:
+        while self._waiting and self._waiting[0][0] <= time:
             newest = self._waiting.popleft()
         if newest is not None:
             self._held_since, acceleration = newest
             self._held = Sample(ZERO, ZERO, acceleration)
         elif self._held is not None:
-            if due - self._held_since > self._longest_held:
+            if time - self._held_since > self._longest_held:
                 self._held = None
             else:
-                self._samples_held += 1
+                self._counts["samples_held"] += 1
         return self._held
 
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
-        """Send a set-point of the current at once, zero for a force that is not finite.
+        """Send a set-point of the current, zero for a force that is not finite.
 
-        The board switches the current off by itself when none comes for 5 ms. There is no arm,
-        and without an actuator there is nothing to do.
+        The board applies it in the tick of that time, or at once if that has passed; the latter
+        discards those sent before that are not due yet. It switches the current off by itself
+        when none comes for 5 ms. There is no arm, and without an actuator there is nothing to do.
         """
         if actuator_force is not None and self._actuator:
-            self._link.set_current(actuator_force / self._actuator.force_constant)
+            self._link.set_current(actuator_force / self._actuator.force_constant, time)
 
     def close(self) -> None:
         """Leave the board without current and without samples."""
@@ -197,18 +221,14 @@ class SerialDevice(Device):
         """Reason why there are no samples or no forces, in one line; empty if there is none."""
         return self._link.refusal
 
-    def status(self) -> dict[str, int]:
-        """Return counts of the link, and of ticks without a sample of their own."""
-        delay = round(self._delay * 1e6)
-        return {
-            "samples_held": self._samples_held,
-            "sample_delay_us": delay,
-            **self._link.status(),
-        }
-
     @property
-    def _delay(self) -> float:
-        return self._parameters.delay or self._link.delay
+    def late(self) -> int:
+        """Number of set-points that came to the board after the tick at which they were due."""
+        return self._link.late
+
+    def status(self) -> dict[str, int]:
+        """Return counts of the link, and of samples that no tick got and ticks that got none."""
+        return {**self._counts, **self._link.status()}
 
     def _take(self, times: Sequence[float], samples: Samples) -> None:
         if not self._gain:
@@ -216,6 +236,8 @@ class SerialDevice(Device):
             self._gain = self._link.identity.nominal_gain
         offset = self._parameters.calibration.offset
         values = (self._gain * (counts - offset) for counts in samples.counts)
+        overflow = len(self._waiting) + len(times) - MOST_WAITING
+        self._counts["samples_overflowed"] += max(0, overflow)
         self._waiting.extend(zip(times, values, strict=True))
 
 
@@ -229,6 +251,7 @@ class SerialMaster(SerialDevice):
     """Handle with an accelerometer and a voice coil."""
 
     Parameters = SerialMasterParameters
+    AHEAD = True
 
     def arm(self) -> bool | None:
         """Request that the board allow forces again; return False without a board."""

@@ -13,8 +13,11 @@ from dataclasses import dataclass
 from haptic_accel.devices.connection import Connection
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.devices.serial import protocol
-from haptic_accel.devices.serial.clock import MICROSECOND, SampleClock, unwrapped
+from haptic_accel.devices.serial.clock import MICROSECOND, DeviceClock, unwrapped
 from haptic_accel.devices.serial.port import Port, find_port
+
+FIRMWARE = ".".join(map(str, protocol.FIRMWARE))
+"""Version of the firmware that this driver needs."""
 
 ANSWER = 2.0
 """Longest time for a board to answer, s: some restart when their port is opened."""
@@ -22,11 +25,25 @@ ANSWER = 2.0
 ASK_AGAIN = 0.2
 """Time without an answer after which a request is repeated, s."""
 
+NANOSECONDS = 1000
+"""Nanoseconds in a microsecond."""
+
 SILENCE = 1.0
 """Time without a frame after which a board counts as gone, s: a status comes every 0.1 s."""
 
 ENDING = 0.1
 """Longest time to wait for the last answer when closing, s."""
+
+ALIGN_PERIOD = 0.05
+"""Interval between requests to follow the host's grid, s: at first the drift of the clocks is not
+known, and moves the ticks by some 5 us in that time."""
+
+ALIGNED = 1 / 16
+"""Distance of a sample from the grid below which the board follows it, periods."""
+
+LEAD = 0.2
+"""Time by which a board's ticks are ahead of the grid, periods: most samples are there when the
+nodes' tick begins, which would otherwise look for them again and again."""
 
 NO_ANSWER = "no answer; is there a board with this firmware, and the right baud rate?"
 
@@ -49,7 +66,7 @@ COUNTED = (
 )
 """Names of a link's own counts."""
 
-BOARD_COUNTED = "state", "damaged", "lost", "refused", "timeouts", "unsent"
+BOARD_COUNTED = "state", "damaged", "lost", "refused", "timeouts", "unsent", "overflowed"
 """Names of what is taken over from a board's status."""
 
 TakeSamples = Callable[[Sequence[float], protocol.Samples], None]
@@ -72,6 +89,9 @@ class Requirements:
         True to arm again without a request after the board was gone.
     serial_number : str
         Serial number of the only board accepted; empty for any.
+    grid_rate : float
+        Rate of the grid of `time.monotonic` on which it samples, Hz; 0 for samples at any time.
+        A sample counts as taken at a point of the grid, though it is taken `LEAD` before it.
     """
 
     port: str
@@ -81,6 +101,7 @@ class Requirements:
     actuator: bool = False
     rearm: bool = False
     serial_number: str = ""
+    grid_rate: float = 0.0
 
 
 class BoardLink(Connection):
@@ -100,12 +121,17 @@ class BoardLink(Connection):
     ----------
     identity : Identity or None
         Identity of the board, from the first connection on.
+    aligned : bool
+        True once the board follows the grid, if there is one, until the connection is lost.
+    late : int
+        Number of scheduled set-points that came to the board after their due time.
     """
 
     def __init__(self, required: Requirements, take: TakeSamples) -> None:
         super().__init__()
         self._required = required
         self._take = take
+        self._lead = LEAD / required.grid_rate if required.grid_rate else 0.0
         self._decoder = protocol.Decoder()
         self._encoder = protocol.Encoder()
         self._writing = threading.Lock()
@@ -114,12 +140,23 @@ class BoardLink(Connection):
         self._counts: Counter[str] = Counter(dict.fromkeys(COUNTED, 0))
         self._last_frame = 0.0
         self.identity: protocol.Identity | None = None
+        self.late = 0
         self._forget()
 
     # Called by the owner's thread
 
-    def set_current(self, current: float) -> None:
-        """Send a set-point in A: at most full scale, and zero for what is not finite."""
+    def set_current(self, current: float, due: float) -> None:
+        """Send a set-point: at most full scale, and zero for what is not finite.
+
+        Parameters
+        ----------
+        current : float
+            Current, A.
+        due : float
+            Time of the tick from which on it acts, s of `time.monotonic`. It acts at once, and
+            discards those sent before that are not due yet, if that has passed or the board
+            does not follow the grid yet.
+        """
         identity = self.identity
         if identity is None or not self.armed:
             self._counts["set_points_refused"] += 1
@@ -128,7 +165,12 @@ class BoardLink(Connection):
         if not abs(share) <= 1:
             self._counts["set_points_limited"] += 1
             share = math.copysign(1.0, share) if math.isfinite(share) else 0.0
-        self._send(protocol.SetCurrent(round(share * protocol.FULL_SCALE)))
+        counts = round(share * protocol.FULL_SCALE)
+        if self.aligned and due > time.monotonic():
+            clock = round(self._clock.device_time(due - self._lead))
+            self._send(protocol.ScheduleCurrent(counts, clock % protocol.CLOCKS))
+        else:
+            self._send(protocol.SetCurrent(counts))
 
     def arm(self) -> bool:
         """Request that a current be allowed, also after a fault; return False without a board."""
@@ -138,11 +180,6 @@ class BoardLink(Connection):
         if board is not None and board.state is protocol.State.FAULT:
             self._send(protocol.DisarmRequest())
         return self._send(protocol.ArmRequest())
-
-    @property
-    def delay(self) -> float:
-        """Age at which samples are there for almost every tick, s."""
-        return self._clock.delay
 
     @property
     def armed(self) -> bool:
@@ -168,6 +205,9 @@ class BoardLink(Connection):
             "frames_damaged": decoder.damaged,
             "frames_lost": decoder.lost,
             "reconnects": self.reconnects,
+            "aligned": int(self.aligned),
+            "sample_offset_us": round(self._offset / MICROSECOND),
+            "set_points_late": self.late,
             **self._counts,
         }
         for name in BOARD_COUNTED if board is not None else ():
@@ -178,12 +218,14 @@ class BoardLink(Connection):
 
     def _forget(self) -> None:
         """Forget all that a board has sent."""
-        wanted = self._required.configuration
         self._decoder.restart()
         self._answered: protocol.Identity | None = None
         self._configuration: protocol.Configuration | None = None
         self._board: protocol.Status | None = None
-        self._clock = SampleClock(wanted.rate, wanted.samples_per_frame)
+        self._clock = DeviceClock()
+        self._next_align = 0.0
+        self._offset = 0.0
+        self.aligned = False
         self._next_index: int | None = None
         self._last_clock = 0
 
@@ -284,13 +326,15 @@ class BoardLink(Connection):
             if frame.version != protocol.VERSION and not self.connected:
                 raise DeviceError(
                     f"{self._path}: speaks version {frame.version} of the protocol, must be"
-                    f" {protocol.VERSION}: load the firmware that came with this driver"
+                    f" {protocol.VERSION}: flash firmware {FIRMWARE} (firmware/README.md)"
                 ) from None
             return
         match message:
             case protocol.Samples():
                 self._take_samples(frame.clock, message, arrival)
             case protocol.Status():
+                before = self._board or message
+                self.late += max(0, message.late - before.late)
                 self._board = message
                 rearms = self._required.rearm and self.connected
                 if rearms and message.state is protocol.State.DISARMED:
@@ -303,8 +347,8 @@ class BoardLink(Connection):
                 self._counts["refusals"] += 1
 
     def _take_samples(self, clock: int, samples: protocol.Samples, arrival: float) -> None:
-        axes = self._required.configuration.axes
-        if self._configuration is None or samples.axes != axes:
+        wanted = self._required.configuration
+        if self._configuration is None or samples.axes != wanted.axes:
             return  # of an earlier configuration
         if self._next_index is None:
             self._next_index, self._last_clock = samples.index, clock
@@ -312,9 +356,26 @@ class BoardLink(Connection):
         self._last_clock = unwrapped(clock, self._last_clock)
         self._counts["samples_lost"] += max(0, index - self._next_index)
         self._next_index = index + samples.number
-        self._clock.add(index, self._last_clock, arrival)
-        times = [self._clock.time(each) for each in range(index, self._next_index)]
-        self._take(times, samples)
+        self._clock.add(self._last_clock, arrival)
+        first = self._clock.time(self._last_clock) + self._lead
+        self._take([first + place / wanted.rate for place in range(samples.number)], samples)
+        if self._clock.known:
+            self._align(first, arrival)
+
+    def _align(self, sampled: float, now: float) -> None:
+        """Let the board follow the grid, and note the time of a sample relative to it."""
+        rate = self._required.grid_rate
+        if not rate:
+            self.aligned = True
+            return
+        self._offset = sampled - round(sampled * rate) / rate
+        if self._next_align and abs(self._offset) * rate < ALIGNED:
+            self.aligned = True
+        if now >= self._next_align:
+            self._next_align = now + ALIGN_PERIOD
+            tick = round(self._clock.device_time(math.ceil(now * rate) / rate - self._lead))
+            period = round(self._clock.device_duration(1 / rate) * NANOSECONDS)
+            self._send(protocol.Align(tick % protocol.CLOCKS, period))
 
     # Called by any thread
 

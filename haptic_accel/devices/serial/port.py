@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import select
 from contextlib import suppress
 
 import serial
@@ -14,6 +15,9 @@ from haptic_accel.devices.interface import DeviceError
 
 WAIT = 0.1
 """Longest time that a read waits for bytes, s."""
+
+MOST_BYTES = 4096
+"""Most bytes read at once."""
 
 _EMPTY = "nothing is behind it; is it plugged in?"
 _BUSY = "busy: another program has it open"
@@ -75,7 +79,7 @@ class Port:
     def __init__(self, path: str, baud: int) -> None:
         self.path = path
         try:
-            self._serial = serial.Serial(path, baud, timeout=WAIT, exclusive=True)
+            self._serial = serial.Serial(path, baud, timeout=0, exclusive=True)
         except (serial.SerialException, ValueError) as error:
             reason = explained(error, REASONS)
             reason = reason or f"cannot be opened as a serial port ({one_line(error)})"
@@ -92,12 +96,15 @@ class Port:
         DeviceError
             The port is gone.
         """
+        # Not by pyserial, which takes four system calls for a frame instead of two.
         try:
-            data: bytes = self._serial.read(1)
-            if data:
-                data += self._serial.read(self._serial.in_waiting)
+            if not select.select([self._serial], [], [], WAIT)[0]:
+                return b""
+            data = os.read(self._serial.fileno(), MOST_BYTES)
         except OSError as error:
             raise DeviceError(f"{self.path}: unplugged ({one_line(error)})") from None
+        if not data:
+            raise DeviceError(f"{self.path}: unplugged (no data)")
         return data
 
     def write(self, data: bytes) -> bool:

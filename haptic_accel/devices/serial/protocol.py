@@ -15,8 +15,11 @@ from typing import ClassVar, NamedTuple
 
 from cobs import cobs  # type: ignore[import-untyped]
 
-VERSION = 1
+VERSION = 2
 """Version of the protocol."""
+
+FIRMWARE = 2, 0, 0
+"""Version of the firmware that belongs to this package, `firmware/haptic_handle`."""
 
 CRC_START = 0xFFFF
 """CRC-16/CCITT-FALSE (CRC-16/IBM-3740): polynomial 0x1021, not reflected, check value 0x29B1."""
@@ -58,6 +61,8 @@ class FrameType(IntEnum):
     ARM = 0x03
     DISARM = 0x04
     SET_CURRENT = 0x05
+    SCHEDULE_CURRENT = 0x06
+    ALIGN = 0x07
     IDENTITY = 0x81
     CONFIGURATION = 0x82
     SAMPLES = 0x83
@@ -163,7 +168,7 @@ class DisarmRequest(Message, kind=FrameType.DISARM):
 
 @dataclass(frozen=True)
 class SetCurrent(Message, kind=FrameType.SET_CURRENT, layout="<h"):
-    """Set-point of the current.
+    """Set-point of the current that acts at once and discards those scheduled before.
 
     Attributes
     ----------
@@ -172,6 +177,38 @@ class SetCurrent(Message, kind=FrameType.SET_CURRENT, layout="<h"):
     """
 
     counts: int
+
+
+@dataclass(frozen=True)
+class ScheduleCurrent(Message, kind=FrameType.SCHEDULE_CURRENT, layout="<hI"):
+    """Set-point of the current that acts from a sampling tick on.
+
+    Attributes
+    ----------
+    counts : int
+        As in `SetCurrent`.
+    due : int
+        Time of the tick by the device's clock, us, within half a period.
+    """
+
+    counts: int
+    due: int
+
+
+@dataclass(frozen=True)
+class Align(Message, kind=FrameType.ALIGN, layout="<II"):
+    """Request to move the sampling ticks onto a grid.
+
+    Attributes
+    ----------
+    tick : int
+        Time of any point of the grid by the device's clock, us.
+    period : int
+        Period of the grid by the device's clock, ns.
+    """
+
+    tick: int
+    period: int
 
 
 @dataclass(frozen=True)
@@ -284,7 +321,7 @@ class Samples(Message, kind=FrameType.SAMPLES, layout="<IBB"):
 
 
 @dataclass(frozen=True)
-class Status(Message, kind=FrameType.STATUS, layout="<BhIIIIII"):
+class Status(Message, kind=FrameType.STATUS, layout="<Bh8I"):
     """State of the device, and its counts since it started.
 
     Attributes
@@ -295,11 +332,15 @@ class Status(Message, kind=FrameType.STATUS, layout="<BhIIIIII"):
     received, damaged, lost : int
         Frames from the host: intact, not intact, missing by their sequence numbers.
     refused : int
-        Set-points while it was not armed.
+        Set-points while it was not armed, or due too far ahead.
     timeouts : int
         Number of times that set-points stopped for 5 ms.
     unsent : int
         Frames that the port had no room for.
+    late : int
+        Scheduled set-points that came after their tick, and acted at once.
+    overflowed : int
+        Scheduled set-points that there was no room for.
     """
 
     state: State
@@ -310,6 +351,8 @@ class Status(Message, kind=FrameType.STATUS, layout="<BhIIIIII"):
     refused: int
     timeouts: int
     unsent: int
+    late: int
+    overflowed: int
 
     def __post_init__(self) -> None:
         """Convert the number of a state; raise `ValueError` if there is no such state."""

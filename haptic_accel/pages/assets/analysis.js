@@ -331,45 +331,12 @@
     );
   }
 
-  // Latency
-
-  function drawLatency(trial) {
-    const counts = trial.latency;
-    if (!counts) return draw("latency", {}, null);
-    const total = counts.reduce((sum, count) => sum + count, 0) || 1;
-    const first = Math.max(counts.findIndex((count) => count > 0) - 3, 0);
-    const last = Math.min(counts.findLastIndex((count) => count > 0) + 4, counts.length);
-    const x = data.edges.slice(first, last + 1);
-    const share = counts.slice(first, last).map((count) => (100 * count) / total);
-    draw(
-      "latency",
-      {
-        name: `Histogram of the latency of ${trial.name}`,
-        series: [
-          { label: "from", value: shown(3, " ms") },
-          line("share", "desired", 2, " %", {
-            paths: uPlot.paths.stepped({ align: 1 }),
-            fill: () => colour("bar"),
-          }),
-        ],
-        scales: { x: exact(x, 3), y: { range: (_, low, high) => [0, high * 1.05] } },
-        axes: [
-          axis("latency (ms)", onLogarithm()),
-          upright("share of forces (%)"),
-        ],
-        height: HEIGHT + 40,
-      },
-      [x, [...share, 0]],
-    );
-  }
-
   // Everything
 
   function drawAll() {
     const trial = data.trials[chosen];
     drawTime(trial);
     drawCloud(trial);
-    drawLatency(trial);
     drawSpectra(trial);
     drawOverTime(trial, "force", "force", "force", "N");
     drawOverTime(trial, "travel", "travel", "travel", "mm", trial.free);

@@ -8,7 +8,6 @@ import pytest
 
 from haptic_accel.core.actuator.friction import SLIP_VELOCITY, FrictionCompensation
 from haptic_accel.core.control.inversion.plant import Plant
-from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.rig.master_rig import DriveParameters
 from haptic_accel.core.trial import RigParameters, run_trial
@@ -74,10 +73,7 @@ def test_on_a_rig_with_friction_it_takes_most_of_the_error_that_friction_makes(
             recording=texture,
             controllers={"plant": Plant(friction=friction)},
         )
-        half = slice(2000, None)
-        return evaluate(
-            trial.desired_acceleration[half], trial.actual_acceleration[half], RATE, 1 / RATE
-        ).nrmse_percent
+        return trial.evaluate(2000).nrmse_percent
 
     without, ignored, given = error(rig.master, 0.0), error(dry, 0.0), error(dry, 0.05)
     assert without < given < ignored

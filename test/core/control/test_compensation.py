@@ -68,7 +68,14 @@ def built(controller: str, rate: float, soon: bool) -> Compensation:
 
 def compensation(controller: str, rate: float = RATE, *, soon: bool = False) -> Compensation:
     """Return one that no other test has, where asked for one whose controllers listen briefly."""
-    return copy.deepcopy(built(controller, rate, soon))
+    return woken(copy.deepcopy(built(controller, rate, soon)))
+
+
+def woken(stream: Compensation) -> Compensation:
+    """Return a compensation that was at rest at zero, after the least motion of the handle."""
+    stream.sample(0.0, 0.0)
+    stream.sample(0.0, 5e-324)
+    return stream
 
 
 @lru_cache
@@ -79,7 +86,7 @@ def designed(name: str) -> Controller:
 def unlimited(controller: str, **limits: float) -> Compensation:
     actuator = replace(UNLIMITED, **limits)
     around = CompensationParameters(controller)
-    return Compensation(around, RATE, {"actuator": actuator, "plant": STIFF})
+    return woken(Compensation(around, RATE, {"actuator": actuator, "plant": STIFF}))
 
 
 def forces(of: Compensation, tool_acceleration: list[float]) -> list[float]:
@@ -109,7 +116,7 @@ def test_samples_give_what_the_whole_signal_gives(
         "constant": 0.128 * desired,
         "dynamic": signal.sosfilt(inverse_of(ApproximateModel(), rate), desired),
     }[controller]
-    stream = Compensation(CompensationParameters(controller), rate, {"actuator": UNLIMITED})
+    stream = woken(Compensation(CompensationParameters(controller), rate, {"actuator": UNLIMITED}))
     output = np.array([stream.sample(value, 0.0) for value in values.tolist()])
     assert output[:, 0] == pytest.approx(desired, abs=1e-9)
     assert output[:, 1] == pytest.approx(
@@ -120,6 +127,7 @@ def test_samples_give_what_the_whole_signal_gives(
 
 def test_its_corner_can_be_chosen() -> None:
     stream = Compensation(CompensationParameters("constant", high_pass_frequency=100.0), RATE)
+    stream = woken(stream)
     # At the corner a Butterworth high-pass lets 1/sqrt(2) through.
     output = [stream.sample(math.sin(2 * math.pi * 0.1 * index), 0.0)[0] for index in range(1000)]
     assert np.std(output[500:]) == pytest.approx(0.5, rel=1e-3)
@@ -127,10 +135,10 @@ def test_its_corner_can_be_chosen() -> None:
 
 def test_parameters_reach_the_controller_they_are_for() -> None:
     heavy: dict[str, Checked] = {"constant": ConstantParameters(1.0)}
-    stream = Compensation(CompensationParameters("constant"), RATE, heavy)
+    stream = woken(Compensation(CompensationParameters("constant"), RATE, heavy))
     desired, force = stream.sample(1.0, 0.0)
     assert force == desired
-    stream = Compensation(CompensationParameters("none"), RATE, heavy)
+    stream = woken(Compensation(CompensationParameters("none"), RATE, heavy))
     assert stream.sample(1.0, 0.0)[1] == 0.0
 
 
@@ -138,7 +146,55 @@ def test_reset_forgets_the_past() -> None:
     used, fresh = compensation("dynamic"), compensation("dynamic")
     forces(used, [1.0, -2.0, 3.0])
     used.reset()
+    woken(used)
     assert forces(used, [1.0, 2.0, 3.0]) == forces(fresh, [1.0, 2.0, 3.0])
+
+
+# At rest
+
+
+@pytest.mark.parametrize("controller", NAMES)
+@settings(deadline=None, max_examples=5)
+@given(
+    waiting=st.integers(0, 1500),
+    tool=st.sampled_from([0.0, GRAVITY, -3.0]),
+    handle=st.sampled_from([0.0, 6.9]),
+    missing=st.floats(0.0, 0.9),
+)
+def test_how_long_it_waited_at_rest_changes_no_bit(
+    controller: str, waiting: int, tool: float, handle: float, missing: float
+) -> None:
+    random = np.random.default_rng(waiting)
+    waited, started = (copy.deepcopy(built(controller, RATE, soon=False)) for _ in range(2))
+    for stream, samples in ((waited, waiting), (started, 0)):
+        assert stream.sample(tool, handle) == (0.0, 0.0)
+        for _ in range(samples):
+            absent = random.random() < missing
+            assert stream.sample(tool, None if absent else handle) == (0.0, 0.0)
+            stream.adapt()
+    moving = (texture(1.0) - GRAVITY + tool).tolist()
+    for index, value in enumerate(moving):
+        felt = None if index % 50 == 7 else handle + 0.8 * moving[index - 1]
+        assert waited.sample(value, felt) == started.sample(value, felt)
+        waited.adapt()
+        started.adapt()
+    assert waited.status() == started.status()
+
+
+@pytest.mark.parametrize("controller", NAMES)
+def test_gravity_is_no_blow_to_who_wakes(controller: str) -> None:
+    stream = copy.deepcopy(built(controller, RATE, soon=False))
+    noise = np.random.default_rng(0).normal(0.0, 1e-6, (2, 2000)).tolist()
+    for tool, handle in zip(*noise, strict=True):
+        assert abs(stream.sample(GRAVITY + tool, 6.9 + handle)[1]) < 1e-3
+
+
+def test_who_is_selected_before_anything_moves_is_there_from_the_beginning() -> None:
+    stream, begun = (copy.deepcopy(built(name, RATE, soon=False)) for name in ("none", "constant"))
+    stream.sample(0.0, 0.0)
+    stream.select("constant")
+    values = texture(0.1).tolist()
+    assert forces(stream, values) == forces(begun, [0.0, *values])[1:]
 
 
 # The actuator's limits
@@ -152,8 +208,10 @@ def test_a_force_beyond_the_peak_is_cut_and_counted() -> None:
         0,
     ]
     stream.reset()
+    woken(stream)
     assert [stream.sample(100.0, 0.0)[1], stream.guard.saturated] == [6.6, 1]
     stream.reset()
+    woken(stream)
     assert [stream.sample(-100.0, 0.0)[1], stream.guard.saturated] == [-6.6, 2]
 
 
@@ -366,6 +424,8 @@ def test_the_force_does_not_jump_when_another_takes_over(
 
     monkeypatch.setattr(module, "build_controller", recorded)
     stream = Compensation(CompensationParameters(one), RATE, {"actuator": UNLIMITED}, (other,))
+    woken(stream)
+    own[one].forces.clear()
     values = texture(1.2).tolist()
     found = forces(stream, values[:BEFORE])
     stream.select(other)

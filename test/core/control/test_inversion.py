@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -352,6 +354,41 @@ def test_noise_of_the_handles_sensor_adds_its_power() -> None:
     assert math.hypot(clean, expected) == pytest.approx(noisy, rel=1e-3)
 
 
+# Latency
+
+
+@pytest.mark.parametrize(("rate", "latency"), [(1000.0, 1), (4000.0, 3)])
+def test_a_latency_is_a_pure_delay(rate: float, latency: int) -> None:
+    frequency = np.linspace(1.0, 0.49 * rate, 200)
+    late = PAPER.delayed(latency)
+    expected = replace(PAPER, delay=PAPER.delay + latency / rate).response(frequency, rate)
+    assert late.response(frequency, rate) == pytest.approx(expected, rel=1e-6)
+    assert late.coupled().latency == latency
+    goal = Goal(granted_delay=latency + 1)
+    taps = design_inverse(PAPER, rate).taps
+    assert design_inverse(late, rate, goal).taps == pytest.approx(
+        taps, abs=1e-9 * np.abs(taps).max()
+    )
+    bounds = causal_bound(PAPER, rate), causal_bound(late, rate, granted_delay=latency + 1)
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-9)
+
+
+def test_a_latency_delays_an_identified_model_too(tmp_path: Path) -> None:
+    file = tmp_path / "found.json"
+    model = {"sections": [[8.0, 0.0, 0.0, 1.0, 0.0, 0.0]], "delay_samples": 1, "rate_hz": 1000.0}
+    file.write_text(json.dumps({"discrete_model": model}))
+    frequency = np.array([20.0, 80.0, 300.0])
+    plant = Plant(model=str(file))
+    expected = plant.response(frequency, 1000.0) * np.exp(-2j * np.pi * frequency * 2e-3)
+    assert plant.delayed(2).response(frequency, 1000.0) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("latency", [-1, 21])
+def test_an_impossible_latency_is_refused(latency: int) -> None:
+    with pytest.raises(ParameterError, match=f"^latency = {latency}: must be from 0 to 20 sam"):
+        Plant().delayed(latency)
+
+
 # Numbers that are not allowed
 
 
@@ -360,7 +397,7 @@ def test_noise_of_the_handles_sensor_adds_its_power() -> None:
     [
         ({"rate": 20.0}, "rate = 20: must be above twice high_pass_frequency = 15 Hz"),
         ({"rate": math.nan}, "rate = nan: must be above twice high_pass_frequency = 15 Hz"),
-        ({"granted_delay": -1}, "granted_delay = -1: must be from 0 to 100"),
+        ({"granted_delay": -1}, "granted_delay = -1: must be from 0 to 120"),
         ({"memory": 100.0}, "memory = 100: must be from 0.001 to 8.192 s at 1000 Hz"),
         ({"travel_limit": 0.0}, "travel_limit = 0: must be above 0 m"),
     ],

@@ -45,7 +45,7 @@ def acceleration(model: DiscreteModel, force: FloatArray) -> FloatArray:
 @pytest.mark.parametrize(("order", "delay_samples"), [(5, 1), (5, 0)])
 def test_the_rig_is_reproduced(order: int, delay_samples: int, seed: int) -> None:
     parameters = SweepParameters(end_frequency=450.0)
-    (trial,) = run_identification(MasterRigParameters(), parameters, RATE, seed)
+    (trial,) = run_identification(MasterRigParameters(), parameters, RATE, seed, latency=0)
     model = identify_discrete(
         trial.actuator_force, trial.handle_acceleration, order, RATE, delay_samples
     )

@@ -49,6 +49,14 @@ def test_grips_are_fitted_one_by_one_and_together() -> None:
     assert pinch.k_u < found.fit.handle.k_u < hook.k_u
 
 
+@pytest.mark.parametrize("latency", [0, 1, 20])
+def test_the_delay_found_is_that_of_the_hardware_alone(latency: int) -> None:
+    rig = replace(RIG, drive=replace(RIG.drive, delay=150e-6))
+    trials = run_identification(rig, SWEEP, RATE, seed=3, latency=latency)
+    found = identify_handle({"average": trials}, SWEEP, SENSOR.range, SENSOR.bandwidth)
+    assert found.fit.delay == pytest.approx(150e-6, abs=5e-6)
+
+
 def test_table_i_lies_in_the_middle_of_the_postures() -> None:
     assert POSTURES["average"] == (1.0, 1.0, 1.0)
     assert np.multiply(POSTURES["pinch"], POSTURES["hook"]) == pytest.approx(1.0)
@@ -91,6 +99,12 @@ def test_trials_are_found_where_the_force_looks_like_the_sweep(noise: float) -> 
     found = find_trials(whole, acceleration, SWEEP, RATE)
     assert [trial.handle_acceleration[0] for trial in found] == starts
     assert all(len(trial.actuator_force) == len(force) for trial in found)
+    # With a latency, each force belongs to an acceleration as many samples later.
+    late = [trial.aligned for trial in find_trials(whole, acceleration, SWEEP, RATE, latency=4)]
+    assert [trial.handle_acceleration[0] for trial in late] == [start + 4 for start in starts]
+    assert all(len(trial.handle_acceleration) == len(force) for trial in late)
+    for trial, same in zip(late, found, strict=True):
+        assert np.array_equal(trial.actuator_force, same.actuator_force)
 
 
 @pytest.mark.parametrize(

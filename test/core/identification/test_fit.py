@@ -39,7 +39,7 @@ TABLE_I = HandleParameters()
 
 
 def measured(rig: MasterRigParameters, seed: int = 0, rate: float = RATE) -> FrequencyResponse:
-    (trial,) = run_identification(rig, SWEEP, rate, seed)
+    (trial,) = run_identification(rig, SWEEP, rate, seed, latency=0)
     force, acceleration = (
         kept_repeats(values, SWEEP, rate)
         for values in (trial.actuator_force, trial.handle_acceleration)
@@ -254,7 +254,7 @@ def test_the_accelerometers_mount_is_found_with_the_handle(frequency: float) -> 
     mount = MountParameters(frequency=frequency, damping=0.13)
     rig = MasterRigParameters(mount=mount)
     parameters = SweepParameters(end_frequency=450.0)
-    (trial,) = run_identification(rig, parameters, RATE, seed=4)
+    (trial,) = run_identification(rig, parameters, RATE, seed=4, latency=0)
     response = dft_ratio(
         kept_repeats(trial.actuator_force, parameters, RATE),
         kept_repeats(trial.handle_acceleration, parameters, RATE),

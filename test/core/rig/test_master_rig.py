@@ -226,6 +226,7 @@ def test_undamped_stops_give_back_what_they_took() -> None:
 
 def test_at_rest_it_stays_at_rest(ideal_master: MasterRigParameters) -> None:
     rig = MasterRig(ideal_master, RATE)
+    rig.apply_arm_force((0.0, 0.0, 0.0))
     assert max(run(rig, 0, 100)) == 0.0
     assert rig.measure().position == (0.0, 0.0, 0.0)
 
@@ -302,6 +303,17 @@ def test_the_hand_rests_until_the_arm_gets_a_force() -> None:
     rig.apply_arm_force((0.0, 0.0, 0.0))
     run(rig, 2000, 2700)
     assert rig.measure().position[2] == pytest.approx(-0.0047, abs=1e-3)
+
+
+@pytest.mark.parametrize("gravity", [0.0, 6.9])
+def test_before_the_first_force_another_grip_is_one_from_the_beginning(gravity: float) -> None:
+    grip = GripParameters(posture="pinch", gravity=gravity)
+    changed, begun = exploring(), MasterRig(MasterRigParameters(grip=grip), RATE)
+    changed.hold(grip)
+    for rig in (changed, begun):
+        rig.apply_actuator_force(1.0)
+        run(rig, 0, 50)
+    assert changed.measure() == begun.measure()
 
 
 def test_the_handle_follows_the_hand() -> None:
@@ -409,6 +421,8 @@ def test_the_accelerometer_saturates_and_counts(ideal_master: MasterRigParameter
 
 def test_the_seed_decides_about_the_noise() -> None:
     one, same, other = (MasterRig(STILL, RATE, seed) for seed in (1, 1, 2))
+    for rig in (one, same, other):
+        rig.disturb()
     first = [one.measure().acceleration for _ in range(10)]
     assert first == [same.measure().acceleration for _ in range(10)]
     assert first != [other.measure().acceleration for _ in range(10)]
@@ -468,6 +482,8 @@ def test_a_handle_held_against_gravity_is_at_rest_and_its_sensor_tells_gravity(
     rig = MasterRig(replace(ideal_master, grip=GripParameters(gravity=6.9)), RATE)
     before = rig.travel
     assert before == pytest.approx(-0.018 * 6.9 / 266)
+    assert rig.measure().acceleration == pytest.approx(6.9, abs=1e-6)
+    rig.disturb()
     for index in range(200):
         rig.advance(index * PERIOD)
         assert rig.measure().acceleration == pytest.approx(6.9, abs=1e-6)
@@ -507,6 +523,7 @@ def test_another_grip_is_the_same_user_s_and_nothing_moves(
 
 def test_a_handle_turned_upright_sinks_into_the_grip(ideal_master: MasterRigParameters) -> None:
     rig = MasterRig(replace(ideal_master, exploration=STILL.exploration), RATE)
+    rig.disturb()
     rig.hold(GripParameters(gravity=6.9))
     run(rig, 1, 2000)
     # Both masses on the grip's spring, the actuator's on its own.

@@ -10,7 +10,7 @@ import pytest
 
 from haptic_accel.devices.serial.protocol import Identity
 from haptic_accel.emulators.loop import run
-from haptic_accel.emulators.serial_line import EmulatedBoard
+from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")
 
@@ -21,17 +21,30 @@ class Bench:
     Attributes
     ----------
     emulated : EmulatedBoard
-    acceleration : float
-        Acceleration at its accelerometer, m/s^2.
+    measure : callable
+        Returns the acceleration at its accelerometer at a time in s, m/s^2.
+    driven : list of tuple of float
+        Times in s at which its current changed, and the current from then on, A.
     """
 
-    def __init__(self, link: Path, identity: Identity) -> None:
-        self.acceleration = 0.0
-        self.emulated = EmulatedBoard(identity, link, lambda time: self.acceleration)
+    def __init__(self, link: Path, identity: Identity, drift: float) -> None:
+        self.measure: Callable[[float], float] = lambda time: 0.0
+        self.driven: list[tuple[float, float]] = []
+        self.emulated = EmulatedBoard(
+            identity, link, lambda time: self.measure(time), self._note, drift=drift
+        )
         self.path = str(link)
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=run, args=([self.emulated], self._ending.is_set))
+        lines = SerialLines([self.emulated])
+        self._thread = threading.Thread(target=run, args=([lines], self._ending.is_set))
         self._thread.start()
+
+    def _note(self, time: float, current: float) -> None:
+        self.driven.append((time, current))
+
+    def hold(self, acceleration: float) -> None:
+        """Let the accelerometer measure the same from now on, m/s^2."""
+        self.measure = lambda time: acceleration
 
     def inject(self, fault: str, seconds: float) -> None:
         """Inject a fault for a time from now on."""
@@ -49,8 +62,8 @@ def bench(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
     """Make boards that end with the test."""
     made: list[Bench] = []
 
-    def make(identity: Identity = HANDLE, name: str = "port") -> Bench:
-        made.append(Bench(tmp_path / name, identity))
+    def make(identity: Identity = HANDLE, name: str = "port", drift: float = 0.0) -> Bench:
+        made.append(Bench(tmp_path / name, identity, drift))
         return made[-1]
 
     yield make

@@ -20,7 +20,8 @@ import pytest
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
-from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError
+from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError, Sample
+from haptic_accel.devices.interface import LATER
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster, SerialSlave
 from haptic_accel.devices.serial.protocol import (
     FULL_SCALE,
@@ -32,7 +33,7 @@ from haptic_accel.devices.serial.protocol import (
     encode,
 )
 from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG
-from running import wait_until
+from running import PATIENCE, wait_until
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")
 TOOL = replace(HANDLE, full_scale_current=0.0, serial_number="tool-1")
@@ -62,9 +63,20 @@ def built(kind: type[SerialDevice], **values: Any) -> SerialDevice:
     return kind(from_flat(kind.Parameters, flat), RATE, 0)
 
 
+def tick(ahead: float = 0.0) -> float:
+    """Return the grid point nearest to some time from now."""
+    return round((time.monotonic() + ahead) * RATE) / RATE
+
+
 def feel(device: SerialDevice) -> float:
-    sample = device.read(time.monotonic())
-    return math.nan if sample is None else sample.acceleration
+    """Return the acceleration at a tick that has just passed."""
+    sample = device.read(tick(-0.005))
+    return sample.acceleration if isinstance(sample, Sample) else math.nan
+
+
+def align(device: SerialDevice) -> None:
+    """Wait until the board samples on the grid."""
+    wait_until(lambda: device.status()["aligned"] == 1, "alignment")
 
 
 def push(device: SerialDevice, board: Any, force: float, current: float) -> None:
@@ -106,10 +118,10 @@ def test_the_package_does_without_the_libraries_until_a_port_is_opened() -> None
 
 def test_samples_come_calibrated(bench: Make, connect: Make) -> None:
     board = bench()
-    board.acceleration = 10.0
+    board.hold(10.0)
     nominal = connect(board)
     wait_until(lambda: feel(nominal) == pytest.approx(10.0, abs=2e-3), "nominal samples")
-    sample = nominal.read(time.monotonic())
+    sample = read(nominal, tick())
     assert sample is None or sample[:2] == (ZERO, ZERO)
     assert "board handle-1, firmware 1.2.3" in nominal.remark
     nominal.close()
@@ -120,7 +132,83 @@ def test_samples_come_calibrated(bench: Make, connect: Make) -> None:
     )
 
 
-def test_a_tick_gets_the_sample_of_its_time(bench: Make, connect: Make) -> None:
+CYCLE = 40
+"""Ticks after which the emulated acceleration repeats itself."""
+
+
+def phase(time: float) -> float:
+    """Return a time in the emulator, s, as periods of a cycle."""
+    return time * RATE % CYCLE
+
+
+def apart(one: float, other: float) -> float:
+    """Return the distance of two phases, periods."""
+    return abs((one - other + CYCLE / 2) % CYCLE - CYCLE / 2)
+
+
+def read(device: SerialDevice, due: float) -> Sample | None:
+    """Return the sample of a tick, for which it waits as a node does."""
+    deadline = time.monotonic() + PATIENCE
+    while (reading := device.read(due)) is LATER:
+        assert time.monotonic() < deadline, "no sample came"
+        time.sleep(1e-4)
+    return reading
+
+
+@pytest.mark.parametrize("drift", [0.0, 5e-4])
+def test_each_tick_gets_the_sample_that_was_taken_at_it(
+    bench: Make, connect: Make, drift: float
+) -> None:
+    board = bench(drift=drift)
+    board.measure = phase
+    device = connect(board, kind=SerialSlave)
+    align(device)
+    first = tick()
+    samples = {place: read(device, first + place / RATE) for place in range(1000)}
+    phases = {place: sample.acceleration for place, sample in samples.items() if sample}
+    # An emulator that the machine stops for a tenth of a second leaves samples out.
+    assert len(phases) > 700
+    for place in phases.keys() & {place - 1 for place in phases}:
+        assert apart(phases[place + 1], phases[place] + 1) < 0.1
+    assert device.status()["samples_missing"] == len(samples) - len(phases)
+
+
+def test_a_force_acts_in_the_tick_at_which_it_is_due(bench: Make, connect: Make) -> None:
+    board = bench()
+    board.measure = phase
+    device = connect(board)
+    align(device)
+    first, step, latency, number = tick(), 0.01, 20, 200  # N, samples
+    phases = {}
+    for place in range(number):
+        sample = read(device, first + place / RATE)
+        if sample:
+            phases[place] = sample.acceleration
+        device.write(first + (place + latency) / RATE, actuator_force=step * (place + latency))
+    wait_until(lambda: board.emulated.current == 0.0, "no current")
+    # The current says at which tick it was due, its time at which one it acted.
+    acted = [(round(2.4 * current / step), time) for time, current in board.driven if current]
+    right = sum(apart(phase(time), phases.get(due, math.nan)) < 0.01 for due, time in acted)
+    # Those that were due after the last read have no phase to compare with.
+    compared = sum(due in phases for due, _ in acted)
+    assert compared >= 10
+    assert compared - right <= device.late == device.status()["set_points_late"]
+
+
+def test_a_force_that_is_due_now_discards_what_was_scheduled(bench: Make, connect: Make) -> None:
+    board = bench()
+    device = connect(board)
+    align(device)
+    for ahead in range(20):
+        device.write(tick(0.05 + ahead / RATE), actuator_force=1.2)
+    device.write(time.monotonic(), actuator_force=0.6)
+    wait_until(lambda: device.status()["board_timeouts"] >= 1, "the time-out")
+    time.sleep(0.1)
+    assert [current for _, current in board.driven] == pytest.approx([0.25, 0.0], abs=1e-3)
+    assert device.late == 0
+
+
+def test_a_board_of_another_rate_gives_its_newest_sample(bench: Make, connect: Make) -> None:
     board = bench()
     device = connect(board, kind=SerialSlave, rate=4000, samples_per_frame=4)
     assert device.read(time.monotonic() - 1.0) is None, "nothing was taken as early"
@@ -129,9 +217,8 @@ def test_a_tick_gets_the_sample_of_its_time(bench: Make, connect: Make) -> None:
     begin = time.monotonic() - 1.0
     device.read(begin)
     assert device.status()["samples_held"] == held + 1
-    board.acceleration = 1.0
+    board.hold(1.0)
     wait_until(lambda: feel(device) > 0.5, "the step")
-    assert device.status()["sample_delay_us"] > 0
 
 
 def test_a_force_becomes_a_current_within_full_scale(bench: Make, connect: Make) -> None:
@@ -210,7 +297,7 @@ def test_a_killed_driver_leaves_no_current(bench: Make) -> None:
 
 def test_damage_is_counted_and_borne(bench: Make, connect: Make) -> None:
     board = bench()
-    board.acceleration = 10.0
+    board.hold(10.0)
     device = connect(board)
 
     def damaged() -> bool:
@@ -238,7 +325,7 @@ def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
     device.write(time.monotonic(), actuator_force=1.2)
     assert device.arm() is False
     assert "unplugged" in device.problem or "no such port" in device.problem
-    wait_until(lambda: device.read(time.monotonic()) is None, "no sample")
+    wait_until(lambda: device.read(tick()) is None, "no sample")
     wait_until(lambda: device.status()["connected"] == 1, "being back")
     wait_until(lambda: "not armed since the board was gone" in device.problem, "the reason")
     assert device.status()["reconnects"] == 1
@@ -246,7 +333,7 @@ def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
         device.write(time.monotonic(), actuator_force=1.2)
         time.sleep(0.002)
         assert board.emulated.current == 0.0
-    board.acceleration = 10.0
+    board.hold(10.0)
     wait_until(lambda: feel(device) == pytest.approx(10.0, abs=2e-3), "samples again")
     assert device.arm() is None
     push(device, board, 1.2, 0.5)
@@ -369,9 +456,9 @@ def test_whoever_does_not_answer_is_no_board() -> None:
         os.close(terminal)
 
 
-def test_another_version_of_the_protocol_is_told() -> None:
-    def newer(frame: Frame) -> bytes:
-        return encode(frame._replace(version=VERSION + 1))
+def test_another_version_of_the_protocol_is_told_with_what_to_flash() -> None:
+    def older(frame: Frame) -> bytes:
+        return encode(frame._replace(version=VERSION - 1))
 
     master, terminal = os.openpty()
     device = built(SerialSlave, port=os.ttyname(terminal))
@@ -384,12 +471,15 @@ def test_another_version_of_the_protocol_is_told() -> None:
             except OSError:
                 return
             for frame in heard:
-                os.write(master, newer(frame))
+                os.write(master, older(frame))
 
     thread = threading.Thread(target=answer)
     thread.start()
-    with pytest.raises(DeviceError, match="speaks version 2 of the protocol, must be 1"):
+    with pytest.raises(DeviceError) as raised:
         device.open()
+    assert str(raised.value).partition(": ")[2] == (
+        "speaks version 1 of the protocol, must be 2: flash firmware 2.0.0 (firmware/README.md)"
+    )
     os.close(terminal)
     thread.join()
     os.close(master)

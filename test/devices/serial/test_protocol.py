@@ -17,6 +17,7 @@ from haptic_accel.devices.serial.protocol import (
     LONGEST_PAYLOAD,
     SEQUENCES,
     VERSION,
+    Align,
     ArmRequest,
     Configuration,
     Configure,
@@ -32,6 +33,7 @@ from haptic_accel.devices.serial.protocol import (
     Message,
     PayloadError,
     Samples,
+    ScheduleCurrent,
     SetCurrent,
     State,
     Status,
@@ -66,6 +68,8 @@ messages: st.SearchStrategy[Message] = st.one_of(
     st.builds(ArmRequest),
     st.builds(DisarmRequest),
     st.builds(SetCurrent, counts16),
+    st.builds(ScheduleCurrent, counts16, count),
+    st.builds(Align, count, count),
     st.builds(Configure, word, byte, byte),
     st.builds(Configuration, word, byte, byte),
     st.builds(
@@ -78,7 +82,7 @@ messages: st.SearchStrategy[Message] = st.one_of(
         st.text(st.characters(min_codepoint=33, max_codepoint=126), max_size=16),
     ),
     samples(),
-    st.builds(Status, st.sampled_from(State), counts16, count, count, count, count, count, count),
+    st.builds(Status, st.sampled_from(State), counts16, *[count] * 8),
     st.builds(Error, st.sampled_from(ErrorCode), byte, word),
 )
 
@@ -90,8 +94,9 @@ def test_the_crc_is_ccitt_false() -> None:
 
 def test_a_frame_is_as_documented() -> None:
     # docs/serial_protocol.md shows these bytes.
-    wire = encode(Frame(VERSION, FrameType.SET_CURRENT, 7, 1_000_000, SetCurrent(-2).pack()))
-    assert wire.hex(" ") == "04 01 05 07 04 40 42 0f 05 fe ff 83 fb 00"
+    set_point = ScheduleCurrent(-2, 0x01020304)
+    wire = encode(Frame(VERSION, FrameType.SCHEDULE_CURRENT, 7, 1_000_000, set_point.pack()))
+    assert wire.hex(" ") == "04 02 06 07 04 40 42 0f 09 fe ff 04 03 02 01 bc 44 00"
 
 
 @few

@@ -30,5 +30,6 @@ extern UsbSerial Serial;
 struct IntervalTimer {
   bool begin(void (*function)(), float microseconds);
   bool begin(void (*function)(), uint32_t microseconds);
+  void update(float microseconds);
   void end();
 };

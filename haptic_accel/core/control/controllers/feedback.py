@@ -106,7 +106,7 @@ class FeedbackController(Controller):
         self._answer = SampleConvolution(self.design.taps)
         self._fade = 1.0 / max(1.0, FADING * loop.rate)
         self._regained = max(1, round(REGAINED * loop.rate))
-        self._delay = parameters.granted_delay + 1
+        self._delay = parameters.goal(loop).granted_delay + 1
         self._gain = self.design.gain
         self._start()
 
@@ -123,7 +123,8 @@ class FeedbackController(Controller):
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the feedforward's force and the feedback's."""
         force = self._feedforward.force(desired_acceleration, measured_acceleration)
-        # The force of the last tick is seen at this one, whose sample is received at the next.
+        # Without latency, the force of the last tick is seen at this one, whose sample is received
+        # at the next; the model's first values are zero for the latency.
         expected, self._expected = self._expected, self._model.sample(self._surplus)
         if not self._foreseen:
             self._wanted.append(desired_acceleration)

@@ -22,12 +22,17 @@ class Loop:
     high_pass_frequency : float
         Corner of the high-pass that the desired acceleration has passed, Hz.
     plant : Plant
-        Identified handle with everything between a command and a sample.
+        Identified handle with everything between a command and a sample, latency included.
     """
 
     rate: float
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
     plant: Plant = field(default_factory=Plant)
+
+    @property
+    def latency(self) -> int:
+        """Samples from the one that caused a force to the tick at which the force is due."""
+        return self.plant.latency
 
 
 @dataclass(frozen=True)

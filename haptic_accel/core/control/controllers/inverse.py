@@ -27,7 +27,8 @@ class InverseParameters(Checked):
 
     granted_delay: int = parameter(
         1,
-        "samples by which the handle may lag behind the tool (the paper's delay of 1 ms)",
+        "samples by which the handle may lag behind the tool beside the latency (the paper's delay"
+        " of 1 ms)",
         low=0,
         high=LONGEST_GRANTED_DELAY,
     )
@@ -53,8 +54,9 @@ class InverseParameters(Checked):
 
     def goal(self, loop: Loop) -> Goal:
         """Return the goal of the design of the inverse, or of a family of inverses."""
+        granted = loop.latency + self.granted_delay
         corner = loop.high_pass_frequency
-        return Goal(self.granted_delay, self.memory, self.travel_limit, self.texture, corner)
+        return Goal(granted, self.memory, self.travel_limit, self.texture, corner)
 
 
 class InverseController(Controller):

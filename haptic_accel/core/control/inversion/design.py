@@ -27,6 +27,7 @@ from haptic_accel.core.control.inversion.plant import (
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import HIGHEST_LATENCY
 
 # scipy.signal and scipy.linalg are slow to import: only the design of a filter waits for them.
 
@@ -53,7 +54,7 @@ UNEXPECTED_DENSITY = 0.03
 of the inverse small at frequencies where the plant hardly responds and little is expected."""
 
 LONGEST_GRANTED_DELAY = 100
-"""Largest delay that is granted, samples."""
+"""Largest delay that is granted beside the latency, samples."""
 
 MOST_TAPS = 8192
 """Longest convolution: the 0.4 s of 20 kHz."""
@@ -70,7 +71,7 @@ class Goal:
     Attributes
     ----------
     granted_delay : int
-        Samples by which the handle may lag behind the tool; the paper's is one.
+        Samples by which the handle may lag behind the tool, latency included; the paper's is one.
     memory : float
         Length of the convolution, s.
     travel_limit : float
@@ -96,9 +97,10 @@ class Goal:
             Naming the number, its value and what is allowed.
         """
         check_corner(rate, self.high_pass_frequency)
-        if not 0 <= self.granted_delay <= LONGEST_GRANTED_DELAY:
+        longest = LONGEST_GRANTED_DELAY + HIGHEST_LATENCY
+        if not 0 <= self.granted_delay <= longest:
             raise ParameterError(
-                f"granted_delay = {self.granted_delay}: must be from 0 to {LONGEST_GRANTED_DELAY}"
+                f"granted_delay = {self.granted_delay}: must be from 0 to {longest}"
             )
         if not (math.isfinite(self.memory) and 1 <= round(self.memory * rate) <= MOST_TAPS):
             raise ParameterError(

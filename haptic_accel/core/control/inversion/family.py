@@ -106,8 +106,9 @@ def design_family(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inver
         spectra = (-extended / actuator * grid.spectrum(taps) for taps in basis)
         return np.stack([LANDING_VELOCITY * rate * grid.sequence(x)[seen] for x in spectra])
 
-    # The handle does as desired, whatever the grip: that is what the filter is for.
-    moved = -handle.m_a * passed * grid.delay(goal.granted_delay) / actuator
+    # The handle does as desired, whatever the grip: that is what the filter is for. Time counts
+    # from where the force is due.
+    moved = -handle.m_a * passed * grid.delay(goal.granted_delay - plant.latency) / actuator
     following = LANDING_VELOCITY * rate * grid.sequence(moved)[seen]
     return InverseFamily(
         sections, free, cautious, landing(free), landing(cautious), following, goal.travel_limit

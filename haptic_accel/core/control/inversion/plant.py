@@ -21,6 +21,7 @@ from haptic_accel.core.model import (
     handle_model,
 )
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
+from haptic_accel.core.sampling import check_latency
 
 
 class Dynamics(Protocol):
@@ -62,6 +63,11 @@ class Plant(Checked):
         " mount, delay and bandwidth; empty for none",
     )
 
+    @property
+    def latency(self) -> int:
+        """Samples from the one that caused a force to the tick at which the force is due."""
+        return 0
+
     def coupled(self) -> Plant:
         """Return the plant with the coupling as a part of the grip.
 
@@ -70,6 +76,17 @@ class Plant(Checked):
         """
         handle = replace(self.handle, k_u=self.handle.k_u + self.coupling)
         return replace(self, handle=handle, coupling=0.0)
+
+    def delayed(self, latency: int) -> DelayedPlant:
+        """Return the plant of a loop whose forces are due so many samples after their cause.
+
+        Raises
+        ------
+        ParameterError
+            The latency is not allowed.
+        """
+        check_latency(latency)
+        return DelayedPlant(**vars(self) | {"latency": latency})
 
     def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
         """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz.
@@ -86,6 +103,18 @@ class Plant(Checked):
         return sampled_response(
             self.handle, frequency, rate, self.delay, self.bandwidth, mount=self.mount
         )
+
+
+@dataclass(frozen=True)
+class DelayedPlant(Plant):
+    """A plant in a loop whose forces are due some samples after their cause: `latency`."""
+
+    latency: int = 0
+
+    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
+        """Return the response of the plant, m/s^2 per N, one sample after the latency."""
+        turns = np.asarray(frequency) * (self.latency / rate)
+        return np.asarray(super().response(frequency, rate) * np.exp(-2j * np.pi * turns))
 
 
 @lru_cache(maxsize=8)

@@ -9,14 +9,14 @@ import pytest
 from haptic_accel.core.control.controllers.adaptive import AdaptiveController, AdaptiveParameters
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
-from haptic_accel.core.control.inversion.design import design_inverse
+from haptic_accel.core.control.inversion.design import Goal, design_inverse
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.control.inversion.prediction import predict
-from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.trial import RigParameters, Trial, run_trial
 
 RATE = 1000.0
@@ -42,25 +42,34 @@ def texture(seconds: float, rate: float = RATE) -> FloatArray:
     return np.asarray(signal.sosfilt(band, white))
 
 
-def run(controller: str, handle: HandleParameters, seconds: float = 5.0, **own: Checked) -> Trial:
+def run(
+    controller: str,
+    handle: HandleParameters,
+    seconds: float = 5.0,
+    latency: int = LATENCY,
+    **own: Checked,
+) -> Trial:
     return run_trial(
         controller,
         RigParameters(MasterRigParameters(handle=handle)),
         duration=seconds,
+        latency=latency,
         recording=texture(seconds),
         controllers=own,
     )
 
 
 def error(trial: Trial, start: float) -> float:
-    first = round(start * trial.rate)
-    desired, actual = trial.desired_acceleration[first:], trial.actual_acceleration[first:]
-    return evaluate(desired, actual, trial.rate, 1 / trial.rate).nrmse_percent
+    return trial.evaluate(round(start * trial.rate)).nrmse_percent
 
 
-@pytest.mark.parametrize("hand", HANDS)
-def test_it_follows_a_hand_that_the_inverse_does_not_know(hand: HandleParameters) -> None:
-    adaptive, inverse = (error(run(name, hand), 2.0) for name in ("adaptive", "inverse"))
+@pytest.mark.parametrize(("hand", "latency"), [(HANDS[0], 0), (HANDS[0], 1), (HANDS[1], 5)])
+def test_it_follows_a_hand_that_the_inverse_does_not_know(
+    hand: HandleParameters, latency: int
+) -> None:
+    adaptive, inverse = (
+        error(run(name, hand, latency=latency), 2.0) for name in ("adaptive", "inverse")
+    )
     assert adaptive < inverse / 2
     assert adaptive < 12.0
 
@@ -108,6 +117,14 @@ def test_for_the_assumed_grip_the_family_has_the_inverse(family: InverseFamily) 
     wanted = design_inverse(Plant(), RATE)
     grip = np.array([TABLE_I.m_h, TABLE_I.b_u, TABLE_I.k_u])
     assert family.taps(grip) == pytest.approx(wanted.taps, abs=1e-6 * np.abs(wanted.taps).max())
+
+
+def test_a_latency_that_is_granted_does_not_change_the_family(family: InverseFamily) -> None:
+    late = design_family(Plant().delayed(3), RATE, Goal(granted_delay=4))
+    for hand in (TABLE_I, *HANDS):
+        grip = np.array([hand.m_h, hand.b_u, hand.k_u])
+        taps = family.taps(grip)
+        assert late.taps(grip) == pytest.approx(taps, abs=1e-9 * np.abs(taps).max())
 
 
 @pytest.mark.parametrize("hand", HANDS)

@@ -22,7 +22,6 @@ from haptic_accel.core.control.controllers.feedback import (
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.feedback_design import GripRange
 from haptic_accel.core.control.inversion.plant import Plant
-from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.identification.approximate import approximate_model
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError, schema
@@ -106,8 +105,7 @@ def test_it_follows_better_than_the_inverse_where_the_grip_is_another(
     errors = []
     for name in ("inverse", "feedback"):
         trial = run_trial(name, rig, duration=1.5, rate=RATE, recording=texture(RATE))
-        desired, actual = trial.desired_acceleration, trial.actual_acceleration
-        errors.append(evaluate(desired, actual, RATE, 1 / RATE).nrmse_percent)
+        errors.append(trial.evaluate().nrmse_percent)
     inverse, feedback = errors
     if handle == HandleParameters():
         assert feedback == pytest.approx(inverse, abs=0.5)

@@ -19,11 +19,11 @@ from haptic_accel.core.control.inversion.design import Goal, design_inverse
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY, measured_spectrum
-from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, MountParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters
+from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.trial import RigParameters, Trial, run_trial
 
 RATE = 1000.0
@@ -51,6 +51,7 @@ def follow(
     rate: float = RATE,
     mount: MountParameters | None = None,
     delay: float = 0.0,
+    latency: int = LATENCY,
 ) -> tuple[Trial, Plant]:
     mount = mount or MountParameters()
     master = MasterRigParameters(
@@ -65,6 +66,7 @@ def follow(
         RigParameters(master=master),
         duration=3.0,
         rate=rate,
+        latency=latency,
         recording=texture(rate),
         controllers={"plant": plant, "actuator": UNLIMITED},
     )
@@ -72,8 +74,7 @@ def follow(
 
 
 def error(trial: Trial) -> float:
-    desired, actual = trial.desired_acceleration, trial.actual_acceleration
-    return evaluate(desired, actual, trial.rate, 1 / trial.rate).nrmse_percent
+    return trial.evaluate().nrmse_percent
 
 
 def test_it_is_registered() -> None:
@@ -81,13 +82,13 @@ def test_it_is_registered() -> None:
     assert InverseController.Parameters() == InverseParameters()
 
 
-@pytest.mark.parametrize("rate", [1000.0, 4000.0])
+@pytest.mark.parametrize(("rate", "latency"), [(1000.0, 0), (1000.0, 3), (4000.0, 1)])
 @pytest.mark.parametrize(("mount", "delay"), [(MountParameters(), 0.0), (MOUNT, 225e-6)])
 def test_a_rig_without_noise_follows_as_predicted(
-    rate: float, mount: MountParameters, delay: float
+    rate: float, latency: int, mount: MountParameters, delay: float
 ) -> None:
-    trial, plant = follow("inverse", rate, mount, delay)
-    plant = plant.coupled()
+    trial, plant = follow("inverse", rate, mount, delay, latency)
+    plant = plant.coupled().delayed(latency)
     measured = measured_spectrum(trial.tool_acceleration, rate)
     # Here the tool's sensor is silent, so that what is taken for its noise is none.
     expected = predict(

@@ -1,0 +1,173 @@
+"""The first sample at which a live trial parts from the same trial in lockstep, and why.
+
+With simulated devices both give the same bits from engaging on, as long as every force comes
+before it is due and no sample is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from haptic_accel.bags.reading import Bag, Diagnosis, read_bag
+from haptic_accel.bags.trial_bag import trial_vectors
+from haptic_accel.core import topics
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.sampling import NANOSECONDS, coupled_stretches, on_grid, places
+from haptic_accel.graph.arguments import SIMULATED, GraphArguments
+from haptic_accel.graph.lockstep import lockstep_trial
+
+CAUSES = {
+    "deadlines missed": "a force came after its due time",
+    "missed ticks": "ticks were left out",
+    "ticks without a sample": "a sample was not taken",
+    "without the handle's sample": "the handle's sample came too late for the compensator",
+    "positions held": "an arm's position was missing",
+    "lost": "samples were lost",
+    "timeouts": "commands stopped",
+    "rejected": "samples or forces were refused",
+}
+"""Reasons by the ends of the names of counts that nodes report."""
+
+UNKNOWN = "no node reported a reason"
+
+
+@dataclass(frozen=True)
+class Parting:
+    """Comparison of a live trial with the same trial in lockstep.
+
+    Attributes
+    ----------
+    bag : Path
+    samples : int
+        Samples compared, from engaging on.
+    first : int or None
+        First sample that differs, counted from engaging; None if none does.
+    rate : float
+        Samples per second.
+    signals : tuple of str
+        Topics that differ at that sample.
+    reasons : tuple of str
+        What nodes counted at that time.
+    """
+
+    bag: Path
+    samples: int
+    first: int | None
+    rate: float
+    signals: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The comparison in words."""
+        seconds = self.samples / self.rate
+        if self.first is None:
+            return f"{self.bag}: {self.samples} samples ({seconds:.3g} s) are those in lockstep."
+        return (
+            f"{self.bag}: parts from lockstep at sample {self.first} of {self.samples}"
+            f" ({self.first / self.rate:.3f} s) in {', '.join(self.signals)}:"
+            f" {'; '.join(self.reasons)}."
+        )
+
+
+def find_parting(path: Path) -> Parting:
+    """Run the trial of a bag again in lockstep, and compare every signal, bit by bit.
+
+    Parameters
+    ----------
+    path : Path
+        Bag of a graph with simulated devices, which describes itself.
+
+    Raises
+    ------
+    ParameterError
+        It is no such bag, or its arms were never coupled.
+    """
+    bag = read_bag(path)
+    arguments = _arguments(bag)
+    start, length = _coupled(bag, arguments.rate)
+    trial = lockstep_trial(replace(arguments, duration=length / arguments.rate))
+    first, signals = length, []
+    for topic, values in trial_vectors(trial).items():
+        place = _first_difference(bag, topic.name, start, arguments.rate, values)
+        if place < first:
+            first, signals = place, [topic.name]
+        elif place == first < length:
+            signals.append(topic.name)
+    if first == length:
+        return Parting(path, length, None, arguments.rate)
+    moment = start + round(first * NANOSECONDS / arguments.rate)
+    reasons = _reasons(bag, start, moment)
+    return Parting(path, length, first, arguments.rate, tuple(signals), reasons)
+
+
+def _arguments(bag: Bag) -> GraphArguments:
+    """Return the arguments of the graph that was recorded."""
+    known = bag.facts.get("arguments")
+    if not isinstance(known, Mapping) or "latency" not in known:
+        raise ParameterError(f"{bag.path}: does not state the arguments of its graph")
+    arguments = GraphArguments(**{k: v for k, v in known.items() if k in schema(GraphArguments)})
+    for arm in ("master", "slave"):
+        if getattr(arguments, arm) != SIMULATED:
+            raise ParameterError(
+                f"{bag.path}: {arm} = {getattr(arguments, arm)!r}: must be {SIMULATED} to be"
+                " compared with lockstep"
+            )
+    if arguments.latency == 0:
+        raise ParameterError(f"{bag.path}: latency = 0: forces have no due time")
+    return arguments
+
+
+def _coupled(bag: Bag, rate: float) -> tuple[int, int]:
+    """Return the stamp of engaging, and the number of samples until the arms let go."""
+    forces = bag.signals.get(topics.MASTER_ARM_FORCE.name)
+    found = coupled_stretches(forces.stamps, forces.values) if forces else []
+    if not found:
+        raise ParameterError(f"{bag.path}: its arms were never coupled")
+    start, end = found[0]
+    # A switch of controller, surface or grip is not in the lockstep trial.
+    changed = [c.received for c in bag.changes if c.received > start]
+    return start, round((min([end, *changed]) - start) * rate / NANOSECONDS) + 1
+
+
+def _first_difference(bag: Bag, name: str, start: int, rate: float, expected: FloatArray) -> int:
+    """Return the first place where a recorded signal differs; the length if nowhere.
+
+    A message that the recorder did not get is no difference.
+    """
+    signal = bag.signals.get(name)
+    if signal is None:
+        return len(expected)
+    values, seen = on_grid(places(signal.stamps, start, rate), signal.values, len(expected))
+    differs = np.any(values != expected, axis=1)
+    found = np.flatnonzero(differs & seen)
+    return int(found[0]) if len(found) else len(expected)
+
+
+def _reasons(bag: Bag, start: int, moment: int) -> tuple[str, ...]:
+    """Return what the nodes counted in the reports around a moment."""
+    reasons = []
+    for node in dict.fromkeys(report.node for report in bag.diagnostics):
+        reports = [report for report in bag.diagnostics if report.node == node]
+        before = [r for r in reports if start < r.received < moment]
+        after = [r for r in reports if r.received >= moment]
+        if after:
+            reasons += _grown(before[-1].values if before else {}, after[0])
+    return tuple(reasons) or (UNKNOWN,)
+
+
+def _grown(before: Mapping[str, str], report: Diagnosis) -> list[str]:
+    """Return reasons for the counts of a node that have grown until a report."""
+    return [
+        f"{text} ({report.node}, {name})"
+        for name, value in report.values.items()
+        for end, text in CAUSES.items()
+        if (name == end or name.endswith(f" {end}"))
+        and value.isdecimal()
+        and int(value) > int(before.get(name, 0))
+    ]

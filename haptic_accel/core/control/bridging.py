@@ -1,0 +1,72 @@
+"""Prediction of samples that were lost, from those before."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+
+HISTORY = 64
+"""Samples from which the next are predicted: older ones are texture of other places."""
+
+ORDER = 12
+"""Order of the prediction: some resonances of surface and tool."""
+
+RIDGE = 1e-3
+"""Relative increase of the power at lag 0, as of white noise 30 dB below: it keeps the prediction
+stable and lets it fade out."""
+
+
+class Bridge:
+    """Keeps the last samples of a signal, and predicts those that are missing.
+
+    An autoregressive model is fitted to the last samples (autocorrelation method), whose
+    prediction never grows and returns to their mean.
+    """
+
+    def __init__(self) -> None:
+        self._samples: deque[float] = deque(maxlen=HISTORY)
+
+    def put(self, sample: float) -> None:
+        """Take a sample; infinity and NaN count as zero."""
+        self._samples.append(sample if abs(sample) < np.inf else 0.0)
+
+    def predict(self, count: int) -> list[float]:
+        """Return the next samples, and keep them as samples; the mean of few samples.
+
+        Examples
+        --------
+        >>> bridge = Bridge()
+        >>> for sample in np.sin(0.5 * np.arange(64)):
+        ...     bridge.put(float(sample))
+        >>> bool(abs(bridge.predict(1)[0] - np.sin(0.5 * 64)) < 0.05)
+        True
+        """
+        samples = np.array(self._samples)
+        if not len(samples):
+            return [0.0] * count
+        mean = float(samples.mean())
+        coefficients = _coefficients(samples - mean)
+        newest_first = (samples[::-1] - mean)[: len(coefficients)]
+        predicted = []
+        for _ in range(count):
+            following = float(coefficients @ newest_first)
+            newest_first = np.append(following, newest_first)[: len(coefficients)]
+            predicted.append(mean + following)
+            self.put(predicted[-1])
+        return predicted
+
+
+def _coefficients(samples: FloatArray) -> FloatArray:
+    """Return the weights of the last samples, newest first, in the prediction of the next."""
+    order = min(ORDER, len(samples) // 2)
+    if order == 0:
+        return np.zeros(0)
+    lags = np.correlate(samples, samples, "full")[len(samples) - 1 :][: order + 1]
+    if lags[0] <= np.finfo(float).tiny:
+        return np.zeros(order)
+    lags[0] *= 1 + RIDGE
+    place = np.arange(order)
+    return np.linalg.solve(lags[abs(place[:, None] - place)], lags[1:])

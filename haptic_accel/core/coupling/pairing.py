@@ -1,0 +1,77 @@
+"""Samples of the two arms that belong to the same tick."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from haptic_accel.core.model import Vector
+from haptic_accel.core.sampling import half_period
+
+
+class Motion(NamedTuple):
+    """Stamp of a sample, ns, position, m, and velocity, m/s, of an arm."""
+
+    stamp: int
+    position: Vector
+    velocity: Vector
+
+
+class Pairing:
+    """Pairs the samples of two arms, tick by tick.
+
+    A sample waits for that of the other arm. Where the other arm has sent a later one, it is lost:
+    the one before stands for it.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second of both arms.
+    longest : int
+        Most samples of an arm that wait.
+
+    Attributes
+    ----------
+    held : int
+        Number of ticks at which an earlier sample stood for one that is missing.
+    """
+
+    def __init__(self, rate: float, longest: int) -> None:
+        self._half_period = half_period(rate)
+        self._waiting: tuple[deque[Motion], deque[Motion]] = (
+            deque(maxlen=longest),
+            deque(maxlen=longest),
+        )
+        self._before: list[Motion | None] = [None, None]
+        self.held = 0
+
+    @property
+    def waiting(self) -> bool:
+        """True while a sample of one arm waits for that of the other."""
+        return any(self._waiting)
+
+    def put(self, arm: int, motion: Motion) -> None:
+        """Take a sample of an arm, 0 or 1, in the order of the stamps."""
+        self._waiting[arm].append(motion)
+
+    def pairs(self) -> Iterator[tuple[Motion, Motion]]:
+        """Yield the samples of both arms for each tick that is complete."""
+        first, second = self._waiting
+        while first and second:
+            ahead = first[0].stamp - second[0].stamp
+            found = [
+                self._next(0, missing=ahead > self._half_period),
+                self._next(1, missing=ahead < -self._half_period),
+            ]
+            if found[0] and found[1]:
+                yield found[0], found[1]
+
+    def _next(self, arm: int, *, missing: bool) -> Motion | None:
+        """Return an arm's sample of a tick, or the one that stands for it."""
+        if missing:
+            before = self._before[arm]
+            self.held += before is not None
+            return before
+        self._before[arm] = self._waiting[arm].popleft()
+        return self._before[arm]

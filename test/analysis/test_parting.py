@@ -1,0 +1,59 @@
+"""A trial in a bag and the same trial in lockstep."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptic_accel.analysis.parting import find_parting
+from haptic_accel.core import topics
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.trial import Trial
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.lockstep import lockstep_trial, record_trial
+
+START = 1_700_000_000_000_000_000
+ARGUMENTS = GraphArguments(rig="ideal", surface="text", duration=1.0)
+
+
+@pytest.fixture(scope="module")
+def trial() -> Trial:
+    return lockstep_trial(ARGUMENTS)
+
+
+def test_the_same_trial_does_not_part(trial: Trial, tmp_path: Path) -> None:
+    record_trial(tmp_path / "bag", trial, ARGUMENTS, START)
+    found = find_parting(tmp_path / "bag")
+    assert found.first is None
+    assert found.samples == pytest.approx(len(trial.time), abs=1)
+    assert "are those in lockstep" in found.sentence
+
+
+def test_the_first_sample_that_differs_by_a_bit_is_named(trial: Trial, tmp_path: Path) -> None:
+    handle = trial.handle_acceleration.copy()
+    handle[700] = np.nextafter(handle[700], np.inf)
+    handle[800] += 1.0
+    record_trial(tmp_path / "bag", replace(trial, handle_acceleration=handle), ARGUMENTS, START)
+    found = find_parting(tmp_path / "bag")
+    assert (found.first, found.signals) == (700, (topics.HANDLE_ACCELERATION.name,))
+    assert found.reasons == ("no node reported a reason",)
+    assert "at sample 700" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("given", "named"), [({"slave": "replay"}, "slave"), ({"latency": 0}, "latency")]
+)
+def test_what_has_no_counterpart_in_lockstep_is_refused(
+    trial: Trial, tmp_path: Path, given: dict[str, str], named: str
+) -> None:
+    arguments = replace(ARGUMENTS, **given)
+    if "slave" in given:
+        with pytest.raises(ParameterError):
+            record_trial(tmp_path / "bag", trial, arguments, START)
+        return
+    record_trial(tmp_path / "bag", trial, arguments, START)
+    with pytest.raises(ParameterError, match=named):
+        find_parting(tmp_path / "bag")

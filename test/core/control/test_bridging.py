@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.control.bridging import HISTORY, Bridge
+
+
+def bridge_over(samples: list[float]) -> Bridge:
+    bridge = Bridge()
+    for sample in samples:
+        bridge.put(sample)
+    return bridge
+
+
+@pytest.mark.parametrize("frequency", [60.0, 120.0, 200.0])
+def test_a_lost_sample_of_a_vibration_is_predicted_better_than_by_holding(
+    frequency: float,
+) -> None:
+    time = np.arange(HISTORY + 3) / 1000
+    wave = np.sin(2 * np.pi * frequency * time) + 0.3 * np.sin(2 * np.pi * 2.3 * frequency * time)
+    known, lost = wave[:HISTORY], wave[HISTORY:]
+    predicted = np.array(bridge_over(known.tolist()).predict(3))
+    assert np.abs(predicted - lost).max() < 0.5 * np.abs(known[-1] - lost).max()
+
+
+def test_without_samples_zero_is_predicted_and_rest_stays_rest() -> None:
+    assert Bridge().predict(2) == [0.0, 0.0]
+    assert bridge_over([9.81] * 10).predict(3) == pytest.approx([9.81] * 3)
+
+
+@given(st.lists(st.floats(-1e3, 1e3), max_size=2 * HISTORY))
+def test_a_prediction_does_not_grow(samples: list[float]) -> None:
+    predicted = np.array(bridge_over(samples).predict(500))
+    known = np.array(samples[-HISTORY:] or [0.0])
+    assert np.abs(predicted - known.mean()).max() <= 20 * np.abs(known - known.mean()).max() + 1e-6
+    assert abs(predicted[-1] - known.mean()) <= np.abs(known - known.mean()).max() + 1e-6

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.coupling.pairing import Motion, Pairing
+from haptic_accel.core.model import ZERO
+
+PERIOD = 1_000_000
+
+
+def motion(tick: int, offset: int = 0) -> Motion:
+    return Motion(tick * PERIOD + offset, (float(tick), 0.0, 0.0), ZERO)
+
+
+def ticks(pairing: Pairing) -> list[tuple[float, float]]:
+    return [(one.position[0], other.position[0]) for one, other in pairing.pairs()]
+
+
+def test_samples_of_one_tick_belong_together_whoever_comes_first() -> None:
+    pairing = Pairing(1000.0, 100)
+    pairing.put(0, motion(5))
+    assert pairing.waiting
+    assert ticks(pairing) == []
+    pairing.put(1, motion(5, offset=700))
+    assert ticks(pairing) == [(5.0, 5.0)]
+    assert not pairing.waiting
+    pairing.put(1, motion(6))
+    pairing.put(0, motion(6, offset=-900))
+    assert ticks(pairing) == [(6.0, 6.0)]
+    assert pairing.held == 0
+
+
+def test_for_a_lost_sample_the_one_before_stands() -> None:
+    pairing = Pairing(1000.0, 100)
+    for tick in (1, 2, 3, 4):
+        pairing.put(0, motion(tick))
+    for tick in (1, 4):
+        pairing.put(1, motion(tick))
+    assert ticks(pairing) == [(1.0, 1.0), (2.0, 1.0), (3.0, 1.0), (4.0, 4.0)]
+    assert pairing.held == 2
+
+
+@given(st.lists(st.sampled_from([0, 1]), min_size=1, max_size=200))
+def test_nothing_is_lost_in_any_order_of_arrival(arms: list[int]) -> None:
+    pairing = Pairing(1000.0, 1000)
+    sent = [0, 0]
+    found = []
+    for arm in arms:
+        pairing.put(arm, motion(sent[arm]))
+        sent[arm] += 1
+        found += ticks(pairing)
+    assert found == [(float(tick), float(tick)) for tick in range(min(sent))]

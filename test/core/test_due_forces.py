@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.due_forces import DueForces
+
+
+def force(sample: int) -> tuple[float, float, float]:
+    return (0.0, 0.0, float(sample))
+
+
+@pytest.mark.parametrize("latency", [1, 2, 20])
+def test_a_force_in_time_is_applied_at_its_tick_and_neither_earlier_nor_later(
+    latency: int,
+) -> None:
+    forces = DueForces(latency)
+    applied = {}
+    for tick in range(100):
+        if found := forces.take(tick):
+            applied[tick] = found
+        forces.put(tick, tick * 1000, force(tick))
+    assert applied == {
+        tick: ((tick - latency) * 1000, force(tick - latency)) for tick in range(latency, 100)
+    }
+    assert (forces.due, forces.missed) == (100, 0)
+
+
+def test_without_latency_a_force_is_applied_on_arrival_and_has_no_due_time() -> None:
+    forces = DueForces(0)
+    assert forces.take(5) is None
+    forces.put(5, 5000, force(5))
+    assert forces.take(5) == (5000, force(5))
+    assert (forces.due, forces.missed) == (0, 0)
+
+
+def test_a_late_force_counts_as_missed_and_is_there_at_once() -> None:
+    forces = DueForces(1)
+    forces.take(6)
+    forces.put(5, 5000, force(5))
+    assert forces.take(6) == (5000, force(5))
+    assert (forces.due, forces.missed) == (1, 1)
+
+
+@given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 6)), max_size=60), st.integers(1, 4))
+def test_no_force_is_early_or_applied_after_a_newer_one(
+    arrivals: list[tuple[int, int]], latency: int
+) -> None:
+    forces = DueForces(latency)
+    applied: list[int] = []
+    late = 0
+    for tick in range(40):
+        for sample, delay in arrivals:
+            # On time for its tick, or so many ticks after.
+            if sample + latency + delay - 3 == tick:
+                late += sample + latency < tick
+                forces.put(sample, sample, force(sample))
+        if found := forces.take(tick):
+            assert found[0] + latency <= tick
+            applied.append(found[0])
+    assert applied == sorted(set(applied))
+    assert forces.missed == late
