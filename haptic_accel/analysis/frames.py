@@ -170,7 +170,9 @@ class TableTwo:
     Attributes
     ----------
     columns : list of str
-        Surfaces, and the average over them if there are several.
+        Surfaces, and the average over `common` if there are several.
+    common : list of str
+        Surfaces that have an error of every controller.
     rows : dict
         A cell for each column, by controller.
     counts : dict
@@ -180,6 +182,7 @@ class TableTwo:
     """
 
     columns: list[str]
+    common: list[str]
     rows: dict[str, list[Cell]]
     counts: dict[str, int]
     methods: str
@@ -188,14 +191,19 @@ class TableTwo:
 def table_two(found: pd.DataFrame) -> TableTwo:
     """Return Table II of groups.
 
-    The average is over those surfaces alone that all controllers were tried on, so that
+    The average is over those surfaces alone that have an error of every controller, so that
     controllers compare; the paper's average stands beside it only where these are its own
     surfaces.
     """
     known = {(row["controller"], row["surface"]): row for row in found.to_dict("records")}
+    errors = {key: row["nrmse_percent"] for key, row in known.items()}
     controllers = list(dict.fromkeys(controller for controller, _ in known))
     surfaces = list(dict.fromkeys(surface for _, surface in known))
-    common = [s for s in surfaces if all((c, s) in known for c in controllers)]
+    common = [
+        s
+        for s in surfaces
+        if all(math.isfinite(errors.get((c, s), math.nan)) for c in controllers)
+    ]
     rows = {}
     for controller in controllers:
         cells = []
@@ -206,13 +214,14 @@ def table_two(found: pd.DataFrame) -> TableTwo:
             )
             cells.append(Cell(value, low, high, TABLE_II.get((surface, controller))))
         if len(surfaces) > 1:
-            mean = mean_interval([known[controller, s]["nrmse_percent"] for s in common])
+            mean = mean_interval([errors[controller, s] for s in common])
             same = frozenset(common) == PAPER_SURFACES
             paper = TABLE_II.get((AVERAGE, controller)) if same else None
             cells.append(Cell(mean.value, math.nan, math.nan, paper))
         rows[controller] = cells
     return TableTwo(
         surfaces + [AVERAGE] * (len(surfaces) > 1),
+        common,
         rows,
         {c: sum(row["trials"] for (own, _), row in known.items() if own == c) for c in rows},
         "; ".join(dict.fromkeys(row["interval"] for row in known.values())),

@@ -7,7 +7,7 @@ import math
 import pandas as pd
 
 from haptic_accel.analysis.comparison import Comparison
-from haptic_accel.analysis.frames import groups, rank, table_two, trials
+from haptic_accel.analysis.frames import Cell, groups, rank, table_two, trials
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import MILLI
 from haptic_accel.analysis.plots import number, percent
@@ -51,17 +51,31 @@ def _extent(frame: pd.DataFrame, bags: int) -> str:
 def _errors(analysis: Analysis) -> str:
     """Return a sentence on the error of each controller."""
     table = table_two(groups(analysis))
-    words = []
-    for controller, cells in table.rows.items():
-        error = cells[-1]
-        if math.isfinite(error.value):
-            beside = f" (the paper's: {percent(error.paper)})" if error.paper is not None else ""
-            words.append((error.value, f"{controller} {percent(error.value)}{beside}"))
-    if not words:
-        return "The error is unknown: desired or handle acceleration is missing."
-    over = "" if len(table.columns) == 1 else ", averaged over surfaces"
-    each = ", ".join(text for _, text in sorted(words))
-    return f"Error (NRMSE{over}) after {analysis.after}: {each}."
+    over = f", averaged over {', '.join(table.common)}" if len(table.columns) > 1 else ""
+    overall = [
+        (cells[-1].value, f"{controller} {percent(cells[-1].value)}{_beside(cells[-1])}")
+        for controller, cells in table.rows.items()
+        if math.isfinite(cells[-1].value)
+    ]
+    if overall:
+        each = ", ".join(text for _, text in sorted(overall))
+        return f"Error (NRMSE{over}) after {analysis.after}: {each}."
+    apart = [
+        f"{controller} on {surface} {percent(cell.value)}"
+        for controller, cells in table.rows.items()
+        for surface, cell in zip(table.columns, cells, strict=True)
+        if math.isfinite(cell.value)
+    ]
+    if not apart:
+        return "No error could be determined."
+    return (
+        f"Error (NRMSE) after {analysis.after}: {', '.join(apart)}; no surface has an error of"
+        " every controller, so that there is no average."
+    )
+
+
+def _beside(cell: Cell) -> str:
+    return "" if cell.paper is None else f" (the paper's: {percent(cell.paper)})"
 
 
 def _delays(frame: pd.DataFrame, analysis: Analysis) -> str:

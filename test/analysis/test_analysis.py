@@ -106,6 +106,34 @@ def test_bags_of_several_latencies_are_named_together(tmp_path: Path) -> None:
     assert load(tmp_path, perceptual=False).after == "1 or 2 samples"
 
 
+def test_controllers_without_a_surface_in_common_have_their_errors_told(tmp_path: Path) -> None:
+    write_bag(tmp_path / "a", copy("constant", "plywood", gain=0.75))
+    write_bag(tmp_path / "b", copy("dynamic", "vinyl", gain=0.9))
+    (told,) = [line for line in summary(load(tmp_path, perceptual=False)) if "rror" in line]
+    assert "constant on plywood 25.0 %" in told
+    assert "dynamic on vinyl 10.0 %" in told
+    assert "no average" in told
+    assert "missing" not in told
+
+
+def test_an_average_is_over_the_surfaces_that_have_all_errors(tmp_path: Path) -> None:
+    for controller, gain in (("constant", 0.75), ("dynamic", 0.9)):
+        write_bag(tmp_path / f"{controller}_text", copy(controller, "text", gain=gain))
+    write_bag(tmp_path / "vinyl", copy("dynamic", "vinyl", gain=0.5))
+    blind = copy("constant", "vinyl", seed=1)
+    del blind.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
+    write_bag(tmp_path / "blind", blind)
+    told = summary(load(tmp_path, perceptual=False))[1]
+    assert told.startswith("Error (NRMSE, averaged over text) after 1 sample: dynamic 10.0 %")
+
+
+def test_where_no_trial_has_an_error_none_is_told(tmp_path: Path) -> None:
+    blind = copy()
+    del blind.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
+    write_bag(tmp_path / "bag", blind)
+    assert "No error could be determined." in summary(load(tmp_path, perceptual=False))
+
+
 @pytest.mark.parametrize("shift", ["", "later", "nan", "1e9"])
 def test_a_shift_that_is_none_is_refused(tmp_path: Path, shift: str) -> None:
     with pytest.raises(ParameterError, match="shift = "):
