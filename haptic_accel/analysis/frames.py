@@ -16,7 +16,7 @@ from haptic_accel.analysis.metrics import METRICS, MILLI, AnalysedTrial, Shift
 from haptic_accel.analysis.segments import Segment, cut
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
-from haptic_accel.core.evaluation.statistics import Interval, mean_interval
+from haptic_accel.core.evaluation.statistics import mean_interval
 from haptic_accel.core.parameters import ParameterError
 
 AVERAGE = "average"
@@ -37,6 +37,7 @@ ORDER = (
 """Controllers from the plainest to the best, and the paper's surfaces in its order."""
 
 _CONDITION = ["controller", "surface"]
+_FIRST = ["trial", *_CONDITION, "grip", "pair", "contact"]
 
 
 def load(*paths: Path | str, shift: str = "granted", perceptual: bool = True) -> Analysis:
@@ -68,7 +69,7 @@ def load(*paths: Path | str, shift: str = "granted", perceptual: bool = True) ->
 def trials(analysis: Analysis) -> pd.DataFrame:
     """Return a row for each trial: condition, and all metrics with their unit in the name."""
     rows = [_row(trial) for trial in analysis.trials]
-    return pd.DataFrame(rows, columns=None if rows else ["trial", *_CONDITION, "grip", "pair"])
+    return pd.DataFrame(rows, columns=None if rows else _FIRST)
 
 
 def _row(trial: AnalysedTrial) -> dict[str, Any]:
@@ -79,6 +80,7 @@ def _row(trial: AnalysedTrial) -> dict[str, Any]:
         "surface": trial.surface,
         "grip": segment.condition.grip,
         "pair": ", ".join(segment.pair),
+        "contact": trial.contact,
         "bag": str(segment.bag),
         "begin_s": segment.begin,
         "seconds": segment.seconds,
@@ -114,8 +116,9 @@ def rank(name: str) -> tuple[int, str]:
 
 
 def by_condition(frame: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
-    """Yield controller and surface, and their trials, in the order of `ORDER`."""
-    grouped = {(str(c), str(s)): own for (c, s), own in frame.groupby(_CONDITION)}
+    """Yield controller and surface, and their trials with contact, in the order of `ORDER`."""
+    touching = frame[frame.contact.astype(bool)]
+    grouped = {(str(c), str(s)): own for (c, s), own in touching.groupby(_CONDITION)}
     yield from sorted(grouped.items(), key=lambda group: ranks(group[0]))
 
 
@@ -125,17 +128,15 @@ def ranks(condition: tuple[str, str]) -> tuple[tuple[int, str], ...]:
 
 
 def groups(analysis: Analysis) -> pd.DataFrame:
-    """Return a row for each controller and surface, with intervals of 95 %.
+    """Return a row for each controller and surface, with intervals of 95 % over trials.
 
-    The column ``interval`` names the method of the NRMSE's interval: over trials, or over pieces
-    of the only one.
+    The column ``interval`` names the method of the NRMSE's interval, or says why there is none.
+    Trials without contact are left out.
     """
     columns = [*METRICS, *map(band_column, band_names(analysis))]
     rows = []
     for key, own in by_condition(trials(analysis)):
         found = {name: mean_interval(own[name].tolist()) for name in columns}
-        if len(own) == 1:
-            found["nrmse_percent"] = _own_interval(own.iloc[0])
         row: dict[str, Any] = dict(zip(_CONDITION, key, strict=True)) | {"trials": len(own)}
         row["interval"] = found["nrmse_percent"].method
         for name, interval in found.items():
@@ -143,12 +144,6 @@ def groups(analysis: Analysis) -> pd.DataFrame:
             row[f"{name}_low"], row[f"{name}_high"] = interval.low, interval.high
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else _CONDITION)
-
-
-def _own_interval(row: pd.Series[Any]) -> Interval:
-    """Return the interval that pieces of a trial give."""
-    value, low, high = row.nrmse_percent, row.nrmse_low_percent, row.nrmse_high_percent
-    return Interval(float(value), float(low), float(high), 1, str(row.interval))
 
 
 # Table II

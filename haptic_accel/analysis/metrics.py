@@ -21,7 +21,7 @@ from haptic_accel.core.evaluation.bands import band_nrmse, bands
 from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
 from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.model import AccelerometerParameters, FloatArray
 from haptic_accel.core.parameters import ParameterError
 
 PERCENT = 100.0
@@ -34,7 +34,14 @@ TRAVEL_BEGIN = 0.1
 """Start of a trial that is left out of the largest travel, s: the estimate begins in the middle,
 wherever the actuator is, and forgets that with the 18 ms of Table I's suspension."""
 
+CONTACT = 3 * AccelerometerParameters().noise
+"""Smallest RMS of the desired acceleration with which a trial counts as contact, m/s^2: three times
+the noise of the paper's accelerometer, and a tenth of what its vinyl gives."""
+
 GRANTED_SHIFT, PAPER_SHIFT, MEASURED_SHIFT = "granted", "paper", "measured"
+
+BEYOND_STOPS = "travel: the estimate, which knows no stops, passes them, and is left out"
+"""Note on a trial whose estimated travel is impossible."""
 
 MOST_SHIFT = 100.0
 """Largest shift that is allowed, ms."""
@@ -172,6 +179,8 @@ class AnalysedTrial:
         Signals over time.
     notes : tuple of str
         Assumptions, and what is missing.
+    contact : bool
+        The tool touched something, or whether it did is not known; without it there is no error.
     """
 
     name: str
@@ -183,6 +192,7 @@ class AnalysedTrial:
     portrait: Portrait | None
     traces: Traces
     notes: tuple[str, ...]
+    contact: bool
 
     @property
     def controller(self) -> str:
@@ -217,7 +227,14 @@ def measure(
     if actual is None and segment.rate <= 2 * corner:
         notes.append(f"{segment.rate:g} samples per second are too few for its {corner:g} Hz")
     likeness = _Likeness()
-    if desired is not None and actual is not None:
+    felt = math.nan if desired is None else float(np.sqrt(np.mean(desired**2)))
+    contact = not felt < CONTACT
+    if not contact:
+        notes.append(
+            f"without contact: the desired acceleration has an RMS of {felt:.2g} m/s², that of"
+            f" contact is at least {CONTACT:.2g} m/s²"
+        )
+    elif desired is not None and actual is not None:
         likeness = _compared(desired, actual, segment, shift, perceptual, notes)
     travel = _travel(segment)
     signals = {"desired": desired, "actual": actual, "force": force, "travel": travel}
@@ -229,7 +246,10 @@ def measure(
         metrics["force_peak_N"] = float(np.max(np.abs(force)))
     if travel is not None:
         farthest = np.max(np.abs(travel[round(TRAVEL_BEGIN * segment.rate) :]))
-        metrics["travel_mm"] = MILLI * float(farthest)
+        if farthest <= segment.actuator.travel:
+            metrics["travel_mm"] = MILLI * float(farthest)
+        else:
+            notes.append(BEYOND_STOPS)
     if counts := delivery.deadlines.get(AGE_OF):  # not in lockstep
         metrics["deadlines_missed_percent"] = PERCENT * counts["missed"] / counts["due"]
     for label in ("p50", "p99", "max"):
@@ -238,7 +258,7 @@ def measure(
     traces = Traces.of(drawn, segment.rate, likeness.shift)
     kept, unique = replace(segment, signals={}), tuple(dict.fromkeys(notes))
     compared = likeness.bands, likeness.error, likeness.portrait
-    return AnalysedTrial(name, source, kept, metrics, *compared, traces, unique)
+    return AnalysedTrial(name, source, kept, metrics, *compared, traces, unique, contact)
 
 
 def actual_acceleration(segment: Segment) -> FloatArray | None:

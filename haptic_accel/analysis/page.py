@@ -134,7 +134,7 @@ def _losses(found: Sequence[AnalysedTrial]) -> list[tuple[str, str, int]]:
     for name, delivery in ((trial.name, trial.segment.delivery) for trial in found):
         rows += [(name, topic, lost) for topic, lost in delivery.lost.items()]
         rows += [
-            (name, f"samples of the {arm} that were not taken", missed)
+            (name, f"samples of the {arm} without any message", missed)
             for arm, missed in delivery.missed.items()
         ]
     return [row for row in rows if row[2]]

@@ -17,7 +17,7 @@ from haptic_accel.bags.trial_bag import trial_vectors
 from haptic_accel.core import topics
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.sampling import NANOSECONDS, coupled_stretches, on_grid, places
+from haptic_accel.core.sampling import NANOSECONDS, on_grid, places
 from haptic_accel.graph.arguments import SIMULATED, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
 
@@ -125,8 +125,7 @@ def _arguments(bag: Bag) -> GraphArguments:
 
 def _coupled(bag: Bag, rate: float) -> tuple[int, int]:
     """Return the stamp of engaging, and the number of samples until the arms let go."""
-    forces = bag.signals.get(topics.MASTER_ARM_FORCE.name)
-    found = coupled_stretches(forces.stamps, forces.values) if forces else []
+    found = bag.coupled(topics.MASTER)
     if not found:
         raise ParameterError(f"{bag.path}: its arms were never coupled")
     start, end = found[0]

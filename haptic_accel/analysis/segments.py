@@ -19,7 +19,7 @@ from haptic_accel.core.control.compensation import FADING, LISTENING
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, coupled_stretches, sampling_rate
+from haptic_accel.core.sampling import NANOSECONDS, RELEASED, BoolArray, sampling_rate
 from haptic_accel.graph.arguments import PLAYED_TOPICS, RECORDING, REPLAY
 from haptic_accel.graph.node_parameters import node_parameters
 
@@ -159,7 +159,8 @@ def cut(recorded: Bag) -> Cut:
                 f" at {(low - begin) / NANOSECONDS:.1f} s: too short, is left out"
             )
             continue
-        segments.append(_segment(recorded, known, condition, len(segments) + 1, low, high))
+        number = len(segments) + 1
+        segments.append(_segment(recorded, known, condition, number, low, high, problems))
     if not segments:
         problems.append(f"has no segment of {SHORTEST:g} s under one condition")
     return Cut(segments, problems)
@@ -283,14 +284,13 @@ def _parts(
 
 def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[tuple[int, int]]:
     """Return start and end of each time in which the arms were coupled, ns."""
-    forces = recorded.signals.get(topics.MASTER_ARM_FORCE.name)
-    if forces is None:
+    if topics.MASTER_ARM_FORCE.name not in recorded.signals:
         problems.append(
             f"has no {topics.MASTER_ARM_FORCE.name}: whether the arms were coupled is not known,"
             " and all of it is taken"
         )
         return [span]
-    found = coupled_stretches(forces.stamps, forces.values)
+    found = recorded.coupled(topics.MASTER)
     if not found:
         problems.append("the arms were never coupled, as their forces are zero: all is taken")
         return [span]
@@ -325,20 +325,29 @@ ALTERED = " (altered)"
 
 
 def _segment(
-    recorded: Bag, known: _Known, condition: Condition, number: int, low: int, high: int
+    recorded: Bag,
+    known: _Known,
+    condition: Condition,
+    number: int,
+    low: int,
+    high: int,
+    problems: list[str],
 ) -> Segment:
-    """Put one segment on its grid."""
+    """Put one segment on its grid; add gaps of the recorder to the problems."""
     rate = known.rate
     anchor = next(recorded.signals[name] for name in _NAMES if name in recorded.signals)
     # The grid goes through a stamp: the segment begins where something else happened.
     start = int(anchor.stamps[np.argmax(anchor.stamps >= low)])
     length = math.floor((high - start) * rate / NANOSECONDS + _WHOLE) + 1
     signals: dict[str, FloatArray] = {}
+    recording = np.zeros(length, dtype=bool)
     for name in _NAMES:
         if name in recorded.signals:
             values, seen = recorded.signals[name].on_grid(start, rate, length)
+            recording |= seen
             if seen.any():
                 signals[name] = values
+    problems += [f"trial {number}: {gaps}" for gaps in _gaps(recording, rate)]
     notes = _complete(signals, known)
     return Segment(
         recorded.path,
@@ -355,6 +364,19 @@ def _segment(
         tuple(notes),
         recorded.latency,
     )
+
+
+def _gaps(recording: BoolArray, rate: float) -> list[str]:
+    """Return a line on gaps of the recorder: times in which no signal has a message."""
+    seen = np.flatnonzero(recording)
+    lengths = (np.diff(seen) - 1) / rate
+    long = lengths[lengths > RELEASED]
+    if not long.size:
+        return []
+    return [
+        f"the recorder has {'a gap' if long.size == 1 else f'{long.size} gaps'} of {long.sum():.1f} s"
+        " in all, in which every signal keeps its last value: the error is larger for it"
+    ]
 
 
 def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:

@@ -9,7 +9,7 @@ import pandas as pd
 from haptic_accel.analysis.comparison import Comparison
 from haptic_accel.analysis.frames import Cell, groups, rank, table_two, trials
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.metrics import MILLI
+from haptic_accel.analysis.metrics import BEYOND_STOPS, CONTACT, MILLI
 from haptic_accel.analysis.plots import number, percent
 
 
@@ -20,6 +20,7 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
     frame = trials(analysis)
     sentences = [
         _extent(frame, analysis.bags),
+        *_without_contact(frame),
         _errors(analysis),
         _delays(frame, analysis),
         *_ages(frame),
@@ -46,6 +47,18 @@ def _extent(frame: pd.DataFrame, bags: int) -> str:
         f"{_many(len(frame), 'trial')} from {_many(bags, 'bag')}, {frame.seconds.sum():.0f} s in"
         f" all: {', '.join(controllers)} on {', '.join(surfaces)}."
     )
+
+
+def _without_contact(frame: pd.DataFrame) -> list[str]:
+    """Return a sentence on the trials that means leave out."""
+    count = int((~frame.contact).sum())
+    if not count:
+        return []
+    return [
+        f"{count} of {_many(len(frame), 'trial')} without contact, not in the errors and means: the"
+        f" RMS of the desired acceleration is below {CONTACT:.2g} m/s², three times the noise of an"
+        " accelerometer."
+    ]
 
 
 def _errors(analysis: Analysis) -> str:
@@ -105,7 +118,7 @@ def _losses(frame: pd.DataFrame, analysis: Analysis) -> str:
     missed = sum(sum(trial.segment.delivery.missed.values()) for trial in analysis.trials)
     if not lost and not missed:
         return "No sample was lost."
-    return f"{lost} messages were lost and {missed} samples not taken."
+    return f"{lost} messages were lost; of {missed} samples there is none at all."
 
 
 def _deadlines(analysis: Analysis) -> list[str]:
@@ -121,13 +134,18 @@ def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
     if not math.isfinite(peak):
         return []
     sentence = f"The actuator gave {number(peak, 1)} N at most"
-    if math.isfinite(travel):
-        free = MILLI * min(trial.segment.actuator.travel for trial in analysis.trials)
+    free = MILLI * min(trial.segment.actuator.travel for trial in analysis.trials)
+    beyond = sum(BEYOND_STOPS in trial.notes for trial in analysis.trials)
+    if beyond:
+        sentence += (
+            f" and came to its stops, {number(free, 1)} mm either way, in {beyond} of"
+            f" {_many(len(frame), 'trial')}: there the estimate of its travel, which knows no stops,"
+            " passes them and is left out"
+        )
+    elif math.isfinite(travel):
         sentence += (
             f" and used {number(travel, 1)} mm of the {number(free, 1)} mm it may move either way"
         )
-        if travel > free:
-            sentence += ", by an estimate that knows no stops"
     return [sentence + "."]
 
 

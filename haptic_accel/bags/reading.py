@@ -24,8 +24,15 @@ from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import HIGHEST_LATENCY, BoolArray, IntArray, on_grid, places
-from haptic_accel.core.topics import ACTUATOR_AXIS, DIAGNOSTICS, SIGNALS
+from haptic_accel.core.sampling import (
+    HIGHEST_LATENCY,
+    BoolArray,
+    IntArray,
+    coupled_stretches,
+    on_grid,
+    places,
+)
+from haptic_accel.core.topics import ACTUATOR_AXIS, DIAGNOSTICS, SIGNALS, ArmTopics
 
 _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
@@ -139,6 +146,17 @@ class Bag:
         arguments = self.facts.get("arguments")
         stated = arguments.get("latency") if isinstance(arguments, dict) else None
         return stated if isinstance(stated, int) and 0 <= stated <= HIGHEST_LATENCY else 0
+
+    def coupled(self, arm: ArmTopics) -> list[tuple[int, int]]:
+        """Return start and end of each stretch in which an arm was coupled, ns.
+
+        Empty without forces on the arm's motors; see `core.sampling.coupled_stretches`.
+        """
+        forces, samples = (self.signals.get(t.name) for t in (arm.arm_force, arm.acceleration))
+        if forces is None:
+            return []
+        stamps = np.array([], np.int64) if samples is None else np.sort(samples.stamps)
+        return coupled_stretches(forces.stamps, forces.values, stamps)
 
 
 def read_bag(path: Path) -> Bag:

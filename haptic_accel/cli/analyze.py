@@ -133,8 +133,8 @@ def _partings(analysis: Analysis) -> Iterator[Parting]:
 
 def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str) -> None:
     """Print tables, sentences, what could not be determined, and further lines."""
-    if analysis.trials:
-        table = frames.table_two(frames.groups(analysis))
+    table = frames.table_two(frames.groups(analysis))
+    if table.rows:
         rows = [
             (controller, str(table.counts[controller]), *map(_cell, cells))
             for controller, cells in table.rows.items()
@@ -144,7 +144,7 @@ def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str
             rows,
             title=f"Table II: error of the handle's acceleration after {analysis.after}, %"
             " (paper's in brackets)",
-            caption="± half of the 95 % interval",
+            caption=f"± half of the 95 % interval ({table.methods})",
         )
         print_table(
             ("", *table.rows),
@@ -168,6 +168,7 @@ def _cell(cell: frames.Cell) -> str:
 
 def _means(frame: pd.DataFrame, controllers: Sequence[str]) -> Iterator[list[str]]:
     """Yield a row for each metric: its heading, and its mean under each controller."""
+    frame = frame[frame.contact]
     # The paper's averages are over its own surfaces.
     paper = frames.PAPER_REGRESSION if set(frame.surface) == frames.PAPER_SURFACES else {}
     means = frame.groupby("controller")[list(SHOWN)].mean()

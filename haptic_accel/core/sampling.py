@@ -199,13 +199,16 @@ def missing_samples(stamps: IntArray) -> int:
     return int(np.sum(np.rint(steps[steps > LONGEST_STEP * period] / period) - 1))
 
 
-def coupled_stretches(stamps: IntArray, forces: FloatArray) -> list[tuple[int, int]]:
+def coupled_stretches(
+    stamps: IntArray, forces: FloatArray, samples: IntArray
+) -> list[tuple[int, int]]:
     """Return the first and last stamp of each stretch in which an arm was coupled, ns.
 
     A coupler sends forces at every sample while it is engaged, and single zeros when it lets
     go. So a stretch begins with the first force after a silence, which may be zero until
     encoders see the first motion, and ends with the last force that is not zero before
-    `RELEASED` seconds of silence or zeros.
+    `RELEASED` seconds of silence or zeros. A silence in which the arm's own samples are missing
+    too is a gap of the recorder, and ends nothing.
 
     Parameters
     ----------
@@ -213,6 +216,8 @@ def coupled_stretches(stamps: IntArray, forces: FloatArray) -> list[tuple[int, i
         Stamps, ns.
     forces : ndarray, shape (n, 3)
         Forces on the arm's motors, N.
+    samples : ndarray of int64, shape (m,)
+        Stamps of the arm's samples in order, ns.
 
     Returns
     -------
@@ -223,7 +228,7 @@ def coupled_stretches(stamps: IntArray, forces: FloatArray) -> list[tuple[int, i
     --------
     >>> stamps = np.array([0, 1, 2, 3, 900]) * 1_000_000
     >>> forces = np.array([[0.0] * 3, [0.1] * 3, [0.1] * 3, [0.0] * 3, [0.0] * 3])
-    >>> coupled_stretches(stamps, forces)
+    >>> coupled_stretches(stamps, forces, np.arange(900) * 1_000_000)
     [(0, 2000000)]
     """
     order = np.argsort(stamps, kind="stable")
@@ -232,6 +237,7 @@ def coupled_stretches(stamps: IntArray, forces: FloatArray) -> list[tuple[int, i
         return []
     longest = RELEASED * NANOSECONDS
     ends = np.flatnonzero(np.diff(stamps[acting]) > longest)
+    ends = ends[~_unrecorded(stamps, acting[ends], acting[ends + 1], samples)]
     firsts = acting[np.append(0, ends + 1)]
     lasts = acting[np.append(ends, len(acting) - 1)]
     after_silence = np.append(0, np.flatnonzero(np.diff(stamps) > longest) + 1)
@@ -239,3 +245,18 @@ def coupled_stretches(stamps: IntArray, forces: FloatArray) -> list[tuple[int, i
     # After zeros that followed a stretch without a silence, the first non-zero force counts.
     begins = np.where(begins > np.append(-1, lasts[:-1]), begins, firsts)
     return list(zip(stamps[begins].tolist(), stamps[lasts].tolist(), strict=True))
+
+
+def _unrecorded(
+    stamps: IntArray, lasts: IntArray, firsts: IntArray, samples: IntArray
+) -> BoolArray:
+    """Return where nothing shows that an arm was let go between one force and the next.
+
+    It was if a force, which is zero, came between, or the arm's samples show it without force for
+    longer than `RELEASED`.
+    """
+    if len(samples) < 2:
+        return np.zeros(len(lasts), dtype=bool)
+    within = np.searchsorted(samples, stamps[firsts]) - np.searchsorted(samples, stamps[lasts])
+    seen = within * float(np.median(np.diff(samples)))
+    return np.asarray((firsts == lasts + 1) & (seen <= RELEASED * NANOSECONDS))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from haptic_accel.bags.folder import is_storage
 from haptic_accel.core import track
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
-from haptic_accel.core.sampling import NANOSECONDS, Stamped, coupled_stretches, sampling_rate
+from haptic_accel.core.sampling import NANOSECONDS, Stamped, sampling_rate
 from haptic_accel.core.topics import MASTER, SLAVE, ArmTopics, Topic
 from haptic_accel.devices.recordings import read_recording
 from haptic_accel.devices.simulated import SimulatedDevice
@@ -184,8 +184,7 @@ def _coupled(bag: Bag) -> int:
     found = (_stamped(bag, arm.acceleration) for arm in (MASTER, SLAVE))
     firsts = [int(acceleration[0][0]) for acceleration in found if acceleration]
     for arm in (SLAVE, MASTER):
-        forces = _stamped(bag, arm.arm_force)
-        if forces and (stretches := coupled_stretches(*forces)):
+        if stretches := bag.coupled(arm):
             return max(stretches[0][0], *firsts)
     return max(firsts)
 

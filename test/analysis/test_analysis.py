@@ -161,7 +161,8 @@ def test_trials_are_grouped_and_their_scatter_is_told(tmp_path: Path) -> None:
     assert reach == pytest.approx(24.84, abs=0.1)
     assert "3 trials" in group["interval"]
     alone = table.loc[("none", "vinyl")]
-    assert "pieces" in alone["interval"]
+    assert "1 trial: too few" in alone["interval"]
+    assert math.isnan(alone["nrmse_percent_low"])
     assert len(set(trials(analysis)["trial"])) == 4
     assert set(bands(analysis)["band"]) >= {"30-60 Hz", "250-500 Hz"}
 
@@ -240,6 +241,50 @@ def test_travel_is_that_of_the_suspension(tmp_path: Path) -> None:
     found = trials(load(tmp_path, perceptual=False)).iloc[0]
     assert found["travel_mm"] == pytest.approx(1e3 * 0.5 / 266.0, rel=5e-3)
     assert math.isnan(found["nrmse_percent"])  # nothing was desired
+
+
+def test_a_travel_beyond_the_stops_is_left_out_and_said(tmp_path: Path) -> None:
+    # Table I: 266 N/m and 3.8 mm either way, so that 1.5 N would need 5.6 mm.
+    desired = texture(0, 2.0)
+    zero = np.zeros(len(desired))
+    for name, force in (("hard", 1.5), ("soft", 0.5)):
+        trial = Trial("text", name, RATE, zero, desired, desired, zero, np.full(zero.size, force))
+        write_bag(tmp_path / name, of_trial(trial))
+    analysis = load(tmp_path, perceptual=False)
+    found = trials(analysis).set_index("trial")
+    assert math.isnan(found.travel_mm["hard"])
+    assert "stops" in found.notes["hard"]
+    assert found.travel_mm["soft"] == pytest.approx(1.88, abs=0.05)
+    (told,) = [line for line in summary(analysis) if "actuator gave" in line]
+    assert "came to its stops, 3.8 mm either way, in 1 of 2 trials" in told
+    assert "5.6" not in told
+
+
+def test_trials_without_contact_are_in_no_mean(tmp_path: Path) -> None:
+    for seed in range(3):
+        write_bag(tmp_path / f"touch{seed}", copy(gain=0.75, seed=seed, seconds=2.0))
+    air = copy(gain=40.0, seed=7, seconds=2.0)
+    for values in air.signals.values():
+        values *= 0.02
+    write_bag(tmp_path / "air", air)
+    analysis = load(tmp_path, perceptual=False)
+    (group,) = groups(analysis).to_dict("records")
+    assert group["trials"] == 3
+    assert group["nrmse_percent"] == pytest.approx(25.0, abs=0.2)
+    found = trials(analysis).set_index("trial")
+    assert not found.contact["air"]
+    assert math.isnan(found.nrmse_percent["air"])
+    assert any("1 of 4 trials without contact" in line for line in summary(analysis))
+
+
+def test_of_trials_without_contact_alone_there_is_no_table(tmp_path: Path) -> None:
+    air = copy(seconds=2.0)
+    for values in air.signals.values():
+        values *= 0.001
+    write_bag(tmp_path / "air", air)
+    analysis = load(tmp_path, perceptual=False)
+    assert groups(analysis).empty
+    assert any("1 of 1 trial without contact" in line for line in summary(analysis))
 
 
 def test_lost_samples_are_counted_by_topic(tmp_path: Path) -> None:

@@ -80,6 +80,16 @@ def test_arms_that_let_go_end_a_segment(tmp_path: Path) -> None:
     assert [s.seconds for s in found.segments] == pytest.approx([2.0, 2.0], abs=2 / RATE)
 
 
+def test_lost_messages_cut_no_run_and_are_flagged(tmp_path: Path) -> None:
+    lost = [*range(1000, 1200), *range(2500, 2900)]
+    dropped = {name: lost for name in (*NAMES.values(), topics.MASTER_ARM_FORCE.name)}
+    found = cut_of(tmp_path, replace(content(4.0), dropped=dropped))
+    (segment,) = found.segments
+    assert segment.seconds == 4.0
+    assert any("trial 1: the recorder has 2 gaps of 0.6 s in all" in p for p in found.problems)
+    assert segment.delivery.missed["master"] == 600
+
+
 def test_a_short_segment_is_left_out_and_named(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(3.0), gap=(0.5, 0.8)))
     assert len(found.segments) == 1

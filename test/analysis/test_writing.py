@@ -172,7 +172,7 @@ def test_numbers_that_are_none_never_reach_the_reader(tmp_path: Path) -> None:
     path = write_analysis(load(tmp_path / "bags", perceptual=False), tmp_path)
     words = {word.lower() for word in re.findall(r"[A-Za-z]+", Page(path).text)}
     assert not {"nan", "inf"} & words
-    assert row_of(Page(path).tables[0], "none") == ["1", DASH, "99.5"]
+    assert ["none"] not in [row[:1] for row in Page(path).tables[0]]  # nothing was touched
     (row,) = pd.read_csv(tmp_path / "trials.csv").to_dict("records")
     assert np.isnan(row["nrmse_percent"])
 

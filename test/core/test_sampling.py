@@ -100,10 +100,13 @@ def test_arms_are_coupled_from_the_first_force_of_a_stretch_that_has_any() -> No
     stretch[20:] = 0.3  # encoders take a while to see that the hand has moved
     stamps = np.concatenate([stamps_at([0]), stamps_at(np.arange(500, 550)), stamps_at([900])])
     values = np.concatenate([let_go, stretch, let_go])
-    assert coupled_stretches(stamps, values) == [(START + 500 * PERIOD, START + 549 * PERIOD)]
-    assert coupled_stretches(stamps[::-1], values[::-1]) == coupled_stretches(stamps, values)
-    assert coupled_stretches(stamps[:1], let_go) == []
-    assert coupled_stretches(stamps[:0], let_go[:0]) == []
+    samples = stamps_at(np.arange(1000))
+    found = [(START + 500 * PERIOD, START + 549 * PERIOD)]
+    assert coupled_stretches(stamps, values, samples) == found
+    assert coupled_stretches(stamps[::-1], values[::-1], samples) == found
+    assert coupled_stretches(stamps, values, samples[:0]) == found
+    assert coupled_stretches(stamps[:1], let_go, samples) == []
+    assert coupled_stretches(stamps[:0], let_go[:0], samples) == []
 
 
 def test_silence_and_zeros_both_end_a_stretch() -> None:
@@ -112,6 +115,18 @@ def test_silence_and_zeros_both_end_a_stretch() -> None:
     stamps = stamps_at(np.concatenate([np.arange(800), np.arange(1000, 1200)]))
     found = [
         ((a - START) // PERIOD, (b - START) // PERIOD)
-        for a, b in coupled_stretches(stamps, acting)
+        for a, b in coupled_stretches(stamps, acting, stamps_at(np.arange(1200)))
     ]
     assert found == [(0, 399), (600, 799), (1000, 1199)]
+
+
+def test_a_gap_of_the_recorder_ends_no_stretch() -> None:
+    # The forces are lost for 300 samples; of the arm's own samples 50 are recorded in the meantime.
+    kept = np.concatenate([np.arange(400), np.arange(700, 1000)])
+    forces = np.ones((len(kept), 3))
+    samples = stamps_at(np.sort(np.append(kept, np.arange(500, 550))))
+    whole = [(START, START + 999 * PERIOD)]
+    assert coupled_stretches(stamps_at(kept), forces, samples) == whole
+    forces[399] = 0.0  # with this force the arms were let go
+    parts = [(START, START + 398 * PERIOD), (START + 700 * PERIOD, START + 999 * PERIOD)]
+    assert coupled_stretches(stamps_at(kept), forces, samples) == parts

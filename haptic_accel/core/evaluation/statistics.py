@@ -27,8 +27,9 @@ FEWEST_SEGMENTS = 5
 RESAMPLES = 2000
 """Number of bootstrap draws: quantiles are then exact to about a tenth of the interval."""
 
-FEWEST_TESTED = 3
-"""Minimum number of pairs for a test."""
+FEWEST = 3
+"""Minimum number of values for an interval, and of pairs for a test: over two, Student's interval
+is 13 times as wide as over very many, and says nothing."""
 
 FEWEST_RANKED = 6
 """Minimum number of pairs with which Wilcoxon's test can give less than 5 %: 2 / 2^6 is 3 %."""
@@ -91,15 +92,17 @@ class PairedDifference:
 def mean_interval(values: Sequence[float]) -> Interval:
     """Return the mean of independent values with Student's interval.
 
-    Values that are not finite are left out. A single value has no interval; NaN if none is left.
+    Values that are not finite are left out. Fewer than `FEWEST` values have no interval; the mean
+    is NaN if none is left.
     """
     finite = np.array([value for value in values if math.isfinite(value)])
     n = len(finite)
     if n == 0:
         return Interval(math.nan, math.nan, math.nan, 0, "no value")
     mean = float(np.mean(finite))
-    if n == 1:
-        return Interval(mean, math.nan, math.nan, 1, "one value, no interval")
+    if n < FEWEST:
+        few = f"{n} {'trial' if n == 1 else 'trials'}: too few for an interval"
+        return Interval(mean, math.nan, math.nan, n, few)
     from scipy import stats
 
     reach = float(stats.t.ppf((1 + CONFIDENCE) / 2, n - 1)) * float(np.std(finite, ddof=1))
@@ -156,7 +159,7 @@ def paired_difference(first: Sequence[float], second: Sequence[float]) -> Paired
     Returns
     -------
     PairedDifference
-        Without probabilities where there are fewer than `FEWEST_TESTED` pairs, and without
+        Without probabilities where there are fewer than `FEWEST` pairs, and without
         Wilcoxon's below `FEWEST_RANKED`.
 
     Raises
@@ -174,7 +177,7 @@ def paired_difference(first: Sequence[float], second: Sequence[float]) -> Paired
     varies = spread > 1e-12 * max(float(np.max(np.abs(differences))), 1e-300) if n > 1 else False
     effect = mean.value / spread if varies else math.nan
     t = p_t = p_wilcoxon = math.nan
-    if n >= FEWEST_TESTED and varies:
+    if n >= FEWEST and varies:
         from scipy import stats
 
         tested = stats.ttest_rel(second, first)
@@ -189,9 +192,9 @@ def paired_difference(first: Sequence[float], second: Sequence[float]) -> Paired
 def _verdict(n: int, varies: bool, p_t: float, p_wilcoxon: float) -> str:
     if n == 0:
         return "no pair: nothing can be compared"
-    if n < FEWEST_TESTED:
+    if n < FEWEST:
         pairs = "1 pair" if n == 1 else f"{n} pairs"
-        return f"{pairs}: too few to test, at least {FEWEST_TESTED} are needed"
+        return f"{pairs}: too few to test, at least {FEWEST} are needed"
     if not varies:
         return f"{n} pairs differ by the same amount: there is no scatter to test against"
     words = f"paired t-test over {n} pairs, p = {p_t:.2g}"

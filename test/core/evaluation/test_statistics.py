@@ -12,7 +12,7 @@ from scipy import stats
 
 from haptic_accel.core.evaluation.statistics import (
     FEWEST_RANKED,
-    FEWEST_TESTED,
+    FEWEST,
     mean_interval,
     nrmse_interval,
     paired_difference,
@@ -38,7 +38,7 @@ def test_students_sleep() -> None:
     assert "10 pairs" in found.verdict
 
 
-@pytest.mark.parametrize("n", range(FEWEST_TESTED))
+@pytest.mark.parametrize("n", range(FEWEST))
 def test_few_pairs_have_no_probability(n: int) -> None:
     found = paired_difference(SLEEP[0][:n], SLEEP[1][:n])
     assert math.isnan(found.p_t)
@@ -66,7 +66,7 @@ def test_sides_must_be_pairs() -> None:
         paired_difference([1.0], [])
 
 
-@given(st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30))
+@given(st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=30))
 def test_a_mean_lies_within_its_interval(values: list[float]) -> None:
     found = mean_interval(values)
     assert found.low <= found.value <= found.high
@@ -76,7 +76,15 @@ def test_a_mean_lies_within_its_interval(values: list[float]) -> None:
 def test_a_mean_leaves_out_what_is_no_number() -> None:
     assert mean_interval([1.0, math.nan, 3.0]).value == 2.0
     assert mean_interval([math.nan]).n == 0
-    assert math.isnan(mean_interval([5.0]).low)
+
+
+@pytest.mark.parametrize("values", [[5.0], [1.0, 3.0], [1.0, 3.0, math.nan]])
+def test_below_three_values_there_is_no_interval(values: list[float]) -> None:
+    found = mean_interval(values)
+    assert found.value == np.nanmean(values)
+    assert math.isnan(found.low)
+    assert math.isnan(found.high)
+    assert "too few" in found.method
 
 
 def test_95_of_100_intervals_hold_the_true_mean() -> None:
