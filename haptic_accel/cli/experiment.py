@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.topics import ANALYSED
 from haptic_accel.graph.arguments import SIMULATED, GraphArguments, parse_arguments
+from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
@@ -126,15 +128,15 @@ def experiment(
     ]
     for planned in plan:
         graph(planned)  # everything that can be wrong is found before anything runs
-    folder = results_folder(out)
-    done: dict[Path, GraphArguments] = {}
-    status = DONE
-    try:
-        _run(plan, lockstep, folder / "bags", done)
-    except StoppedError as end:
-        status = end.status
-        if status == INTERRUPTED:
-            print(f"interrupted after {len(done)} of {len(plan)} conditions", file=sys.stderr)
+    status, done = DONE, dict[Path, GraphArguments]()
+    with nullcontext() if lockstep else sole_graph():
+        folder = results_folder(out)
+        try:
+            _run(plan, lockstep, folder / "bags", done)
+        except StoppedError as end:
+            status = end.status
+            if status == INTERRUPTED:
+                print(f"interrupted after {len(done)} of {len(plan)} conditions", file=sys.stderr)
     if done and not _report(done, arguments, lockstep, folder, json_file):
         status = status or FAILED
     return status

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from statistics import fmean
@@ -31,6 +32,7 @@ from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.trial import RigParameters, run_identification
 from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import AVERAGE_GRIP, SIMULATED, IdentifyArguments
+from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, identification_graph, rig_parameters
@@ -112,28 +114,29 @@ def identify(
     by_grip = {grip: replace(arguments, grip=grip) for grip in grips or [arguments.grip]}
     for each in by_grip.values():
         identification_graph(each)  # everything wrong is found first
-    folder = results_folder(out, "identify_")
     _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
     actuator, sensor = known[ACTUATOR], known["accelerometer"]
-    try:
-        if lockstep:
-            recorded, age = {grip: _run_lockstep(each) for grip, each in by_grip.items()}, 0.0
-        elif sources:
-            recorded, age = _read(_named(sources, arguments.grip), arguments, recording_rate)
-        else:
-            recorded, age = _read(_run_live(by_grip, folder), arguments, recording_rate)
-        found = identify_handle(
-            recorded,
-            arguments.sweep,
-            sensor.range,
-            sensor.bandwidth,
-            known=HandleParameters(
-                m_a=actuator.m_a, k_s=actuator.k_s, b_s=actuator.b_s or HandleParameters.b_s
-            ),
-            free=free,
-        )
-    except RecordingError as reason:
-        raise StoppedError(str(reason)) from None
+    with nullcontext() if lockstep or sources else sole_graph():
+        folder = results_folder(out, "identify_")
+        try:
+            if lockstep:
+                recorded, age = {grip: _run_lockstep(each) for grip, each in by_grip.items()}, 0.0
+            elif sources:
+                recorded, age = _read(_named(sources, arguments.grip), arguments, recording_rate)
+            else:
+                recorded, age = _read(_run_live(by_grip, folder), arguments, recording_rate)
+            found = identify_handle(
+                recorded,
+                arguments.sweep,
+                sensor.range,
+                sensor.bandwidth,
+                known=HandleParameters(
+                    m_a=actuator.m_a, k_s=actuator.k_s, b_s=actuator.b_s or HandleParameters.b_s
+                ),
+                free=free,
+            )
+        except RecordingError as reason:
+            raise StoppedError(str(reason)) from None
     truth, errors = None, {}
     lowest, highest = arguments.sweep.start_frequency, 0.9 * arguments.sweep.end_frequency
     band = max(LOWEST_COMPARED, lowest), min(highest, HIGHEST_COMPARED)

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.core.process import FAILED, INTERRUPTED, WRONG_ARGUMENTS
+from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.processes import Process
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 
@@ -65,10 +66,12 @@ def run_shown(processes: Sequence[Process], *, endless: bool = False) -> None:
 
     Raises
     ------
+    ParameterError
+        Another graph runs in the ROS domain.
     StoppedError
         It failed, which has been shown.
     """
-    with stop_on_signal() as stop:
+    with sole_graph(), stop_on_signal() as stop:
         outcome = Supervisor(
             processes, on_line=lambda name, line: print(f"[{name}] {line}", flush=True)
         ).run(stop)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import socket
 import sys
 from collections.abc import Callable, Collection, Iterator
 from typing import Any
@@ -23,6 +24,7 @@ from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, Specification, checked
 from haptic_accel.core.topics import DIAGNOSTICS, Topic
+from haptic_accel.graph.claims import claim_signal
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 from haptic_accel.nodes.scheduling import SupervisedNode, scheduling_class
 
@@ -114,6 +116,7 @@ class GraphNode(SupervisedNode):
 
     def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
         self._inboxes: set[Subscription] = set()
+        self._claims: list[socket.socket] = []
         super().__init__(
             executable,
             # Values of the command line and of files must be seen before they are
@@ -131,7 +134,15 @@ class GraphNode(SupervisedNode):
         self.create_timer(DIAGNOSTICS_PERIOD, self.report)
 
     def sender(self, topic: Topic) -> Sender:
-        """Create the sender of a signal."""
+        """Create the only sender of a signal on this machine.
+
+        Raises
+        ------
+        ParameterError
+            Another process sends it in the same ROS domain.
+        """
+        name = self.resolve_topic_name(topic.name)
+        self._claims.append(claim_signal(self.context.get_domain_id(), name))
         return Sender(self.publisher(topic), topic)
 
     def listen(self, topic: Topic, callback: Callable[[int, Vector], None]) -> Subscription:
@@ -172,6 +183,12 @@ class GraphNode(SupervisedNode):
     def close(self) -> None:
         """Publish the last diagnostics; called once, whatever ended the node."""
         self.report()
+
+    def destroy_node(self) -> None:
+        """Destroy the node; its signals may have another sender."""
+        super().destroy_node()
+        for claimed in self._claims:
+            claimed.close()
 
     def change(self, values: dict[str, Any]) -> None:
         """Apply new, checked values of parameters that can be changed; all or none.

@@ -1,0 +1,127 @@
+"""Claims on a ROS domain of this machine: one graph, and one sender of each signal.
+
+A claim is a socket with an abstract name. The kernel releases it however its process ends, it
+leaves no file behind, and it is seen where the graph's messages are: by every user of the machine,
+and not beyond its network namespace.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import socket
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import takewhile
+from pathlib import Path
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import SIGNALS
+
+DOMAIN = "ROS_DOMAIN_ID"
+"""Environment variable with the number of the ROS domain."""
+
+HIGHEST_DOMAIN = 232
+"""Highest number of a ROS domain, above which it has no ports."""
+
+ASKERS = 100
+"""Number of times that a claim says whose it is; it holds beyond, too."""
+
+_CREDENTIALS = struct.Struct("3i")
+"""Process, user and group of a peer (socket(7), SO_PEERCRED)."""
+
+
+def own_domain() -> int:
+    """Return the ROS domain of the environment.
+
+    Raises
+    ------
+    ParameterError
+        It is no number of a domain.
+    """
+    text = os.environ.get(DOMAIN) or "0"
+    if not text.isdecimal() or int(text) > HIGHEST_DOMAIN:
+        raise ParameterError(f"{DOMAIN} = {text!r}: must be from 0 to {HIGHEST_DOMAIN}")
+    return int(text)
+
+
+def claim_signal(domain: int, topic: str) -> socket.socket:
+    """Claim to be the sender of a signal in a ROS domain until the socket returned is closed.
+
+    Parameters
+    ----------
+    domain : int
+    topic : str
+        Name with its namespace.
+
+    Raises
+    ------
+    ParameterError
+        The signal has a sender.
+    """
+    return _claim(domain, _sender(topic))
+
+
+@contextmanager
+def sole_graph() -> Iterator[None]:
+    """Claim the environment's ROS domain for a graph while the context is entered.
+
+    Raises
+    ------
+    ParameterError
+        A graph, or a single node that sends one of its signals, runs in it already.
+    """
+    domain = own_domain()
+    with _claim(domain, "graph"):
+        for topic in SIGNALS:
+            _claim(domain, _sender(f"/{topic.name}")).close()
+        yield
+
+
+def _sender(topic: str) -> str:
+    return f"sender of {topic}"
+
+
+def _claim(domain: int, role: str) -> socket.socket:
+    """Claim a role, or raise the error that names the process which has it."""
+    claimed = socket.socket(socket.AF_UNIX)
+    # Names of topics can be longer than addresses.
+    digest = hashlib.sha256(f"{domain} {role}".encode()).hexdigest()
+    address = f"\0haptic_accel/{digest}".encode()
+    try:
+        claimed.bind(address)
+    except OSError as error:
+        claimed.close()
+        if error.errno != errno.EADDRINUSE:
+            raise
+        raise ParameterError(
+            f"ROS domain {domain}: has a {role} already, {_described(_holder(address))};"
+            f" stop it, or set another {DOMAIN}"
+        ) from None
+    claimed.listen(ASKERS)
+    return claimed
+
+
+def _holder(address: bytes) -> int:
+    """Return the process that listens at an address; 0 if that is unknown."""
+    with socket.socket(socket.AF_UNIX) as asking:
+        asking.setblocking(False)
+        try:
+            asking.connect(address)
+        except OSError:  # it has just ended, or was asked too often
+            return 0
+        peer = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    return int(_CREDENTIALS.unpack(peer)[0])
+
+
+def _described(process: int) -> str:
+    """Return the number of a process, and its command line without folders and ROS' arguments."""
+    try:
+        line = Path(f"/proc/{process}/cmdline").read_bytes().decode(errors="replace")
+    except OSError:
+        return f"process {process or 'unknown'}"
+    words = takewhile(lambda word: word not in ("", "--ros-args"), line.split("\0"))
+    shown = " ".join(Path(word).name if word.startswith("/") else word for word in words)
+    return f"process {process} ({shown})"

@@ -1,0 +1,104 @@
+"""One graph in a ROS domain, and one sender of each signal."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import MASTER_ARM_FORCE
+from haptic_accel.graph.claims import claim_signal, own_domain, sole_graph
+from running import Command
+
+Start = Callable[..., Command]
+
+TOPIC = f"/{MASTER_ARM_FORCE.name}"
+
+pytestmark = pytest.mark.quiet
+
+
+@contextmanager
+def sending(domain: int, topic: str = TOPIC) -> Iterator[subprocess.Popen[bytes]]:
+    """Let another process claim a signal."""
+    text = (
+        "import signal; from haptic_accel.graph.claims import claim_signal;"
+        f" claimed = claim_signal({domain}, {topic!r}); print(flush=True); signal.pause()"
+    )
+    with subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE) as process:
+        assert process.stdout
+        process.stdout.readline()
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_a_signal_has_one_sender_until_that_ends_in_whatever_way(domain: int) -> None:
+    with sending(domain) as process:
+        with pytest.raises(ParameterError) as refused:
+            claim_signal(domain, TOPIC)
+        line = str(refused.value)
+        assert f"ROS domain {domain}: has a sender of {TOPIC} already" in line
+        assert f", process {process.pid} (" in line
+        assert line.endswith("; stop it, or set another ROS_DOMAIN_ID")
+        for _ in range(200):  # more often than it tells whose it is
+            with pytest.raises(ParameterError, match="already"):
+                claim_signal(domain, TOPIC)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        claim_signal(domain, TOPIC).close()
+
+
+def test_other_domains_signals_and_namespaces_are_free(domain: int) -> None:
+    long = f"/{'n' * 200}{TOPIC}"
+    with (
+        closing(claim_signal(domain, TOPIC)),
+        closing(claim_signal(domain, f"/left{TOPIC}")),
+        closing(claim_signal(domain, long)),
+        closing(claim_signal(domain + 1, TOPIC)),
+        pytest.raises(ParameterError),
+    ):
+        claim_signal(domain, long)
+
+
+def test_a_graph_is_alone_in_its_domain(domain: int) -> None:
+    with sole_graph(), pytest.raises(ParameterError, match="has a graph already"), sole_graph():
+        pass
+    with sole_graph():
+        pass
+    with sending(domain), pytest.raises(ParameterError, match=f"sender of {TOPIC}"), sole_graph():
+        pass
+    with sending(domain, f"/left{TOPIC}"), sole_graph():
+        pass
+
+
+@pytest.mark.parametrize("text", ["233", "-1", "one"])
+def test_a_domain_that_cannot_be_is_named(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    with pytest.raises(ParameterError, match=f"ROS_DOMAIN_ID = '{text}': must be from 0 to 232"):
+        own_domain()
+
+
+@pytest.mark.live
+def test_nodes_and_graphs_refuse_to_send_what_another_sends(
+    start: Start, haptic_accel: Start, domain: int
+) -> None:
+    coupler = start("-m", "haptic_accel.nodes.coupler")
+    coupler.wait_for("waiting")
+    said = f"has a sender of {TOPIC} already, process {coupler.process.pid} "
+    second = start("-m", "haptic_accel.nodes.coupler")
+    assert second.end() == 2, second.text
+    assert second.lines[-1].startswith(f"coupler: ROS domain {domain}: {said}"), second.text
+    elsewhere = start("-m", "haptic_accel.nodes.coupler", "--ros-args", "-r", "__ns:=/left")
+    elsewhere.wait_for("waiting")
+    for words in (["teleop"], ["identify", "--out", "a"], ["experiment", "--out", "b"]):
+        refused = haptic_accel(*words)
+        assert refused.end() == 2, refused.text
+        (line,) = refused.lines
+        assert said in line
+    assert elsewhere.end(signal.SIGINT) == coupler.end(signal.SIGINT) == 0
