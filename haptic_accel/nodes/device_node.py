@@ -531,7 +531,9 @@ class DeviceNode(ManagedNode):
         return response
 
     def _log_news(self) -> None:
-        """Log news of the safety layer, each once."""
+        """Log news of the safety layer, each once; refuse forces that have several senders."""
+        for name, commands in self._commands.items():
+            self.safety.note_senders(name.replace("_", " "), self.rivals(commands.inbox))
         for line in self.safety.news(steady_now()):
             self.get_logger().warning(line)
             self.report()

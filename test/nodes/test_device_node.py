@@ -22,7 +22,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.devices import MASTERS, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.nodes import device_node
-from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.nodes.interface import GraphNode, message_type, quality
 from haptic_accel.nodes.master_device import MasterDevice
 from haptic_accel.nodes.scheduling import system_time
 from running import PATIENCE
@@ -216,6 +216,24 @@ def test_a_force_whose_sender_has_gone_is_taken_off(bench: Bench) -> None:
     for name, none in STOP.items():
         bench.until(lambda name=name, none=none: bench.wrote(name, none))
     assert "actuator force timed out" in bench.node.status()[0]
+
+
+def test_a_command_that_a_second_node_publishes_too_is_refused_meanwhile(bench: Bench) -> None:
+    bench.driven()
+    force = topics.ACTUATOR_FORCE
+    second = rclpy.create_node("second")
+    publisher = second.create_publisher(message_type(force), force.name, quality(force))
+    bench.warned("actuator force: no force while /coupler and /second send it")
+    bench.command((0.1, 0.0, 0.2), 0.3)
+    before = len(bench.written)
+    for _ in range(50):
+        bench.command((0.1, 0.0, 0.2), 0.3)
+        bench.turn()
+    assert bench.wrote("arm_force", (0.1, 0.0, 0.2), before)
+    assert not any(forces.get("actuator_force") for forces in bench.written[before:])
+    second.destroy_publisher(publisher)
+    bench.driven()
+    second.destroy_node()
 
 
 def test_at_the_start_a_stop_wins_over_a_release_in_any_order(

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -219,6 +220,7 @@ class _Channel(ABC, Generic[Force]):
         self._none: Force = none
         self._held: Force = none
         self._commanded = -math.inf
+        self._told = self.contested = ""
         self.rejected = self.slewed = 0
 
     def command(self, now: float, age: float, force: Force) -> Force | None:
@@ -227,6 +229,9 @@ class _Channel(ABC, Generic[Force]):
         if not math.isfinite(magnitude):
             self.rejected += 1
             return None
+        if self.contested:
+            self.watchdog.rest()
+            return self.let_go(now) if self._held != self._none else None
         if not self.watchdog.admits(now, age):
             return self.let_go(now) if self._held != self._none else None
         force = self._limited(now, force, magnitude)
@@ -237,6 +242,13 @@ class _Channel(ABC, Generic[Force]):
         """Hold no force from now on; return it."""
         self._commanded = now
         return self._hold(now, self._none)
+
+    def news(self, now: float) -> str:
+        """Return a line for the log, once; otherwise empty."""
+        if self.contested != self._told:
+            self._told = self.contested
+            return self.contested or "allowed again: it has one sender"
+        return self.watchdog.news(now)
 
     def values(self) -> dict[str, str]:
         """Return counts for diagnostics."""
@@ -445,6 +457,18 @@ class SafetyLayer:
         waiting = [c for c in self._channels if not c.watchdog.armed]
         return ", ".join(f"{c.name}: {c.watchdog.tripped}" for c in waiting)
 
+    @property
+    def contested(self) -> str:
+        """Forces whose commands are refused because several nodes send them; empty for none."""
+        return ", ".join(f"{c.name}: {c.contested}" for c in self._channels if c.contested)
+
+    def note_senders(self, force: str, senders: Sequence[str]) -> None:
+        """Refuse the commands for ``arm force`` or ``actuator force`` while several nodes send them."""
+        refused = f"no force while {' and '.join(senders)} send it" if len(senders) > 1 else ""
+        for channel in self._channels:
+            if channel.name == force:
+                channel.contested = refused
+
     def arm_force(self, now: float, age: float, force: Vector) -> Vector | None:
         """Return the arm's force for a command, N, whose sample has an age in s; None for none."""
         return None if self.refusal else self._arm.command(now, age, force)
@@ -492,7 +516,7 @@ class SafetyLayer:
 
     def news(self, now: float) -> list[str]:
         """Return lines for the log, each once."""
-        lines = ((c.name, c.watchdog.news(now)) for c in self._channels)
+        lines = ((c.name, c.news(now)) for c in self._channels)
         return [f"{name}: {line}" for name, line in lines if line]
 
     def warnings(self) -> list[str]:
@@ -500,6 +524,8 @@ class SafetyLayer:
         found = [self.refusal] if self.refusal else []
         if self.disarmed:
             found.append(f"not armed: {self.disarmed}")
+        if self.contested:
+            found.append(self.contested)
         for channel in self._channels:
             watchdog = channel.watchdog
             counts = {
@@ -517,7 +543,7 @@ class SafetyLayer:
     def status(self) -> dict[str, str]:
         """Return counts and the state of the actuator's limits for diagnostics."""
         return {
-            "forces allowed": str(not (self.refusal or self.disarmed)).lower(),
+            "forces allowed": str(not (self.refusal or self.disarmed or self.contested)).lower(),
             **{
                 f"{c.name} {name}": value
                 for c in self._channels

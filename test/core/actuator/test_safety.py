@@ -296,6 +296,30 @@ def test_no_force_while_stopped_or_not_active() -> None:
         assert bench.layer.actuator_force(bench.now, FRESH, 1.0) == 1.0
 
 
+def test_a_force_that_two_nodes_command_is_refused_until_one_does() -> None:
+    bench = Bench()
+    bench.run([1.0] * 5)
+    bench.layer.note_senders("actuator force", ["/a", "/b"])
+    said = "actuator force: no force while /a and /b send it"
+    assert bench.layer.news(bench.now) == [said]
+    assert bench.layer.news(bench.now) == []
+    assert not any(bench.run([1.0] * 100))
+    assert bench.layer.warnings() == [said], "and no time-out besides"
+    assert bench.layer.arm_force(bench.now, FRESH, (1.0, 0.0, 0.0)) == (1.0, 0.0, 0.0)
+    bench.layer.note_senders("actuator force", ["/b"])
+    assert bench.layer.news(bench.now) == ["actuator force: allowed again: it has one sender"]
+    assert all(bench.run([1.0] * 5))
+
+
+def test_a_held_force_ends_though_neither_of_two_senders_goes_on() -> None:
+    bench = Bench()
+    bench.push(1.0)
+    bench.layer.note_senders("actuator force", ["/a", "/b"])
+    bench.wait(2 * ACTUATOR_TIMEOUT)
+    bench.tick()
+    assert bench.actuator == 0.0
+
+
 def test_a_new_layer_allows_no_force() -> None:
     layer = SafetyLayer(MasterSafetyParameters(), RATE)
     assert layer.actuator_force(0.0, FRESH, 1.0) is None

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from haptic_accel.core.evaluation.statistics import (
-    FEWEST_RANKED,
     FEWEST,
+    FEWEST_RANKED,
     mean_interval,
     nrmse_interval,
     paired_difference,
