@@ -35,8 +35,8 @@ TRAVEL_BEGIN = 0.1
 wherever the actuator is, and forgets that with the 18 ms of Table I's suspension."""
 
 CONTACT = 3 * AccelerometerParameters().noise
-"""Smallest RMS of the desired acceleration with which a trial counts as contact, m/s^2: three times
-the noise of the paper's accelerometer, and a tenth of what its vinyl gives."""
+"""Smallest RMS of the desired acceleration with which a trial counts as contact, m/s^2: three
+times the noise of the paper's accelerometer, and a tenth of what its vinyl gives."""
 
 GRANTED_SHIFT, PAPER_SHIFT, MEASURED_SHIFT = "granted", "paper", "measured"
 

@@ -373,9 +373,10 @@ def _gaps(recording: BoolArray, rate: float) -> list[str]:
     long = lengths[lengths > RELEASED]
     if not long.size:
         return []
+    gaps = "a gap" if long.size == 1 else f"{long.size} gaps"
     return [
-        f"the recorder has {'a gap' if long.size == 1 else f'{long.size} gaps'} of {long.sum():.1f} s"
-        " in all, in which every signal keeps its last value: the error is larger for it"
+        f"the recorder has {gaps} of {long.sum():.1f} s in all, in which every signal keeps its"
+        " last value: the error is larger for it"
     ]
 
 

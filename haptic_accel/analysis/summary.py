@@ -55,9 +55,9 @@ def _without_contact(frame: pd.DataFrame) -> list[str]:
     if not count:
         return []
     return [
-        f"{count} of {_many(len(frame), 'trial')} without contact, not in the errors and means: the"
-        f" RMS of the desired acceleration is below {CONTACT:.2g} m/s², three times the noise of an"
-        " accelerometer."
+        f"{count} of {_many(len(frame), 'trial')} without contact, not in the errors and means:"
+        f" the RMS of the desired acceleration is below {CONTACT:.2g} m/s², three times the noise"
+        " of an accelerometer."
     ]
 
 
@@ -139,8 +139,8 @@ def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
     if beyond:
         sentence += (
             f" and came to its stops, {number(free, 1)} mm either way, in {beyond} of"
-            f" {_many(len(frame), 'trial')}: there the estimate of its travel, which knows no stops,"
-            " passes them and is left out"
+            f" {_many(len(frame), 'trial')}: there the estimate of its travel, which knows no"
+            " stops, passes them and is left out"
         )
     elif math.isfinite(travel):
         sentence += (

@@ -121,7 +121,7 @@ def test_silence_and_zeros_both_end_a_stretch() -> None:
 
 
 def test_a_gap_of_the_recorder_ends_no_stretch() -> None:
-    # The forces are lost for 300 samples; of the arm's own samples 50 are recorded in the meantime.
+    # Forces are lost for 300 samples; of the arm's own samples 50 are recorded meanwhile.
     kept = np.concatenate([np.arange(400), np.arange(700, 1000)])
     forces = np.ones((len(kept), 3))
     samples = stamps_at(np.sort(np.append(kept, np.arange(500, 550))))
