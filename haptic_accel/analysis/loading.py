@@ -13,7 +13,7 @@ import numpy as np
 
 from haptic_accel.analysis.metrics import AnalysedTrial, Shift, measure
 from haptic_accel.analysis.segments import Cut, Segment, cut
-from haptic_accel.bags.folder import is_bag
+from haptic_accel.bags.folder import find_bags
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
 
@@ -97,31 +97,6 @@ def analyse(
         if complaints:
             problems[name] = complaints
     return Analysis(trials, problems, shift, len(found))
-
-
-def find_bags(path: Path) -> list[Path]:
-    """Return the bags at a place, in order of their names.
-
-    Parameters
-    ----------
-    path : Path
-        A bag's folder, one of its files, or a folder in which to look for bags, however deep.
-
-    Raises
-    ------
-    ParameterError
-        There is nothing, or no bag below it.
-    """
-    if not path.exists():
-        raise ParameterError(f"{path}: no such file or folder")
-    if not path.is_dir() or is_bag(path):
-        return [path]
-    # Links are not followed: they may lead in a ring.
-    folders = sorted(f for f in path.rglob("*") if f.is_dir() and not f.is_symlink())
-    found = [folder for folder in folders if is_bag(folder)]
-    if not found:
-        raise ParameterError(f"{path}: must be a bag, or a folder with bags in it")
-    return found
 
 
 def _digest(segment: Segment) -> bytes:

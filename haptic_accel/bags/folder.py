@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from haptic_accel.core.parameters import ParameterError
+
 METADATA = "metadata.yaml"
 MCAP = ".mcap"
 SQLITE = ".db3"
@@ -28,6 +30,31 @@ def storage_files(folder: Path) -> list[Path]:
 def is_bag(folder: Path) -> bool:
     """Return whether a folder holds a bag."""
     return (folder / METADATA).is_file() or bool(storage_files(folder))
+
+
+def find_bags(path: Path) -> list[Path]:
+    """Return the bags at a place, in order of their names.
+
+    Parameters
+    ----------
+    path : Path
+        A bag's folder, one of its files, or a folder in which to look for bags, however deep.
+
+    Raises
+    ------
+    ParameterError
+        There is nothing, or no bag below it.
+    """
+    if not path.exists():
+        raise ParameterError(f"{path}: no such file or folder")
+    if not path.is_dir() or is_bag(path):
+        return [path]
+    # Links are not followed: they may lead in a ring.
+    folders = sorted(f for f in path.rglob("*") if f.is_dir() and not f.is_symlink())
+    found = [folder for folder in folders if is_bag(folder)]
+    if not found:
+        raise ParameterError(f"{path}: must be a bag, or a folder with bags in it")
+    return found
 
 
 def free_name(path: Path) -> Path:

@@ -18,9 +18,9 @@ from haptic_accel.analysis.metrics import AnalysedTrial, granted
 from haptic_accel.analysis.page import Setting
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
 from haptic_accel.cli import options
-from haptic_accel.cli.analyze import print_analysis
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import results_folder
+from haptic_accel.cli.report import print_analysis
 from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.control.controllers import CONTROLLERS

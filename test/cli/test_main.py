@@ -172,7 +172,7 @@ def test_shells_complete_verbs_options_and_words(
     assert capsys.readouterr().out.splitlines()[1::3] == [found]
 
 
-@pytest.mark.parametrize("words", ["--help", "estop --help", "--version"])
+@pytest.mark.parametrize("words", ["--help", "estop --help", "--version", "analyze nowhere"])
 def test_it_starts_without_what_computes_and_draws(words: str) -> None:
     code = (
         "import sys; from haptic_accel.cli.main import main\n"
