@@ -298,12 +298,11 @@ class _Collected:
         if block.type != _SIGNALS[name].type:
             self._once(f"{block.topic} is {block.type}, not {_SIGNALS[name].type}: it is not read")
             return
-        try:
-            stamps, values = unpack_stamped_vectors(block.bytes, block.starts, block.ends)
-        except ValueError as error:
-            self._once(f"{block.topic}: {error}")
-        else:
-            self._parts[name].append((stamps, block.received, values))
+        stamps, values, formed = unpack_stamped_vectors(block.bytes, block.starts, block.ends)
+        if not formed.all():
+            self._once(f"{block.topic}: malformed messages are not read")
+        if formed.any():
+            self._parts[name].append((stamps, block.received[formed], values))
 
     def _take_diagnostics(self, block: Block) -> None:
         for received, message in self._decoded(block):

@@ -1,4 +1,4 @@
-"""Stamped vectors as serialised by ROS: one layout for all signals of the graph.
+"""Stamped vectors and states as serialised by ROS: one layout for all signals of the graph.
 
 PoseStamped, TwistStamped, WrenchStamped and AccelStamped all are a header followed by doubles,
 of which the first three are the signal. Filling and reading message objects would cost a node
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.model import FloatArray, Vector
-from haptic_accel.core.sampling import NANOSECONDS, IntArray
+from haptic_accel.core.sampling import NANOSECONDS, BoolArray, IntArray
 from haptic_accel.core.topics import VECTORS, Topic
 
 ByteArray = npt.NDArray[np.uint8]
@@ -72,20 +72,39 @@ def unpack_stamped_vector(data: bytes) -> tuple[int, Vector]:
     Raises
     ------
     ValueError
-        It is not plain CDR.
+        It is not a header and three doubles in plain CDR.
     """
-    order = data[1]
-    if order not in _BYTE_ORDERS:
-        raise ValueError("a message is not plain CDR")
-    sec, nanosec, frame_length = _HEADERS[order].unpack_from(data, _ORIGIN)
-    vector = _VECTORS[order].unpack_from(data, _vector_offset(frame_length))
+    # The usual message passes without a check: it is one of ten in a millisecond.
+    try:
+        order = data[1]
+        sec, nanosec, frame_length = _HEADERS[order].unpack_from(data, _ORIGIN)
+        vector = _VECTORS[order].unpack_from(data, _vector_offset(frame_length))
+    except KeyError:
+        raise ValueError("not plain CDR") from None
+    except (IndexError, struct.error):
+        raise ValueError("too short") from None
     return sec * NANOSECONDS + nanosec, vector
+
+
+def unpack_state(data: bytes) -> bool:
+    """Return the value of a std_msgs/Bool.
+
+    Raises
+    ------
+    ValueError
+        It is not a byte in plain CDR.
+    """
+    if len(data) <= _ORIGIN:
+        raise ValueError("too short")
+    if data[1] not in _BYTE_ORDERS:
+        raise ValueError("not plain CDR")
+    return bool(data[_ORIGIN])
 
 
 def unpack_stamped_vectors(
     block: ByteArray, starts: IntArray, ends: IntArray
-) -> tuple[IntArray, FloatArray]:
-    """Return stamps and vectors of messages that lie in a block of bytes.
+) -> tuple[IntArray, FloatArray, BoolArray]:
+    """Return stamps and vectors of the well-formed messages that lie in a block of bytes.
 
     Parameters
     ----------
@@ -95,33 +114,28 @@ def unpack_stamped_vectors(
 
     Returns
     -------
-    stamps : ndarray of int64, shape (n,)
+    stamps : ndarray of int64, shape (m,)
         System time, ns.
-    values : ndarray of float, shape (n, 3)
-
-    Raises
-    ------
-    ValueError
-        A message is not a header and three doubles in plain CDR.
+    values : ndarray of float, shape (m, 3)
+    formed : ndarray of bool, shape (n,)
+        True for the m messages that are a header and three doubles in plain CDR.
     """
     stamps = np.empty(len(starts), dtype=np.int64)
     values = np.empty((len(starts), 3))
-    if (ends - starts < _ORIGIN + _HEADER_SIZE).any():
-        raise ValueError("a message is too short")
-    order = block[starts + 1]
-    if not np.isin(order, list(_BYTE_ORDERS)).all():
-        raise ValueError("a message is not plain CDR")
+    formed = np.zeros(len(starts), dtype=bool)
+    long_enough = np.flatnonzero(ends - starts >= _ORIGIN + _HEADER_SIZE)
+    order = block[starts[long_enough] + 1]
     for code, mark in _BYTE_ORDERS.items():
-        chosen = np.flatnonzero(order == code)
+        chosen = long_enough[order == code]
         header = _gathered(block, starts[chosen] + _ORIGIN, _HEADER_SIZE)
         words = header.view(f"{mark}u4").astype(np.int64)
         seconds = header.view(f"{mark}i4")[:, 0].astype(np.int64)
         stamps[chosen] = seconds * NANOSECONDS + words[:, 1]
         places = starts[chosen] + _vector_offset(words[:, 2])
-        if (places + _VECTOR_SIZE > ends[chosen]).any():
-            raise ValueError("a message is too short")
-        values[chosen] = _gathered(block, places, _VECTOR_SIZE).view(f"{mark}f8")
-    return stamps, values
+        fits = places + _VECTOR_SIZE <= ends[chosen]
+        formed[chosen] = fits
+        values[chosen[fits]] = _gathered(block, places[fits], _VECTOR_SIZE).view(f"{mark}f8")
+    return stamps[formed], values[formed], formed
 
 
 def unpack_stamps(stamps: bytes) -> IntArray:

@@ -172,7 +172,7 @@ class Coupler(GraphNode):
     def _step(self) -> None:
         """Engage, release, or end, as things are now."""
         self._couple()
-        if self._first_force and any(True for _ in self._first_force.take()):
+        if self._first_force and self._first_force.take_vectors():
             self.destroy_subscription(self._first_force.subscription)
             self._first_force = None
             self._engagement.force_received()

@@ -36,9 +36,6 @@ from haptic_accel.nodes.scheduling import (
 ARM, ACTUATOR = "arm_force", "actuator_force"
 """Kinds of commands, by their names in `Device.write`."""
 
-BOOL_PLACE = 4
-"""Place of the value in a serialised std_msgs/Bool: behind the header of CDR, before padding."""
-
 MANY_MISSED = 0.01
 """Share of missed deadlines between two reports above which diagnostics warn."""
 
@@ -362,8 +359,8 @@ class DeviceNode(ManagedNode):
 
     def work(self) -> float:
         """Serve a tick whose time has come, or what the last one still needs."""
-        for data, _ in self._stops.take():
-            self._stop(bool(data[BOOL_PLACE]))
+        for stop in self._stops.take_states():
+            self._stop(stop)
         if not self._sampling:
             return steady_now() + NEWS_PERIOD
         tick = self.rate_keeper.due()

@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib
 import socket
 import sys
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import (
@@ -20,7 +22,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
+from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, Specification, checked
 from haptic_accel.core.topics import DIAGNOSTICS, Topic
@@ -41,6 +43,8 @@ _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy gives every node."""
 
 _LARGEST = sys.float_info.max
+
+Value = TypeVar("Value")
 
 
 class Sender:
@@ -65,29 +69,54 @@ class Sender:
 class Inbox:
     """Messages of one topic that wait until they are taken, and wake no process.
 
+    Parameters
+    ----------
+    subscription : Subscription
+    refuse : callable
+        Called with the reason for each message that is malformed.
+
     Attributes
     ----------
     subscription : Subscription
     """
 
-    def __init__(self, subscription: Subscription) -> None:
+    def __init__(self, subscription: Subscription, refuse: Callable[[str], None]) -> None:
         self.subscription = subscription
+        self._refuse = refuse
         self._take: Any = subscription.handle.take_message
         self._type = subscription.msg_type
 
-    def take(self) -> list[tuple[bytes, int]]:
-        """Return serialised messages and the times of their reception, system time in ns."""
+    def take(self, unpack: Callable[[bytes], object] = bytes) -> list[tuple[bytes, int]]:
+        """Return serialised messages and the times of their reception, system time in ns.
+
+        Those that cannot be unpacked are refused.
+        """
         found = []
         while taken := self._take(self._type, True):
             data, information = taken
-            found.append((data, information["received_timestamp"]))
+            try:
+                unpack(data)
+            except ValueError as error:
+                self._refuse(str(error))
+            else:
+                found.append((data, information["received_timestamp"]))
         return found
 
     def take_vectors(self) -> list[tuple[int, Vector]]:
         """Return stamps, system time in ns, and vectors of a signal."""
+        return self._unpacked(unpack_stamped_vector)
+
+    def take_states(self) -> list[bool]:
+        """Return the values of a state."""
+        return self._unpacked(unpack_state)
+
+    def _unpacked(self, unpack: Callable[[bytes], Value]) -> list[Value]:
         found = []
         while taken := self._take(self._type, True):
-            found.append(unpack_stamped_vector(taken[0]))
+            try:
+                found.append(unpack(taken[0]))
+            except ValueError as error:
+                self._refuse(str(error))
         return found
 
 
@@ -117,6 +146,8 @@ class GraphNode(SupervisedNode):
     def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
         self._inboxes: set[Subscription] = set()
         self._claims: list[socket.socket] = []
+        self._malformed: Counter[str] = Counter()
+        self._reported_malformed = 0
         super().__init__(
             executable,
             # Values of the command line and of files must be seen before they are
@@ -147,13 +178,13 @@ class GraphNode(SupervisedNode):
 
     def listen(self, topic: Topic, callback: Callable[[int, Vector], None]) -> Subscription:
         """Subscribe to a signal; the callback gets stamps, system time in ns, and vectors."""
-        return self.subscribe_raw(topic, lambda data: callback(*unpack_stamped_vector(data)))
+        return self._listen(topic, unpack_stamped_vector, lambda taken: callback(*taken))
 
     def inbox(self, topic: Topic) -> Inbox:
         """Subscribe to a topic whose messages are taken when they are needed."""
         subscription = self.subscribe_raw(topic, _ignore)
         self._inboxes.add(subscription)
-        return Inbox(subscription)
+        return Inbox(subscription, partial(self.refuse, topic))
 
     def rivals(self, inbox: Inbox) -> list[str]:
         """Return the full names of the nodes that publish to an inbox; none for a single one."""
@@ -170,12 +201,7 @@ class GraphNode(SupervisedNode):
 
     def listen_state(self, topic: Topic, callback: Callable[[bool], None]) -> Subscription:
         """Subscribe to a latched state, true or false."""
-        return self.create_subscription(
-            message_type(topic),
-            topic.name,
-            lambda message: callback(bool(message.data)),
-            quality(topic),
-        )
+        return self._listen(topic, unpack_state, callback)
 
     def publisher(self, topic: Topic) -> Publisher:
         """Create a topic's publisher."""
@@ -187,6 +213,12 @@ class GraphNode(SupervisedNode):
         return self.create_subscription(
             message_type(topic), topic.name, callback, quality(topic), raw=True
         )
+
+    def refuse(self, topic: Topic, reason: str) -> None:
+        """Count a malformed message; log the first of its topic."""
+        self._malformed[topic.name] += 1
+        if self._malformed[topic.name] == 1:
+            self.get_logger().warning(f"{topic.name}: malformed message refused: {reason}")
 
     def close(self) -> None:
         """Publish the last diagnostics; called once, whatever ended the node."""
@@ -230,7 +262,11 @@ class GraphNode(SupervisedNode):
     def report(self) -> None:
         """Publish the node's diagnostics."""
         warning, values = self.status()
-        values = {"scheduling": scheduling_class(), **values}
+        malformed = self._malformed.total()
+        new, self._reported_malformed = malformed - self._reported_malformed, malformed
+        if new:
+            warning = ", ".join(filter(None, (warning, f"messages malformed: {new}")))
+        values = {"scheduling": scheduling_class(), "messages malformed": str(malformed), **values}
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
             name=self.get_name(),
@@ -241,6 +277,21 @@ class GraphNode(SupervisedNode):
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._publish_diagnostics(array)
+
+    def _listen(
+        self, topic: Topic, unpack: Callable[[bytes], Value], callback: Callable[[Value], None]
+    ) -> Subscription:
+        """Subscribe to a topic's messages as they are unpacked."""
+
+        def take(data: bytes) -> None:
+            try:
+                value = unpack(data)
+            except ValueError as error:
+                self.refuse(topic, str(error))
+            else:
+                callback(value)
+
+        return self.subscribe_raw(topic, take)
 
     def _given(self) -> dict[str, Any]:
         """Return the values of the command line and of files, and undeclare them."""

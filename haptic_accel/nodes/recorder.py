@@ -15,8 +15,9 @@ from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.session import Answer, RecordingSession
 from haptic_accel.bags.writing import Put
+from haptic_accel.core.cdr import unpack_stamped_vector, unpack_state
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import SIGNALS, TOPICS, Topic
+from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, TOPICS, VECTORS, Topic
 from haptic_accel.nodes.interface import GraphNode, Inbox, message_type, quality
 from haptic_accel.nodes.scheduling import RECORDING_PRIORITY, run
 
@@ -41,6 +42,12 @@ PARAMETER_EVENTS = Topic(
 )
 """Parameter changes of all nodes: controller, surface or grip set while recording."""
 
+UNPACKED: dict[str, Callable[[bytes], object]] = {
+    **dict.fromkeys(VECTORS, unpack_stamped_vector),
+    EMERGENCY_STOP.type: unpack_state,
+}
+"""Functions that unpack messages, by type: what they refuse would make a bag hard to read."""
+
 MICROSECONDS = 1e6
 
 
@@ -53,7 +60,7 @@ class Recorder(GraphNode):
         self._session = RecordingSession(p.bag, p.queue, p, custom_data(p.facts))
         self._reported = ""
         self._settled: set[str] = set()
-        self._sources: list[tuple[Inbox, Put]] = []
+        self._sources: list[tuple[Inbox, Put, Callable[[bytes], object]]] = []
         self._taken = 0.0
         for topic in (*TOPICS, PARAMETER_EVENTS):
             self._record_own(topic)
@@ -118,14 +125,14 @@ class Recorder(GraphNode):
         profile = quality(topic)
         offered = _stored(profile)._replace(liveliness=rosbag2.QosLiveliness.AUTOMATIC)
         put = self._session.connect(name, topic.type, [offered], sampled=topic in SIGNALS)
-        self._sources.append((self.inbox(topic), put))
+        self._sources.append((self.inbox(topic), put, UNPACKED.get(topic.type, bytes)))
 
     def _take(self) -> None:
         """Pass on what has come, in the order of reception."""
         taken = [
             (received, put, data)
-            for inbox, put in self._sources
-            for data, received in inbox.take()
+            for inbox, put, unpack in self._sources
+            for data, received in inbox.take(unpack)
         ]
         for received, put, data in sorted(taken, key=itemgetter(0)):
             put(data, received)

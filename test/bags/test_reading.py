@@ -253,6 +253,23 @@ def test_another_graph_and_another_type_are_named_and_left_out(tmp_path: Path) -
     assert len(recorded.counts) == 3
 
 
+def test_a_malformed_message_is_named_and_the_others_are_read(tmp_path: Path) -> None:
+    topic = SIGNALS[0]
+    path = tmp_path / "bag"
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection(f"/{topic.name}", topic.type, typestore=TYPES)
+        for n in range(4):
+            message = stamped(topic.type, n, "frame", (float(n), 0.0, 0.0))
+            data = bytes(TYPES.serialize_cdr(message, topic.type))
+            writer.write(connection, n, data[:9] if n == 2 else data)
+    recorded = read_bag(path)
+    assert recorded.problems == [f"/{topic.name}: malformed messages are not read"]
+    signal = recorded.signals[topic.name]
+    assert signal.stamps.tolist() == [0, 1, 3]
+    assert signal.received.tolist() == [0, 1, 3]
+    assert signal.values[:, 0].tolist() == [0.0, 1.0, 3.0]
+
+
 @pytest.mark.parametrize("content", [None, b"", b"no bag at all"])
 def test_what_is_no_bag_is_refused_in_one_line(tmp_path: Path, content: bytes | None) -> None:
     path = tmp_path / "x.mcap"

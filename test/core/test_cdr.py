@@ -16,6 +16,7 @@ from haptic_accel.core.cdr import (
     unpack_stamped_vector,
     unpack_stamped_vectors,
     unpack_stamps,
+    unpack_state,
 )
 from haptic_accel.core.model import Vector
 from haptic_accel.core.topics import SIGNALS, VECTORS, Topic
@@ -34,13 +35,15 @@ topics = st.builds(replace, one_of_each_type, frame=frames)
 BIG_ENDIAN = bytes(4) + struct.pack(">iII2s2x7d", 1, 2, 2, b"a\0", 1, 2, 3, 0, 0, 0, 1)
 
 
-def arrays(messages: list[bytes]) -> tuple[list[int], list[list[float]]]:
+def arrays(messages: list[bytes]) -> tuple[list[int], list[list[float]], list[bool]]:
     """Unpack messages that lie one behind another, with a byte between."""
     ends = np.cumsum([len(message) + 1 for message in messages]) - 1
     starts = ends - [len(message) for message in messages]
     block = np.frombuffer(b"!".join(messages), np.uint8)
-    found, values = unpack_stamped_vectors(block, starts.astype(np.int64), ends.astype(np.int64))
-    return found.tolist(), values.tolist()
+    found, values, formed = unpack_stamped_vectors(
+        block, starts.astype(np.int64), ends.astype(np.int64)
+    )
+    return found.tolist(), values.tolist(), formed.tolist()
 
 
 @given(topics, stamps, vectors)
@@ -66,7 +69,8 @@ def test_what_is_packed_is_unpacked_one_by_one_and_at_once(
 ) -> None:
     packed = [StampedVector(topic).pack(stamp, vector) for topic, stamp, vector in samples]
     assert [unpack_stamped_vector(data) for data in packed] == [each[1:] for each in samples]
-    found, values = arrays(packed)
+    found, values, formed = arrays(packed)
+    assert all(formed)
     assert found == [stamp for _, stamp, _ in samples]
     assert values == [list(vector) for _, _, vector in samples]
     assert unpack_stamps(b"".join(data[STAMP_BYTES] for data in packed)).tolist() == found
@@ -75,26 +79,79 @@ def test_what_is_packed_is_unpacked_one_by_one_and_at_once(
 def test_big_endian_senders_are_read_too() -> None:
     assert unpack_stamped_vector(BIG_ENDIAN) == (1_000_000_002, (1.0, 2.0, 3.0))
     little = StampedVector(SIGNALS[0]).pack(7, (4.0, 5.0, 6.0))
-    found, values = arrays([BIG_ENDIAN, little])
+    found, values, formed = arrays([BIG_ENDIAN, little])
+    assert formed == [True, True]
     assert found == [1_000_000_002, 7]
     assert values == [[1, 2, 3], [4, 5, 6]]
 
 
 def test_no_messages_give_empty_arrays() -> None:
     nothing = np.empty(0, dtype=np.int64)
-    found, values = unpack_stamped_vectors(np.empty(0, np.uint8), nothing, nothing)
-    assert (found.shape, values.shape) == ((0,), (0, 3))
+    found, values, formed = unpack_stamped_vectors(np.empty(0, np.uint8), nothing, nothing)
+    assert (found.shape, values.shape, formed.shape) == ((0,), (0, 3), (0,))
 
 
-@pytest.mark.parametrize("length", [8, 15, 16, 40, 43])
-def test_a_message_that_was_cut_off_is_refused(length: int) -> None:
-    with pytest.raises(ValueError, match="too short"):
-        arrays([BIG_ENDIAN, BIG_ENDIAN[:length]])
+def malformed(data: bytes) -> str:
+    """Return the reason for which a message is refused; empty if it is unpacked."""
+    try:
+        unpack_stamped_vector(data)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("length", [0, 1, 2, 4, 8, 15, 16, 40, 43])
+def test_a_message_that_was_cut_off_is_refused_and_the_others_are_read(length: int) -> None:
+    cut = BIG_ENDIAN[:length]
+    assert malformed(cut) == "too short"
+    assert malformed(BIG_ENDIAN[:44]) == ""
+    assert arrays([BIG_ENDIAN, cut, BIG_ENDIAN]) == (
+        [1_000_000_002] * 2,
+        [[1, 2, 3]] * 2,
+        [True, False, True],
+    )
+
+
+def test_a_frame_name_longer_than_the_message_is_refused() -> None:
+    longest = struct.pack("<I", 2**32 - 1)
+    data = bytes([0, 1, 0, 0]) + bytes(8) + longest + bytes(100)
+    assert malformed(data) == "too short"
+    assert arrays([data])[2] == [False]
 
 
 def test_another_encapsulation_is_refused() -> None:
     data = bytes([0, 7, 0, 0]) + BIG_ENDIAN[4:]
-    with pytest.raises(ValueError, match="plain CDR"):
-        unpack_stamped_vector(data)
-    with pytest.raises(ValueError, match="plain CDR"):
-        arrays([data])
+    assert malformed(data) == "not plain CDR"
+    assert arrays([data])[2] == [False]
+
+
+@given(
+    st.binary(max_size=120)
+    | st.binary(max_size=100).map(lambda tail: bytes([0, 1, 0, 0]) + tail)
+    | st.binary(max_size=90).map(lambda tail: BIG_ENDIAN[:12] + bytes(3) + tail)
+)
+def test_any_bytes_are_unpacked_or_refused_alike_one_by_one_and_at_once(data: bytes) -> None:
+    found, values, formed = arrays([BIG_ENDIAN, data])
+    assert formed == [True, not malformed(data)]
+    if not malformed(data):
+        stamp, vector = unpack_stamped_vector(data)
+        assert found[1] == stamp
+        assert np.array_equal(values[1], vector, equal_nan=True)
+
+
+@pytest.mark.parametrize("state", [True, False])
+def test_a_state_of_the_other_program_is_unpacked(state: bool) -> None:
+    kind = "std_msgs/msg/Bool"
+    message = TYPES.types[kind](data=state)
+    for little_endian in (True, False):
+        data = bytes(TYPES.serialize_cdr(message, kind, little_endian=little_endian))
+        assert unpack_state(data) is state
+
+
+@given(st.binary(max_size=8))
+def test_any_bytes_are_a_state_or_refused(data: bytes) -> None:
+    if len(data) > 4 and data[1] in (0, 1):
+        assert unpack_state(data) == (data[4] != 0)
+    else:
+        with pytest.raises(ValueError, match=r"^(too short|not plain CDR)$"):
+            unpack_state(data)
