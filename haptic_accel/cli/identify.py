@@ -112,6 +112,9 @@ def identify(
     if lockstep and sources:
         raise ParameterError("from: not with --lockstep, which makes its own recordings")
     by_grip = {grip: replace(arguments, grip=grip) for grip in grips or [arguments.grip]}
+    if arguments.bag and len(grips) > 1:
+        bags = {grip: str(Path(arguments.bag) / grip) for grip in grips}
+        by_grip = {grip: replace(each, bag=bags[grip]) for grip, each in by_grip.items()}
     for each in by_grip.values():
         identification_graph(each)  # everything wrong is found first
     _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
@@ -197,9 +200,7 @@ def _run_live(
 ) -> Iterator[tuple[str, Path]]:
     """Run the graph once for each grip; yield each grip and its bag."""
     for grip, arguments in by_grip.items():
-        bag = Path(arguments.bag or folder / "bags")
-        if len(by_grip) > 1 or not arguments.bag:
-            bag /= grip
+        bag = Path(arguments.bag or folder / "bags" / grip)
         if arguments.master != SIMULATED and len(by_grip) > 1 and sys.stdin.isatty():
             input(f"hold the handle with the {grip} grip, then press Enter")
         _run_graph(replace(arguments, bag=str(bag)))

@@ -98,6 +98,8 @@ def graph(arguments: GraphArguments) -> list[Process]:
     options = _checked_options(values)
     _check_recording(arguments, options["slave_device"])
     _check_replay(arguments, options)
+    if arguments.record:
+        _check_bag(arguments)
     own = _own_parameters(arguments)
     return _processes(arguments, values, own, composed=arguments.composed)
 
@@ -112,6 +114,7 @@ def identification_graph(arguments: IdentifyArguments) -> list[Process]:
     """
     values = graph_parameters(arguments)
     _checked_options(values)
+    _check_bag(arguments)
     repeat_samples(arguments.sweep, arguments.rate)  # the rate must do for the sweep
     # What the identifier takes from the simulated handle, no file gives it by its name.
     own = _own_parameters(arguments) | {"identifier": values["identifier"]}
@@ -252,6 +255,12 @@ def _check_replay(arguments: GraphArguments, options: Values) -> None:
         if getattr(arguments, arm) == names.REPLAY:
             parameters = options[f"{arm}_device"][names.REPLAY]
             devices[names.REPLAY](parameters, arguments.rate, arguments.seed)
+
+
+def _check_bag(arguments: Arguments) -> None:
+    """Refuse a bag that would be written over."""
+    if arguments.bag and Path(arguments.bag).exists():
+        raise ParameterError(f"bag = '{arguments.bag}': must be a new folder")
 
 
 def _check_recording(arguments: GraphArguments, slave: Mapping[str, Any]) -> None:

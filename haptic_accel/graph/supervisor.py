@@ -24,10 +24,11 @@ from haptic_accel.graph.processes import Process
 LAST_LINES = 20
 """Lines of a dead process that are shown."""
 
-PATIENCE = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
-"""Signals that ask a process to end, each with the time in s before the next."""
+PATIENCE = ((signal.SIGTERM, 10.0), (signal.SIGKILL, 5.0))
+"""Signals that ask a process to end, each with the time in s before the next. No SIGINT: a process
+that still imports would answer with a traceback."""
 
-_ENDS = (DONE, -signal.SIGINT, -signal.SIGTERM, -signal.SIGALRM, CUT_SHORT)
+_ENDS = (DONE, -signal.SIGTERM, -signal.SIGALRM, CUT_SHORT)
 """Statuses of a process that has done nothing wrong: after one of our signals, too, and where its
 middleware did not come to an end (SIGALRM) or aborted."""
 

@@ -391,13 +391,10 @@ def test_wrong_files_end_in_one_line(here: Path, content: str, named: list[str])
     assert all(name in line for name in named), line
 
 
-def test_a_bag_that_is_there_is_not_written_over(haptic_accel: Start, tmp_path: Path) -> None:
-    (tmp_path / "bag").mkdir()
-    (tmp_path / "bag" / "mine").write_text("precious")
-    command = haptic_accel("teleop", "bag:=bag", "duration:=1")
-    assert command.end() == 2, command.text
-    assert "recorder: bag = " in command.text
-    assert (tmp_path / "bag" / "mine").read_text() == "precious"
+def test_a_bag_that_is_there_is_refused_before_anything_starts(here: Path) -> None:
+    (here / "bag").mkdir()
+    assert refusal("teleop", "bag:=bag", "duration:=1") == "bag = 'bag': must be a new folder"
+    assert list((here / "bag").iterdir()) == []
 
 
 def test_a_parameter_file_reaches_the_nodes(haptic_accel: Start, tmp_path: Path) -> None:

@@ -32,7 +32,9 @@ def script(name: str, text: str) -> Process:
     return Process(name, (), {"script": {"": text}})
 
 
-WAIT = "import signal, sys; signal.signal(signal.SIGINT, lambda *_: sys.exit(0)); {}signal.pause()"
+WAIT = (
+    "import signal, sys; signal.signal(signal.SIGTERM, lambda *_: sys.exit(0)); {}signal.pause()"
+)
 PATIENT = WAIT.format("print('up', flush=True); ")
 
 
@@ -93,6 +95,21 @@ def test_a_request_to_stop_lets_processes_end_by_themselves() -> None:
 
 
 @pytest.mark.usefixtures("scripts")
+def test_a_process_stopped_while_it_still_imports_says_nothing() -> None:
+    said: list[str] = []
+    up = threading.Event()
+
+    def hear(_: str, line: str) -> None:
+        said.append(line)
+        up.set()
+
+    importing = script("importing", "print('up', flush=True); import time; time.sleep(60)")
+    outcome = Supervisor([importing], on_line=hear).run(up.is_set)
+    assert said == ["up"]
+    assert outcome.failed == {}
+
+
+@pytest.mark.usefixtures("scripts")
 def test_a_signal_at_any_instant_leaves_it_looking(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervisor, "LOOK_PERIOD", 0.001)
     before = signal.signal(signal.SIGUSR1, lambda *_: None)
@@ -116,11 +133,11 @@ def test_a_signal_at_any_instant_leaves_it_looking(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.usefixtures("scripts")
 def test_who_does_not_listen_is_killed_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    patience = ((signal.SIGINT, 0.2), (signal.SIGTERM, 0.2), (signal.SIGKILL, 20.0))
+    patience = ((signal.SIGTERM, 0.2), (signal.SIGKILL, 20.0))
     monkeypatch.setattr(supervisor, "PATIENCE", patience)
     deaf = (
         "import signal\n"
-        "for s in (signal.SIGINT, signal.SIGTERM): signal.signal(s, signal.SIG_IGN)\n"
+        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
         "print('up', flush=True)\n"
         "while True: signal.pause()"
     )
