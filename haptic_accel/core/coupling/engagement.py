@@ -18,6 +18,14 @@ STEP_PERIOD = 0.02
 WARNING_PERIOD = 5.0
 """Interval between "waiting for ..." warnings, s."""
 
+FREE_TIME = 0.5
+"""Minimum time for which released arms stay free, s: where they are when they are taken again
+becomes each other's counterpart, so they must have come to rest; those of the virtual rig have
+been put back to their start by then."""
+
+RESTING = "waiting for the arms to come to rest"
+"""Reason for free arms soon after they were released."""
+
 STOPPED = "emergency stop"
 """Reason for free arms while the emergency stop is not released."""
 
@@ -70,7 +78,8 @@ class Engagement:
 
     The arms engage when both positions are fresh, the compensator has made a force, and every
     expected subscriber of the arms' forces is there. They are released when an arm falls
-    silent, on request, and by the emergency stop, and are taken again when the reason has gone.
+    silent, on request, and by the emergency stop, and are taken again when the reason has gone,
+    after `FREE_TIME` at the earliest.
 
     Parameters
     ----------
@@ -96,6 +105,7 @@ class Engagement:
         self._stopped_since = math.inf
         self._latched = False
         self._first_engaged = math.inf
+        self._released = -math.inf
         self._warned = now
 
     @property
@@ -147,6 +157,8 @@ class Engagement:
             return f"waiting for the position of {' and '.join(silent)}"
         if self.engaged:
             return ""
+        if now - self._released < FREE_TIME:
+            return RESTING
         if not self.compensated:
             return "waiting for the compensator's force"
         if listeners < p.listeners:
@@ -164,6 +176,8 @@ class Engagement:
         self.engaged = not missing
         if engage:
             self._first_engaged = min(self._first_engaged, now)
+        if release:
+            self._released = now
         return Decision(
             engage=engage,
             release=release,

@@ -33,7 +33,8 @@ class Rig(Protocol):
 
     It stands still until its first force: that of the arm, even if zero, or one of the actuator
     that is not zero. Until then every sample is the same, without noise. So nothing that comes
-    afterwards depends on how long it stood still.
+    afterwards depends on how long it stood still. An arm that has been let go, see `Holding`, is
+    put back to where it began, so that each engaging finds it there.
     """
 
     def advance(self, time: float) -> None:

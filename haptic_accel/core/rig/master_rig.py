@@ -21,6 +21,7 @@ from haptic_accel.core.model import (
 )
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.rig.exploration import TABLE_STEP, Exploration, ExplorationParameters
+from haptic_accel.core.rig.holding import Holding
 from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters, Quantizer
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE, clock_step
 from haptic_accel.core.rig.linear_system import LinearSystem
@@ -87,7 +88,8 @@ class MasterRig:
     Linear between commands and advanced exactly; only the travel stops and dry friction are
     not linear. The stops' force is updated every 50 us when one is within reach, friction every
     250 us if there is any. Everything stands still until the first force. The hand rests until
-    the arm receives its first one (the coupling has engaged), then starts to explore.
+    the arm receives its first one (the coupling has engaged), then starts to explore. An arm that
+    has been let go is put back to where it began, and the hand starts over with its next force.
 
     Parameters
     ----------
@@ -118,6 +120,7 @@ class MasterRig:
         self._commands: deque[tuple[int, float]] = deque()
         self._now = 0
         self._started = False
+        self._holding = Holding()
         self._explored_since: int | None = None
         # The hand's state at the end of a step is that at the start of the next.
         self._hand_ahead = -1, (0.0, 0.0, 0.0, 0.0)
@@ -141,9 +144,12 @@ class MasterRig:
             if self._explored_since is not None:
                 self._explored_since += skipped
             due = longest
+        let_go = self._holding.ends(max(0, due) * self._step)
         while due > 0:
             due -= self._advance(due)
         self._take_commands()
+        if let_go:
+            self._put_back()
 
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
@@ -159,7 +165,9 @@ class MasterRig:
             self._started = True
             self._explored_since = self._now
         inputs, motor_force = self._system.inputs, self._p.arm.motor_force
-        inputs[F_X], inputs[F_Z] = motor_force(force[0]), motor_force(force[2])
+        f_x, f_z = motor_force(force[0]), motor_force(force[2])
+        inputs[F_X], inputs[F_Z] = f_x, f_z
+        self._holding.command(free=not (f_x or f_z))
 
     def apply_actuator_force(self, force: float) -> None:
         """Set the voice coil's force, N, rounded and limited by its converter and amplifier.
@@ -190,6 +198,7 @@ class MasterRig:
         """Take all forces off."""
         self._commands.clear()
         self._system.inputs[[F_A, F_X, F_Z]] = 0.0
+        self._holding.command(free=True)
 
     def status(self) -> dict[str, int]:
         """Return counts of saturated samples and commands, and of travel stops hit."""
@@ -256,6 +265,13 @@ class MasterRig:
         """Apply the commands whose delay is over."""
         while self._commands and self._commands[0][0] <= self._now:
             self._system.inputs[F_A] = self._commands.popleft()[1]
+
+    def _put_back(self) -> None:
+        """Let hand and handle rest where they began."""
+        self._explored_since = None
+        self._hand_ahead = -1, (0.0, 0.0, 0.0, 0.0)
+        self._system.state[:] = 0.0
+        self._rest()
 
     def _rest(self) -> None:
         """Set the state in which hand, spring and gravity balance."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, Sample, Vector
 from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.rig.holding import Holding
 from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE, clock_step
 from haptic_accel.core.rig.surface import (
@@ -64,7 +65,8 @@ class SlaveRig:
 
     The surface can only push (Hertz contact with Hunt-Crossley damping); harder pressing makes it
     stiffer and transmits more of the texture. The tip's height follows the profile at the speed
-    of the stroke. It stands still until the arm receives its first force.
+    of the stroke. It stands still until the arm receives its first force, and is put back to where
+    it began when it has been let go.
 
     Parameters
     ----------
@@ -94,18 +96,15 @@ class SlaveRig:
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
         self._seed = seed
         self._profile = height_profile(parameters.surface, seed).tolist()
-        self._lift = 0.0
         self._recording = None if recording is None else recording.tolist()
         self._corner = 2 * math.pi * parameters.accelerometer.bandwidth
         self._force_x = self._force_z = 0.0
+        self._holding = Holding()
         self._clock_step = clock_step(rate)
         self._now = 0  # steps of the clock
         self._started = False
         self._played_since: int | None = None
-        self._x, self._v_x = 0.0, 0.0
-        self._z, self._v_z = parameters.tool.height, 0.0
-        self._low_passed = 0.0
-        self._acceleration_x, self._acceleration_z = self._accelerations()
+        self._put_back()
 
     @property
     def contact_force(self) -> float:
@@ -119,7 +118,10 @@ class SlaveRig:
             return
         self._now += passed
         if self._started:
-            self._move(min(passed * self._clock_step, LONGEST_ADVANCE))
+            due = min(passed * self._clock_step, LONGEST_ADVANCE)
+            self._move(due)
+            if self._holding.ends(due):
+                self._put_back()
 
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
@@ -131,6 +133,7 @@ class SlaveRig:
         self._started = True
         motor_force = self._p.arm.motor_force
         self._force_x, self._force_z = motor_force(force[0]), motor_force(force[2])
+        self._holding.command(free=not (self._force_x or self._force_z))
 
     def apply_actuator_force(self, force: float) -> None:
         """Do nothing: the slave's tool has no actuator."""
@@ -154,6 +157,7 @@ class SlaveRig:
     def release(self) -> None:
         """Take the motors' force off."""
         self._force_x = self._force_z = 0.0
+        self._holding.command(free=True)
 
     def status(self) -> dict[str, int]:
         """Return the count of samples beyond the accelerometer's range."""
@@ -169,6 +173,14 @@ class SlaveRig:
         """Set the tip's velocity, m/s: a throw, for tests and experiments."""
         self._started = True
         self._v_x, self._v_z = velocity_x, velocity_z
+        self._acceleration_x, self._acceleration_z = self._accelerations()
+
+    def _put_back(self) -> None:
+        """Let the tip rest where it began, above the surface."""
+        self._lift = 0.0
+        self._x, self._v_x = 0.0, 0.0
+        self._z, self._v_z = self._p.tool.height, 0.0
+        self._low_passed = 0.0
         self._acceleration_x, self._acceleration_z = self._accelerations()
 
     def _move(self, due: float) -> None:

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from haptic_accel.core.coupling.engagement import (
     ARMS,
     DISENGAGED,
+    FREE_TIME,
+    RESTING,
     STEP_PERIOD,
     STOPPED,
     WARNING_PERIOD,
@@ -83,7 +85,23 @@ def test_the_arms_are_released_when_one_falls_silent_and_taken_again(arm: str) -
     released = run.step(0.2 * TIMEOUT, (other,))
     assert released == Decision(release=True, warning=f"let go: waiting for the position of {arm}")
     assert not run.engagement.engaged
-    assert run.step() == ENGAGE
+    assert run.step() == NOTHING
+    assert run.missing == RESTING
+    assert run.step(FREE_TIME) == ENGAGE
+
+
+def test_arms_that_were_released_come_to_rest_before_they_are_taken_again() -> None:
+    run = Run()
+    run.step()
+    run.engagement.request(False)
+    run.step()
+    assert run.engagement.request(True) == ""
+    steps = 0
+    while run.step() == NOTHING:
+        assert run.missing == RESTING
+        steps += 1
+    assert run.engagement.engaged
+    assert steps == pytest.approx(FREE_TIME / STEP_PERIOD, abs=1)
 
 
 def test_a_request_releases_the_arms_until_the_next() -> None:
@@ -106,7 +124,8 @@ def test_the_emergency_stop_releases_the_arms_and_refuses_to_engage() -> None:
     assert run.engagement.request(True) == f"{STOPPED}: release it first"
     assert run.missing == STOPPED
     assert run.engagement.stop(False, run.now)
-    assert run.step(0.0) == ENGAGE
+    assert run.step(0.0) == NOTHING
+    assert run.step(FREE_TIME) == ENGAGE
 
 
 def test_a_release_of_the_stop_does_not_undo_a_request() -> None:

@@ -292,6 +292,13 @@ def exploring() -> MasterRig:
     return MasterRig(MasterRigParameters(), RATE)
 
 
+def hold(rig: MasterRig, first: int, last: int) -> None:
+    """Let samples pass, with a command of no force at each, as of a coupling in balance."""
+    for index in range(first, last):
+        rig.advance(index * PERIOD)
+        rig.apply_arm_force((0.0, 0.0, 0.0))
+
+
 def test_the_hand_rests_until_the_arm_gets_a_force() -> None:
     rig = exploring()
     start = rig.measure().position
@@ -300,8 +307,7 @@ def test_the_hand_rests_until_the_arm_gets_a_force() -> None:
     run(rig, 1000, 2000)
     assert rig.measure().position == start
     assert start == pytest.approx((0.0, 0.0, 0.010), abs=28e-6)
-    rig.apply_arm_force((0.0, 0.0, 0.0))
-    run(rig, 2000, 2700)
+    hold(rig, 2000, 2700)
     assert rig.measure().position[2] == pytest.approx(-0.0047, abs=1e-3)
 
 
@@ -318,8 +324,7 @@ def test_before_the_first_force_another_grip_is_one_from_the_beginning(gravity: 
 
 def test_the_handle_follows_the_hand() -> None:
     rig = exploring()
-    rig.apply_arm_force((0.0, 0.0, 0.0))
-    run(rig, 0, 1000)
+    hold(rig, 0, 1000)
     # In the middle of the first stroke: the grip's damping leaves no lag at constant speed.
     assert rig.measure().velocity[0] == pytest.approx(0.1, rel=0.01)
     assert rig.measure().position[2] == pytest.approx(-0.0047, abs=1e-4)
@@ -374,14 +379,15 @@ def test_release_takes_all_forces_off(ideal_master: MasterRigParameters) -> None
 def test_after_a_stall_the_rig_has_stood_still(stall: float) -> None:
     going, stalled = exploring(), exploring()
     for rig in (going, stalled):
-        rig.apply_arm_force((0.0, 0.0, 0.0))
         rig.apply_actuator_force(0.5)
-        run(rig, 0, 1001)
+        hold(rig, 0, 1001)
     going.advance(1.0 + LONGEST_ADVANCE)
     stalled.advance(1.0 + stall)
     for index in range(500):
         going.advance(1.0 + LONGEST_ADVANCE + index * PERIOD)
         stalled.advance(1.0 + stall + index * PERIOD)
+        for rig in (going, stalled):
+            rig.apply_arm_force((0.0, 0.0, 0.0))
         one, other = going.measure(), stalled.measure()
         assert other.position == pytest.approx(one.position, abs=60e-6)
         assert other.velocity == pytest.approx(one.velocity, abs=1e-6)
