@@ -47,9 +47,9 @@ A deadline is needed at all because the events executor of the binary wheels, wh
 built for glibc 2.28, neither sleeps nor delivers when it waits without one.
 """
 
-SERVING_PERIOD = 5e-3
+SERVING_PERIOD = 20e-3
 """Interval between requests and timers served by a node that polls, s. In between it sleeps, which
-takes half the processor time of waiting with the executor."""
+takes half the processor time of waiting with the executor; serving takes 0.1 ms each time."""
 
 FOUND_AT_ONCE = 0.9
 """Share of ticks whose messages are there at the first look."""
@@ -87,6 +87,10 @@ READINGS = 5
 LONGEST_RUN = 1_000_000
 """Time that a real-time thread may run without a pause, us, before the kernel ends its process
 (with SIGXCPU): a fault in a node must not block the machine."""
+
+LONGEST_BUSY, BREAK = 0.2, 1e-3
+"""Longest time without a sleep while a polling node is behind, and the sleep that then follows, s:
+a slow machine is no fault in a node, and other programs need it, too."""
 
 SLEEPS, SLEEP = 20, 1e-3
 """Number and length in s of the sleeps that measure the time to wake a thread."""
@@ -367,6 +371,9 @@ def _close(nodes: Sequence[SupervisedNode], well: bool) -> None:
     with ExitStack() as stack:
         for node in nodes:
             stack.callback(node.close)
+    # Nothing is urgent any more, and the middleware may spin longer than a real-time thread may.
+    if hasattr(os, "sched_setscheduler"):
+        _schedule(os.SCHED_OTHER, 0)
     # Once in some hundred ends under load the middleware does not come back from being torn
     # down, or aborts ("pure virtual method called"). By now nothing is left that could be lost.
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
@@ -384,7 +391,7 @@ def _spin(nodes: Sequence[SupervisedNode], ended: Callable[[], bool]) -> None:
     executor = EventsExecutor()
     for node in nodes:
         executor.add_node(node)
-    polls, served = all(node.polls for node in nodes), 0.0
+    polls, served, slept = all(node.polls for node in nodes), 0.0, time.monotonic()
     # Everything made so far stays; without garbage there is nothing to collect, and a
     # collection would take milliseconds at the wrong moment.
     gc.collect()
@@ -400,8 +407,9 @@ def _spin(nodes: Sequence[SupervisedNode], ended: Callable[[], bool]) -> None:
             elif now - served >= SERVING_PERIOD:
                 served = now
                 executor.spin_once(timeout_sec=0.0)
-            elif pause:
-                time.sleep(min(pause, SERVING_PERIOD))
+            elif pause or now - slept >= LONGEST_BUSY:
+                time.sleep(min(pause or BREAK, SERVING_PERIOD))
+                slept = now
     finally:
         executor.shutdown()
 
@@ -429,12 +437,17 @@ def ask_for_realtime(priority: int = FORCE_PRIORITY) -> bool:
     try:
         if priority >= FORCE_PRIORITY:  # the recorder may write to a slow disk for longer
             resource.setrlimit(resource.RLIMIT_RTTIME, (LONGEST_RUN, 2 * LONGEST_RUN))
-        for thread in os.listdir("/proc/self/task"):
-            with suppress(ProcessLookupError):  # one that has just ended
-                os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(priority))
+        _schedule(os.SCHED_FIFO, priority)
     except OSError:
         return False
     return True
+
+
+def _schedule(policy: int, priority: int) -> None:
+    """Give every thread of this process a scheduling policy and a priority."""
+    for thread in os.listdir("/proc/self/task"):
+        with suppress(ProcessLookupError):  # one that has just ended
+            os.sched_setscheduler(int(thread), policy, os.sched_param(priority))
 
 
 def scheduling_class() -> str:

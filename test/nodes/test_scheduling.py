@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.nodes.scheduling import BEHIND, CATCH_UP, ArrivalKeeper, RateKeeper, system_time
+from running import Command
 
 PERIOD = NANOSECONDS // 1000
 
@@ -172,3 +173,29 @@ def test_without_messages_there_is_one_look_a_period() -> None:
     for _ in range(100):
         clock.now = keeper.looked(found=False)
     assert clock.now == pytest.approx(10.1, abs=2e-3)
+
+
+ALWAYS_BEHIND = """
+import time
+from haptic_accel.nodes.scheduling import LONGEST_RUN, SupervisedNode, run
+
+class Behind(SupervisedNode):
+    polls = True
+
+    def __init__(self):
+        super().__init__("behind")
+
+    def work(self):
+        if time.process_time() > 2 * LONGEST_RUN * 1e-6:
+            self.finish("done")
+        return 0.0
+
+run("behind", Behind)
+"""
+
+
+def test_a_node_that_is_always_behind_is_not_ended_as_one_that_hangs(
+    start: Callable[..., Command],
+) -> None:
+    command = start("-c", ALWAYS_BEHIND)
+    assert command.end() == 0, command.text
