@@ -30,6 +30,10 @@ CAUSES = {
     "lost": "samples were lost",
     "timeouts": "commands stopped",
     "rejected": "samples or forces were refused",
+    "arm force limited": "the safety layer reduced a force",
+    "actuator force limited": "the safety layer reduced a force",
+    "actuator force limited by heat": "the safety layer reduced a force",
+    "actuator force limited by travel": "the safety layer reduced a force",
 }
 """Reasons by the ends of the names of counts that nodes report."""
 

@@ -23,9 +23,9 @@ from haptic_accel.nodes.scheduling import CATCH_UP, FELT_PRIORITY, ArrivalKeeper
 FROZEN = "adaptive.frozen"
 """Parameter that stops the adaptation."""
 
-LONGEST_WAIT = 0.5
-"""Longest wait for the handle's sample of the tick before, periods from the tool's own stamp: the
-force must reach its device by the next tick."""
+SENDING_TIME = 0.5
+"""Time kept for the way of a force to its device, periods before it is due: so long the handle's
+sample of the tick before is waited for."""
 
 LONGEST_BRIDGE = 0.02
 """Longest gap in the tool's samples that is bridged by prediction, s; texture is not known any
@@ -48,6 +48,7 @@ class Compensator(GraphNode):
             p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency
         )
         self._period = NANOSECONDS / p.rate
+        self._longest_wait = (max(1, p.latency) - SENDING_TIME) * self._period
         self._tool: deque[tuple[int, float]] = deque()
         self._handle: deque[tuple[int, float]] = deque(maxlen=round(CATCH_UP * p.rate))
         self._handles = self.inbox(topics.HANDLE_ACCELERATION)
@@ -100,7 +101,7 @@ class Compensator(GraphNode):
         while self._tool:
             moment, tool = self._tool[0]
             found, before = self._before(moment)
-            if not found and time.time_ns() - moment < LONGEST_WAIT * self._period:
+            if not found and time.time_ns() - moment < self._longest_wait:
                 return
             self._tool.popleft()
             self._compensate(moment, tool, before)
@@ -108,7 +109,7 @@ class Compensator(GraphNode):
     def _compensate(self, moment: int, tool: float, before: float | None) -> None:
         if not self._in_order(moment):
             return
-        self._without += before is None
+        self._without += before is None and self._samples > 1  # the first has none before it
         self._bridge.put(tool)
         desired, force = self._compensation.sample(tool, before)
         self._send_force(moment, along_actuator(force))
