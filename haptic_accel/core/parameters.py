@@ -95,9 +95,10 @@ def parameter(default: Any, text: str, *details: Any, **named: Any) -> Any:
     return _field(default, Specification(text, *details, **named))
 
 
-def like(owner: type, name: str) -> Any:
-    """Declare a dataclass field as the same parameter as a field of another dataclass."""
-    return _field(*schema(owner)[name])
+def like(owner: type, name: str, default: Any = None) -> Any:
+    """Declare a dataclass field as a field of another dataclass, with its default or another."""
+    known, specification = schema(owner)[name]
+    return _field(known if default is None else default, specification)
 
 
 def _field(default: Any, specification: Specification) -> Any:

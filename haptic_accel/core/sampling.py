@@ -22,6 +22,10 @@ with which the force can be due at a time that is known beforehand."""
 HIGHEST_LATENCY = 20
 """Largest latency, samples."""
 
+IDENTIFICATION_LATENCY = 10
+"""Default latency of an identification, samples. A sweep has no loop to close: it can wait so long
+that no force comes late."""
+
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 

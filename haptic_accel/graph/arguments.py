@@ -92,7 +92,7 @@ class IdentifyArguments(SweepParameters, RecordingOptions):
     grip: str = like(GraphArguments, "grip")
     master: str = like(GraphArguments, "master")
     rate: float = like(GraphArguments, "rate")
-    latency: int = like(GraphArguments, "latency")
+    latency: int = like(nodes.IdentifierNodeParameters, "latency")
     bag: str = like(GraphArguments, "bag")
     config: str = like(GraphArguments, "config")
     seed: int = like(GraphArguments, "seed")

@@ -17,8 +17,16 @@ from haptic_accel.core.coupling.engagement import EngagementParameters
 from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, AccelerometerParameters
-from haptic_accel.core.parameters import Checked, Schema, from_flat, like, parameter, schema
-from haptic_accel.core.sampling import HIGHEST_LATENCY, LATENCY
+from haptic_accel.core.parameters import (
+    Checked,
+    ParameterError,
+    Schema,
+    from_flat,
+    like,
+    parameter,
+    schema,
+)
+from haptic_accel.core.sampling import HIGHEST_LATENCY, IDENTIFICATION_LATENCY, LATENCY
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES
 
@@ -119,6 +127,7 @@ class IdentifierNodeParameters(SweepParameters):
     """Parameters of the node `identifier`."""
 
     rate: float = like(SampledParameters, "rate")
+    latency: int = like(DeviceNodeParameters, "latency", IDENTIFICATION_LATENCY)
     timeout: float = like(EngagementParameters, "timeout")
     trials: int = parameter(
         4, "trials, each of all repeats (paper: four a user)", low=1, high=1000
@@ -215,7 +224,23 @@ def node_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, di
     ParameterError
         A value that is not allowed.
     """
-    own, options = NODES[executable]
-    return from_flat(own, values), {
-        name: from_flat(option, values, name + ".") for name, option in options.items()
+    kind, kinds = NODES[executable]
+    own: Any = from_flat(kind, values)
+    options: dict[str, Any] = {
+        name: from_flat(option, values, name + ".") for name, option in kinds.items()
     }
+    if SAFETY in options:
+        _check_age(own, options[SAFETY])
+    return own, options
+
+
+def _check_age(device: DeviceNodeParameters, safety: Any) -> None:
+    """Refuse a latency at which the safety layer would refuse every force as outdated."""
+    age = device.latency / device.rate
+    for force in ("arm", "actuator"):
+        limits = getattr(safety, force, None)
+        if limits and age >= limits.max_age:
+            raise ParameterError(
+                f"latency = {device.latency}: {age:g} s at rate = {device.rate:g} Hz, must be"
+                f" below {SAFETY}.{force}.max_age = {limits.max_age:g} s"
+            )

@@ -206,7 +206,7 @@ def _own_parameters(arguments: Arguments) -> Values:
             recorder[name] = getattr(arguments, name)
     if isinstance(arguments, IdentifyArguments):
         procedure = {**asdict(arguments.sweep), "trials": arguments.trials, "listeners": 2}
-        identifier = {**sampled, **procedure}
+        identifier = {**timed, **procedure}
         return {"master_device": master, "identifier": identifier, RECORDER: recorder}
     slave = {**device, "device": arguments.slave}
     source = {"rate": arguments.recording_rate, "column": arguments.recording_column}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import TravelEstimator
@@ -43,7 +44,8 @@ class Identifier(GraphNode):
         actuator = self.options[ACTUATOR]
         self._travel = TravelEstimator(actuator, p.rate)
         self._most_travel = p.travel_share * actuator.travel
-        self._widest = self._applied = 0.0
+        self._widest = 0.0
+        self._pending = deque([0.0], maxlen=p.latency + 1)
         self._origin: int | None = None
         self._done = -1  # repeats, as logged
         self._started = self._received = time.monotonic()
@@ -76,8 +78,8 @@ class Identifier(GraphNode):
         if not math.isfinite(measured):
             self._fail("handle_acceleration: not a finite number, force taken off")
             return
-        # Until now the actuator was driven by the last force, and the handle moved as sampled.
-        travel = abs(self._travel.sample(self._applied, measured))
+        # Until now the actuator was driven by the force of the latency and one sample ago.
+        travel = abs(self._travel.sample(self._pending[0], measured))
         self._widest = max(self._widest, travel)
         if travel > self._most_travel:
             self._fail(
@@ -85,9 +87,10 @@ class Identifier(GraphNode):
                 f" {1e3 * self._most_travel:.2f} mm; use a smaller amplitude"
             )
             return
-        self._applied = self._next_force(moment)
+        force = self._next_force(moment)
+        self._pending.append(force)
         if not self.finished.done():
-            self._sender.send(moment, along_actuator(self._applied))
+            self._sender.send(moment, along_actuator(force))
 
     def _next_force(self, moment: int) -> float:
         """Return the force that follows a sample of a moment in ns."""

@@ -5,6 +5,8 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 
+OLDER = {"safety.arm.max_age": 0.2, "safety.actuator.max_age": 0.2}
+
 
 @pytest.mark.parametrize("executable", NODES)
 def test_every_parameter_is_described_and_its_default_allowed(executable: str) -> None:
@@ -35,6 +37,14 @@ def test_defaults_are_the_papers() -> None:
 def test_values_reach_nested_parameters_by_dotted_name() -> None:
     _, masters = node_parameters("master_device", {"simulated.handle.m_h": 0.2})
     assert masters["simulated"].handle.m_h == 0.2
+
+
+@pytest.mark.parametrize("device", ["master_device", "slave_device"])
+def test_a_latency_at_which_every_force_is_outdated_is_refused(device: str) -> None:
+    node_parameters(device, {"latency": 20, "rate": 250.0})
+    with pytest.raises(ParameterError, match=r"^latency = 20: 0\.1 s at rate = 200 Hz, must be"):
+        node_parameters(device, {"latency": 20, "rate": 200.0})
+    node_parameters(device, {"latency": 20, "rate": 200.0} | OLDER)
 
 
 def test_a_wrong_value_is_named_with_its_dots() -> None:
