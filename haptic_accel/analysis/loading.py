@@ -78,6 +78,7 @@ def analyse(
     trials: list[AnalysedTrial] = []
     problems: dict[str, list[str]] = {}
     seen: dict[tuple[Path, object, bytes], str] = {}
+    excerpts: dict[object, float] = {}
     for number, (name, (bag, source)) in enumerate(zip(names, found.values(), strict=True)):
         if begun:
             begun(number, len(found), name)
@@ -90,7 +91,12 @@ def analyse(
             own = name if segment.number == 1 else f"{name} #{segment.number}"
             first = seen.setdefault((source, segment.condition, _digest(segment)), own)
             if first == own:
-                trials.append(measure(segment, own, source, shift, perceptual=perceptual))
+                pair = (segment.condition.surface, segment.condition.grip, segment.pair)
+                begin = excerpts.get(pair)
+                trial = measure(segment, own, source, shift, perceptual=perceptual, begin=begin)
+                trials.append(trial)
+                if trial.portrait:
+                    excerpts.setdefault(pair, trial.portrait.begin)
             else:
                 # Taken for another trial it would make every interval too short.
                 complaints.append(f"has the same samples as {first}, and is left out")

@@ -206,7 +206,13 @@ class AnalysedTrial:
 
 
 def measure(
-    segment: Segment, name: str, source: Path, shift: Shift, *, perceptual: bool = True
+    segment: Segment,
+    name: str,
+    source: Path,
+    shift: Shift,
+    *,
+    perceptual: bool = True,
+    begin: float | None = None,
 ) -> AnalysedTrial:
     """Return the metrics of a segment.
 
@@ -218,6 +224,8 @@ def measure(
     shift : Shift
     perceptual : bool
         Score ST-SIM and SPQI, which takes longest.
+    begin : float, optional
+        Start of the excerpt that another trial shows, s, to show the same.
     """
     notes = list(segment.notes)
     desired = segment.signals.get(topics.DESIRED_ACCELERATION.name)
@@ -235,7 +243,7 @@ def measure(
             f" contact is at least {CONTACT:.2g} m/s²"
         )
     elif desired is not None and actual is not None:
-        likeness = _compared(desired, actual, segment, shift, perceptual, notes)
+        likeness = _compared(desired, actual, segment, shift, perceptual, notes, begin)
     travel = _travel(segment)
     signals = {"desired": desired, "actual": actual, "force": force, "travel": travel}
     drawn = {name: values for name, values in signals.items() if values is not None}
@@ -255,7 +263,7 @@ def measure(
     for label in ("p50", "p99", "max"):
         metrics[f"age_{label}_us"] = delivery.age_us.get(label, math.nan)
     metrics["lost"] = float(sum(delivery.lost.values()))
-    traces = Traces.of(drawn, segment.rate, likeness.shift)
+    traces = Traces.of(drawn, segment.rate, likeness.shift, begin)
     kept, unique = replace(segment, signals={}), tuple(dict.fromkeys(notes))
     compared = likeness.bands, likeness.error, likeness.portrait
     return AnalysedTrial(name, source, kept, metrics, *compared, traces, unique, contact)
@@ -293,6 +301,7 @@ def _compared(
     shift: Shift,
     perceptual: bool,
     notes: list[str],
+    begin: float | None,
 ) -> _Likeness:
     """Compare two accelerations; add the reason to the notes where that is impossible."""
     rate = segment.rate
@@ -301,7 +310,7 @@ def _compared(
         seconds = shift.of(segment, delay)
         desired, actual = shift_back(desired, actual, rate, seconds)
         evaluation = evaluate(desired, actual, rate, 0.0)
-        portrait = Portrait.of(desired, actual, rate, evaluation)
+        portrait = Portrait.of(desired, actual, rate, evaluation, begin)
         errors = band_nrmse(desired, actual, rate, bands(rate))
     except ValueError as error:
         notes.append(f"cannot be compared: {error}")

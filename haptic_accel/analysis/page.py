@@ -17,6 +17,7 @@ from haptic_accel.analysis.comparison import Comparison
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import METRICS, MILLI, PERCENT, AnalysedTrial
 from haptic_accel.analysis.plots import Portrait, number
+from haptic_accel.analysis.provenance import provenance
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.traces import EXCERPT, Trace, sampled
 from haptic_accel.core.evaluation.metrics import REGRESSION
@@ -25,7 +26,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.pages import asset, write
 
 POINTS = 100_000
-"""Points of time traces in a page, shared by its trials: about a megabyte with four signals."""
+"""Points of time traces in a page, shared by its trials: about a megabyte with five signals."""
 
 FEWEST_POINTS = 500
 """Minimum number of points of each trial."""
@@ -97,7 +98,7 @@ def write_page(
         file,
         "analysis.html.j2",
         setting=setting,
-        settings=setting.settings,
+        settings={**setting.settings, **provenance()},
         summary=summary(analysis, comparison),
         analysis=analysis,
         confidence=f"{PERCENT * CONFIDENCE:g} %",

@@ -21,7 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from haptic_accel.analysis.traces import EXCERPT, most_active, sampled
+from haptic_accel.analysis.traces import EXCERPT, excerpt_of, sampled
 from haptic_accel.core.evaluation.metrics import Evaluation, Spectra, spectra
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.core.model import FloatArray
@@ -42,6 +42,9 @@ COLUMN, TEXT = 3.5, 7.16
 """Width of a column and of the text of an IEEE paper, inches."""
 
 BLUE, ORANGE, GREEN, VERMILION = "#0072b2", "#e69f00", "#009e73", "#d55e00"
+DARK_ORANGE = "#c77d00"
+"""Orange of the actual acceleration in every plot and page, dark enough for lines on white."""
+
 PURPLE, SKY, GREY = "#cc79a7", "#56b4e9", "#444444"
 """Palette of Okabe and Ito: distinct in every common colour vision, and in print."""
 
@@ -64,7 +67,7 @@ Style = dict[str, Any]
 
 # Desired is the broader line, so that it is seen where actual lies on it.
 _DESIRED: Style = {"color": BLUE, "linewidth": 1.2}
-_ACTUAL: Style = {"color": ORANGE, "linewidth": 0.66}
+_ACTUAL: Style = {"color": DARK_ORANGE, "linewidth": 0.66}
 _REGRESSION: Style = {"color": VERMILION, "linewidth": 1.2}
 _EQUAL: Style = {"color": "black", "linewidth": 0.6, "linestyle": "--"}
 _SAMPLES: Style = {"color": BLUE, "marker": "o", "linestyle": "", "markeredgewidth": 0}
@@ -103,7 +106,7 @@ class Portrait:
     begin : float
         Start of the excerpt, s.
     desired, actual : ndarray
-        The excerpt, where desired has its largest RMS, m/s^2.
+        The excerpt, m/s^2.
     cloud_desired, cloud_actual : ndarray
         Samples drawn from the whole trial, m/s^2.
     mean_desired, mean_actual : float
@@ -126,10 +129,18 @@ class Portrait:
 
     @classmethod
     def of(
-        cls, desired: FloatArray, actual: FloatArray, rate: float, evaluation: Evaluation
+        cls,
+        desired: FloatArray,
+        actual: FloatArray,
+        rate: float,
+        evaluation: Evaluation,
+        begin: float | None = None,
     ) -> Portrait:
-        """Take from two accelerations, already aligned, what is drawn of them."""
-        window = most_active(desired, round(EXCERPT * rate))
+        """Take from two accelerations, already aligned, what is drawn of them.
+
+        See `excerpt_of` for `begin`.
+        """
+        window = excerpt_of(desired, rate, begin)
         points = sampled(desired.size, MOST_POINTS)
         found, begin = spectra(desired, actual, rate), window.start / rate
         excerpt = desired[window].copy(), actual[window].copy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,6 +12,9 @@ from haptic_accel.core.model import FloatArray
 
 EXCERPT = 0.2
 """Length of the excerpt shown first, s: some strokes of texture, yet every swing can be seen."""
+
+ACTIVE = 0.5
+"""Part of a signal's largest RMS in an excerpt that one chosen for another trial must have."""
 
 WHOLE_POINTS = 6000
 """Points of a whole trial: three to each pixel of a wide screen."""
@@ -75,8 +79,17 @@ class Traces:
     excerpt: float
 
     @classmethod
-    def of(cls, signals: Mapping[str, FloatArray], rate: float, shift: float) -> Traces:
-        """Thin some signals; the one named ``actual`` is drawn earlier by the shift, in s."""
+    def of(
+        cls,
+        signals: Mapping[str, FloatArray],
+        rate: float,
+        shift: float,
+        begin: float | None = None,
+    ) -> Traces:
+        """Thin some signals; the one named ``actual`` is drawn earlier by the shift, in s.
+
+        Their ``error`` is added, actual minus desired. See `excerpt_of` for `begin`.
+        """
         if not signals:
             nothing = Trace(0.0, 1.0, {})
             return cls(nothing, nothing, 0.0)
@@ -84,9 +97,12 @@ class Traces:
             name: _earlier(values, shift * rate) if name == "actual" else values
             for name, values in signals.items()
         }
+        if {"desired", "actual"} <= moved.keys():
+            # Once thinned, points of two signals are not of the same time.
+            moved["error"] = moved["actual"] - moved["desired"]
         every = Trace(0.0, 1 / rate, moved)
         leading = moved.get("desired", next(iter(moved.values())))
-        excerpt = most_active(leading, round(EXCERPT * rate))
+        excerpt = excerpt_of(leading, rate, begin)
         window = enclosing(excerpt, leading.size, min(round(DETAIL * rate), DETAIL_POINTS))
         start = excerpt.start / rate
         return cls(every.thinned(WHOLE_POINTS), every.part(window), start)
@@ -137,6 +153,27 @@ def most_active(values: FloatArray, samples: int) -> slice:
     energy = np.concatenate([[0.0], np.cumsum(values**2)])
     start = int(np.argmax(energy[samples:] - energy[:-samples]))
     return slice(start, start + samples)
+
+
+def excerpt_of(values: FloatArray, rate: float, begin: float | None = None) -> slice:
+    """Return the `EXCERPT` of a signal that is drawn.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    rate : float
+        Samples per second.
+    begin : float, optional
+        Start of another trial's excerpt, s: taken if the signal is `ACTIVE` there, so that trials
+        show the same. Otherwise it is where the RMS is largest.
+    """
+    found = most_active(values, round(EXCERPT * rate))
+    if begin is None:
+        return found
+    start = round(begin * rate)
+    other = slice(start, start + found.stop - found.start)
+    rms = [math.sqrt(float(np.mean(values[part] ** 2))) for part in (found, other)]
+    return other if other.stop <= values.size and rms[1] >= ACTIVE * rms[0] else found
 
 
 def enclosing(inner: slice, size: int, samples: int) -> slice:

@@ -220,10 +220,11 @@ def _report(
     )
     notes += [RIG_NOTES[arguments.rig]] if arguments.rig in RIG_NOTES else []
     seeds = list(dict.fromkeys(given.seed for given in done.values()))
-    settings = {
+    defaults = asdict(GraphArguments())
+    settings = {"run": "lockstep" if lockstep else "live graph"} | {
         key: str(value)
         for key, value in asdict(arguments).items()
-        if value != "" and key not in ("surface", "controller", "record")
+        if value != defaults[key] and key not in ("surface", "controller", "record")
     }
     page = write_analysis(
         analysis,
@@ -231,7 +232,7 @@ def _report(
         setting=Setting(
             "Haptic display of tool contact: the paper's experiment",
             [*notes, *warnings],
-            {"run": "lockstep" if lockstep else "live graph", **settings},
+            {**settings, "all others": "defaults"},
         ),
         files={
             f"signals_{trial.name}.csv": signal_table(trial.segment)

@@ -287,6 +287,22 @@ def test_of_trials_without_contact_alone_there_is_no_table(tmp_path: Path) -> No
     assert any("1 of 1 trial without contact" in line for line in summary(analysis))
 
 
+def test_trials_of_one_seed_show_the_same_excerpt(tmp_path: Path) -> None:
+    for seed in range(2):
+        for controller in ("constant", "dynamic", "inverse"):
+            # Live runs of a seed are not the same sample by sample.
+            written = copy(controller, seed=seed, seconds=2.0)
+            desired = written.signals[topics.DESIRED_ACCELERATION.name]
+            desired[:] += 0.3 * texture(len(controller), 2.0)
+            write_bag(tmp_path / f"{controller}{seed}", written)
+    found: dict[str, set[float]] = {}
+    for trial in load(tmp_path, perceptual=False).trials:
+        assert trial.portrait is not None
+        assert trial.portrait.begin == trial.traces.excerpt
+        found.setdefault(trial.segment.pair[0], set()).add(trial.portrait.begin)
+    assert {len(begins) for begins in found.values()} == {1}
+
+
 def test_lost_samples_are_counted_by_topic(tmp_path: Path) -> None:
     force, tool = topics.ACTUATOR_FORCE.name, topics.TOOL_ACCELERATION.name
     dropped = {force: [500, 501, 900], tool: [700]}

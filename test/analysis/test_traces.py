@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.analysis.traces import enclosing, most_active, sampled, thinned
+from haptic_accel.analysis.traces import (
+    Traces,
+    enclosing,
+    excerpt_of,
+    most_active,
+    sampled,
+    thinned,
+)
 
 
 @settings(max_examples=40)
@@ -48,3 +55,22 @@ def test_what_lies_around_holds_it(start: int, length: int, behind: int, samples
     assert 0 <= found.start <= start
     assert start + length <= found.stop <= size
     assert found.stop - found.start == min(max(samples, length), size)
+
+
+def test_an_excerpt_of_another_trial_is_taken_where_the_signal_is_active() -> None:
+    values = np.ones(1000)
+    values[600:800] = 1.5
+    values[100:300] = 0.1
+    assert excerpt_of(values, 1000.0) == slice(600, 800)
+    assert excerpt_of(values, 1000.0, 0.3) == slice(300, 500)
+    assert excerpt_of(values, 1000.0, 0.1) == slice(600, 800)  # nearly silent there
+    assert excerpt_of(values, 1000.0, 0.9) == slice(600, 800)  # beyond its end
+
+
+def test_the_error_over_a_whole_trial_is_that_of_the_samples() -> None:
+    generator = np.random.default_rng(2)
+    desired = generator.normal(size=50_000)
+    traces = Traces.of({"desired": desired, "actual": 0.9 * desired}, 1000.0, 0.0)
+    assert traces.whole.size < desired.size
+    largest = np.abs(traces.whole.signals["error"]).max()
+    assert largest == pytest.approx(0.1 * np.abs(desired).max())

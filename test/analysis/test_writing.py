@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import platform
 import re
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
@@ -13,6 +15,7 @@ import pytest
 from PIL import Image
 
 from bagging import of_trial, write_bag
+from haptic_accel import __version__
 from haptic_accel.analysis import load
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.page import Setting
@@ -127,7 +130,13 @@ def test_texts_of_a_setting_stay_text(report: Path) -> None:
     page = Page(report / "index.html")
     assert page.text.count("An <experiment>") == 2
     assert page.text.index("The first note.") < page.text.index("The second {{ 7 * 7 }} note.")
-    assert [["arguments", "rate:=1000"], ["<seed>", "7"]] in page.tables
+    settings = page.tables[-1]
+    assert settings[:2] == [["arguments", "rate:=1000"], ["<seed>", "7"]]
+    told = dict(settings[2:])
+    assert told["version"] == __version__
+    assert platform.node() in told["machine"]
+    assert Path(sys.argv[0]).name in told["command line"]
+    assert ("commit" in told) == (Path(__file__).parents[2] / ".git").exists()
 
 
 def test_every_link_leads_to_a_section_or_a_file_of_the_report(report: Path) -> None:

@@ -207,7 +207,7 @@ def browser() -> Iterator[Any]:
         opened.close()
 
 
-PLOTS = ("time", "cloud", "spectra", "coherence", "force", "travel")
+PLOTS = ("time", "error", "cloud", "spectra", "coherence", "force", "travel")
 
 # How many pixels of a plot are not of the colour of its first.
 INK = """id => {
@@ -228,7 +228,7 @@ def test_the_page_draws_and_answers(report: Path, browser: Any, scheme: str) -> 
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: requests.append(request.url))
     page.goto((report / "index.html").as_uri())
-    page.wait_for_selector("html[data-drawn='6']")
+    page.wait_for_selector("html[data-drawn='7']")
     page.wait_for_function(f"document.querySelectorAll('canvas').length == {len(PLOTS)}")
     for plot in PLOTS:
         page.wait_for_function(f"({INK})('{plot}') > 500")
@@ -270,6 +270,6 @@ def test_the_page_draws_and_answers(report: Path, browser: Any, scheme: str) -> 
 def test_the_page_fits_a_telephone(report: Path, browser: Any) -> None:
     page = browser.new_page(viewport={"width": 360, "height": 740})
     page.goto((report / "index.html").as_uri())
-    page.wait_for_selector("html[data-drawn='6']")
+    page.wait_for_selector("html[data-drawn='7']")
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     page.close()

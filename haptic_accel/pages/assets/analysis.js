@@ -177,23 +177,35 @@
       values.push(found[name]);
     }
     const [low, high] = range(trial);
+    const scales = { x: { time: false, min: low, max: high } };
     draw(
       "time",
       {
         name: words,
         series,
-        scales: { x: { time: false, min: low, max: high } },
+        scales,
         axes: [axis("time (s)"), upright("acceleration (m/s²)")],
         height: HEIGHT + 40,
       },
       values.length > 1 ? values : null,
+    );
+    draw(
+      "error",
+      {
+        name: `Error of ${trial.name} over time`,
+        series: [series[0], line("error", "line", 2, " m/s²")],
+        scales,
+        axes: [axis("time (s)"), upright("error (m/s²)")],
+        height: HEIGHT - 60,
+      },
+      found.error ? [found.time, found.error] : null,
     );
   }
 
   function drawOverTime(trial, id, name, label, unit, limit) {
     const found = trace(trial, "whole");
     if (!found[name]) return draw(id, {}, null);
-    const series = [{ label: "time", value: shown(2, " s") }, line(name, "desired", 3, ` ${unit}`)];
+    const series = [{ label: "time", value: shown(2, " s") }, line(name, "curve-1", 3, ` ${unit}`)];
     const values = [found.time, found[name]];
     if (limit) {
       for (const end of [limit, -limit]) {
@@ -301,7 +313,7 @@
       const curve = `curve-${index % CURVES}`;
       const more = { dash: DASHES[index % DASHES.length] };
       names.push(line(label, curve, 4, "", more));
-      coherent.push(line(others ? label : "coherence", curve, 2, "", more));
+      coherent.push(line(others ? label : "coherence", others ? curve : "curve-2", 2, "", more));
       amplitudes.push(part(one.spectra.actual));
       coherences.push(one.spectra.coherence.slice(first));
     });

@@ -1,0 +1,42 @@
+"""Origin of a report: version, commit, machine and command line."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import haptic_accel
+from haptic_accel.bags.facts import host
+
+_PACKAGE = Path(haptic_accel.__file__).parent
+
+
+def provenance() -> dict[str, str]:
+    """Return version, commit, machine and command line of this process, as settings of a page.
+
+    There is a commit only where the package runs from its own clone.
+    """
+    machine = host()
+    found = {
+        "version": haptic_accel.__version__,
+        "commit": _commit(),
+        "machine": f"{machine['name']}, {machine['cores']} cores, {machine['system']},"
+        f" Python {machine['python']}",
+        "command line": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+    }
+    return {name: value for name, value in found.items() if value}
+
+
+def _commit() -> str:
+    """Return the commit of the clone, marked where files differ from it; empty without a clone."""
+    clone = _PACKAGE.parent
+    if not (clone / ".git").exists():
+        return ""
+    words = ["git", "-C", str(clone), "describe", "--always", "--dirty", "--exclude=*"]
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+    except OSError:  # git is not installed
+        return ""
+    return done.stdout.strip()
