@@ -12,19 +12,33 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.keys import on_key
 from haptic_accel.core.process import FAILED, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.processes import Process
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+"""Signals that end a verb, which leaves bag and terminal in order."""
+
+STOP_KEY = b" "
+"""Key that stops a graph at once."""
+
+STOPPED_BY_KEY = (
+    "space: emergency stop, no force until you type in another terminal:"
+    " haptic-accel estop release:=true"
+)
+
 
 @contextmanager
 def stop_on_signal() -> Iterator[Callable[[], bool]]:
-    """Take SIGINT and SIGTERM over; yield a function that returns true once one has come."""
+    """Take over the signals that end a verb; yield what returns true once one has come."""
     asked = threading.Event()
     before = {
         number: signal.signal(number, lambda *_: asked.set())
-        for number in (signal.SIGINT, signal.SIGTERM)
+        for number in ENDING
+        # After nohup the end of the terminal is none.
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
     }
     try:
         yield asked.is_set
@@ -71,10 +85,16 @@ def run_shown(processes: Sequence[Process], *, endless: bool = False) -> None:
     StoppedError
         It failed, which has been shown.
     """
-    with sole_graph(), stop_on_signal() as stop:
-        outcome = Supervisor(
-            processes, on_line=lambda name, line: print(f"[{name}] {line}", flush=True)
-        ).run(stop)
+    supervisor = Supervisor(
+        processes, on_line=lambda name, line: print(f"[{name}] {line}", flush=True)
+    )
+
+    def stop_forces() -> None:
+        supervisor.stop_forces()
+        print(STOPPED_BY_KEY, flush=True)
+
+    with sole_graph(), stop_on_signal() as stop, on_key(STOP_KEY, stop_forces):
+        outcome = supervisor.run(stop)
     _conclude(outcome)
     if endless and outcome.first:
         print(f"{outcome.first} ended", file=sys.stderr)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 DONE, FAILED, WRONG_ARGUMENTS = 0, 1, 2
 """Exit statuses of every executable and of ``haptic-accel``."""
 
@@ -11,6 +13,9 @@ number of the signal that an abort raises."""
 
 INTERRUPTED = 130
 """Exit status of ``haptic-accel`` after Ctrl-C, as in shells."""
+
+EMERGENCY = signal.SIGUSR1
+"""Signal that lets a node take off all forces, and publish the emergency stop."""
 
 SUPERVISOR = "HAPTIC_ACCEL_SUPERVISOR"
 """Environment variable with the process id of the process that started a node."""

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from haptic_accel.core.process import CUT_SHORT, DONE, SUPERVISOR
+from haptic_accel.core.process import CUT_SHORT, DONE, EMERGENCY, SUPERVISOR
 from haptic_accel.graph.processes import Process
 
 LAST_LINES = 20
@@ -131,9 +131,16 @@ class Supervisor:
         lines = {name: list(last) for name, last in self._last_lines.items()}
         return Outcome(first, statuses.get(first, 0), statuses, lines)
 
+    def stop_forces(self) -> None:
+        """Let every node take its forces off at once; from any thread."""
+        for child in list(self._running.values()):
+            child.send_signal(EMERGENCY)
+
     def _start(self, process: Process) -> None:
         name = process.executable
         own = {"PYTHONUNBUFFERED": "1", SUPERVISOR: str(os.getpid())}
+        # It would end a process that does not handle it yet; blocked, it waits until that does.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {EMERGENCY})
         child = subprocess.Popen(
             command(process),
             stdin=subprocess.DEVNULL,
@@ -145,6 +152,7 @@ class Supervisor:
             # Ctrl-C is for us: the graph is stopped in order, not all at once.
             start_new_session=True,
         )
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         self._running[name] = child
         self._last_lines[name] = deque(maxlen=LAST_LINES)
         reader = threading.Thread(target=self._read, args=(name, child), daemon=True)

@@ -147,12 +147,19 @@ class Coupler(GraphNode):
         self._engagement.latch(stop)
         self._publish_stop(Bool(data=stop))
 
+    def stop_forces(self) -> None:
+        """Publish the emergency stop, and let both arms go."""
+        self._stop(True)
+
+    def _stop(self, stop: bool) -> None:
+        self._latch(stop)
+        self._on_stop(stop)
+
     def _serve_stop(
         self, request: SetBool.Request, response: SetBool.Response
     ) -> SetBool.Response:
         """Stop everything at once, or release it."""
-        self._latch(request.data)
-        self._on_stop(request.data)
+        self._stop(request.data)
         response.success = True
         response.message = "stopped" if request.data else "released"
         return response

@@ -256,6 +256,10 @@ class DeviceNode(ManagedNode):
         self.device.change(parameters)
         self.options[name] = parameters
 
+    def stop_forces(self) -> None:
+        """Take all forces off and refuse commands until the emergency stop is released."""
+        self._stop(True)
+
     def close(self) -> None:
         """Leave the device without force."""
         self.device.close()

@@ -26,6 +26,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import (
     CUT_SHORT,
     DONE,
+    EMERGENCY,
     FAILED,
     REALTIME,
     SUPERVISOR,
@@ -285,8 +286,40 @@ class SupervisedNode(Node):
                 self.get_logger().info(line)
             self.finished.set_result(None)
 
+    def stop_forces(self) -> None:
+        """Carry out the emergency stop; nothing in a node without forces."""
+
     def close(self) -> None:
         """Release everything; called once, whatever ended the node."""
+
+
+class Signals:
+    """Signals to this process, and the end of its parent.
+
+    This is the one place where signals are handled: rclpy installs none, no node does.
+    """
+
+    def __init__(self) -> None:
+        self._ends: list[int] = []
+        self._stops: list[int] = []
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda number, _: self._ends.append(number))
+        signal.signal(EMERGENCY, lambda number, _: self._stops.append(number))
+        # A supervisor blocks it, so that one that came earlier has waited until here.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {EMERGENCY})
+        # Who started us may be gone before we get here; a supervisor therefore says who it is.
+        self._parent = int(os.environ.get(SUPERVISOR, os.getppid()))
+
+    def ended(self) -> bool:
+        """Return whether the process has to end."""
+        return bool(self._ends) or os.getppid() != self._parent
+
+    def take_stop(self) -> bool:
+        """Return whether an emergency stop has come since the last call."""
+        if not self._stops:
+            return False
+        self._stops.clear()
+        return True
 
 
 Build = Callable[[], SupervisedNode]
@@ -310,17 +343,7 @@ def run(name: str, *builds: Build, niceness: int = 0, priority: int = FORCE_PRIO
     os.nice(niceness)
     os.environ.update(middleware_defaults(os.environ))
     sharpen_timers()
-    # This is the one place where signals are handled: rclpy installs none, no node does.
-    signals: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: signals.append(number))
-    # Who started us may be gone before we get here; a supervisor therefore says who it is.
-    parent = int(os.environ.get(SUPERVISOR, os.getppid()))
-
-    def ended() -> bool:
-        return bool(signals) or os.getppid() != parent
-
-    status = _status(builds, name, priority, ended)
+    status = _status(builds, name, priority, Signals())
     # A second signal (launch sends one after the terminal's own) must not fail an end that is
     # under way: Python's own end would put the default back, but leaves what is ignored.
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -328,17 +351,17 @@ def run(name: str, *builds: Build, niceness: int = 0, priority: int = FORCE_PRIO
     sys.exit(status)
 
 
-def _status(builds: Sequence[Build], name: str, priority: int, ended: Callable[[], bool]) -> int:
+def _status(builds: Sequence[Build], name: str, priority: int, signals: Signals) -> int:
     wrong = (ParameterError, InvalidParameterException)
     try:
-        _run(builds, priority, ended)
+        _run(builds, priority, signals)
     except (*wrong, DeviceError, OSError) as error:
         print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
         return WRONG_ARGUMENTS if isinstance(error, wrong) else FAILED
     return DONE
 
 
-def _run(builds: Sequence[Build], priority: int, ended: Callable[[], bool]) -> None:
+def _run(builds: Sequence[Build], priority: int, signals: Signals) -> None:
     nodes: list[SupervisedNode] = []
     well = False
     try:
@@ -352,7 +375,7 @@ def _run(builds: Sequence[Build], priority: int, ended: Callable[[], bool]) -> N
             raise
         if priority:
             ask_for_realtime(priority)
-        _spin(nodes, ended)
+        _spin(nodes, signals)
         well = True
     finally:
         _close(nodes, well)
@@ -387,7 +410,7 @@ def _close(nodes: Sequence[SupervisedNode], well: bool) -> None:
     rclpy.try_shutdown()
 
 
-def _spin(nodes: Sequence[SupervisedNode], ended: Callable[[], bool]) -> None:
+def _spin(nodes: Sequence[SupervisedNode], signals: Signals) -> None:
     executor = EventsExecutor()
     for node in nodes:
         executor.add_node(node)
@@ -398,7 +421,10 @@ def _spin(nodes: Sequence[SupervisedNode], ended: Callable[[], bool]) -> None:
     gc.freeze()
     gc.disable()
     try:
-        while not (any([node.finished.done() for node in nodes]) or ended()):
+        while not (any([node.finished.done() for node in nodes]) or signals.ended()):
+            if signals.take_stop():
+                for node in nodes:
+                    node.stop_forces()
             wake = min([node.work() for node in nodes])
             now = time.monotonic()
             pause = min(max(0.0, wake - now), LOOK_ROUND)

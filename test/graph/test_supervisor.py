@@ -110,6 +110,21 @@ def test_a_process_stopped_while_it_still_imports_says_nothing() -> None:
 
 
 @pytest.mark.usefixtures("scripts")
+def test_an_emergency_stop_waits_for_a_process_that_does_not_handle_it_yet() -> None:
+    late = script(
+        "late",
+        "import sys, signal\n"
+        "print('importing', flush=True)\n"
+        "while signal.SIGUSR1 not in signal.sigpending(): pass\n"
+        "signal.signal(signal.SIGUSR1, lambda *_: sys.exit(0))\n"
+        "signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})\n"
+        "sys.exit(1)",
+    )
+    graph = Supervisor([late], on_line=lambda *_: graph.stop_forces())
+    assert graph.run().statuses == {"late": 0}
+
+
+@pytest.mark.usefixtures("scripts")
 def test_a_signal_at_any_instant_leaves_it_looking(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervisor, "LOOK_PERIOD", 0.001)
     before = signal.signal(signal.SIGUSR1, lambda *_: None)

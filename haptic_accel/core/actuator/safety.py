@@ -463,7 +463,7 @@ class SafetyLayer:
         return ", ".join(f"{c.name}: {c.contested}" for c in self._channels if c.contested)
 
     def note_senders(self, force: str, senders: Sequence[str]) -> None:
-        """Refuse the commands for ``arm force`` or ``actuator force`` if several nodes send them."""
+        """Refuse commands for ``arm force`` or ``actuator force`` if several nodes send them."""
         refused = f"no force while {' and '.join(senders)} send it" if len(senders) > 1 else ""
         for channel in self._channels:
             if channel.name == force:
