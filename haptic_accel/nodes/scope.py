@@ -43,7 +43,7 @@ WANTED = {
     "compensator": tuple(
         name
         for name in node_schema("compensator")
-        if name in ("controller", "high_pass_frequency") or name.startswith(f"{ACTUATOR}.")
+        if name in ("controller", "high_pass_frequency", "latency") or name.startswith(f"{ACTUATOR}.")
     ),
     "slave_device": (f"{SURFACE}name",),
     "master_device": (POSTURE,),
@@ -166,8 +166,10 @@ class Scope(GraphNode):
             "grip": values["master_device"].get(POSTURE),
             "engaged": {"true": True, "false": False}.get(coupler.get("engaged", "")),
             "stop": {"asked": self._stop_asked, **self._stopped},
-            "age_at_actuator": {
-                label: master.get(f"actuator force age {label} (us)") for label in ("p50", "p99")
+            "actuator": {
+                "age_us": master.get("actuator force age p50 (us)"),
+                "due": master.get("actuator force due"),
+                "missed": master.get("actuator force deadlines missed"),
             },
             "limits": {
                 "force": settings.actuator.peak_force,
@@ -235,7 +237,9 @@ class Scope(GraphNode):
         with suppress(ParameterError):  # a node of another version
             if known:
                 own, options = node_parameters("compensator", known)
-                settings = GraphSettings(own.high_pass_frequency, options[ACTUATOR], assumed=False)
+                settings = GraphSettings(
+                    own.high_pass_frequency, options[ACTUATOR], own.latency, assumed=False
+                )
         self.windows.settings = settings
 
     def _take_stop(self, stop: bool) -> None:

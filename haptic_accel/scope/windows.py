@@ -11,9 +11,9 @@ import numpy as np
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control import filters
-from haptic_accel.core.evaluation.metrics import PAPER_DELAY, Spectra, evaluate, spectra
+from haptic_accel.core.evaluation.metrics import Spectra, evaluate, spectra
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.sampling import NANOSECONDS, IntArray, half_period, places
+from haptic_accel.core.sampling import LATENCY, NANOSECONDS, IntArray, half_period, places
 
 LONGEST_WINDOW = 5.0
 """Longest time that a page can show, s."""
@@ -122,12 +122,15 @@ class GraphSettings:
         Corner frequency of the compensator's high-pass, Hz.
     actuator : ActuatorParameters
         Limits of the actuator, and the suspension of its moving mass.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force takes effect.
     assumed : bool
         True for defaults, used until a compensator has reported its own parameters.
     """
 
     high_pass_frequency: float = filters.HIGH_PASS_FREQUENCY
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
+    latency: int = LATENCY
     assumed: bool = True
 
 
@@ -140,7 +143,7 @@ class Metrics:
     values : dict
         Finite numbers by name; one that too few samples support is missing. ``rate``: samples of
         the handle acceleration per second. ``nrmse_percent``, ``slope`` (desired on actual) and
-        ``r2``: comparison with the handle acceleration shifted back by the paper's delay.
+        ``r2``: comparison with the handle acceleration shifted back by the latency and one sample.
         ``rms_desired``, ``rms_actual``: m/s^2. ``age_p50``, ``age_p99``: time from the tool's
         sample to the arrival of the actuator force here, s. ``peak_force``, ``peak_travel``:
         largest magnitudes, N and m.
@@ -196,7 +199,8 @@ class Windows:
             return
         self._derived = self.handle.count - (len(stamps) - ready)
         stamps, values = stamps[:ready], values[:ready]
-        forces = held(*self.force.last(LONGEST_WINDOW), stamps, rate)
+        causes = stamps - round(settings.latency * NANOSECONDS / rate)
+        forces = held(*self.force.last(LONGEST_WINDOW), causes, rate)
         actual, travel = derivation.derive(stamps, values, forces)
         self.actual.extend(stamps, actual)
         self.travel.extend(stamps, travel)
@@ -236,9 +240,9 @@ class Windows:
         stamps, handle = self.handle.last(METRICS_WINDOW + 2 * EDGE)
         actual = filters.without_hand_motion(handle, self.settings.high_pass_frequency, rate)
         edge = int(EDGE * rate)
-        inner, delay = slice(edge, len(stamps) - edge), math.floor(PAPER_DELAY * rate + 0.5)
+        inner, shift = slice(edge, len(stamps) - edge), self.settings.latency + 1
         desired = self.desired.last(METRICS_WINDOW + 2 * EDGE)
-        return paired(*desired, stamps[inner], actual[inner], delay, rate)
+        return paired(*desired, stamps[inner], actual[inner], shift, rate)
 
 
 class Derivation:

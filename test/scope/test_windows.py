@@ -19,6 +19,7 @@ from haptic_accel.scope.frames import PLOTS, SAMPLES, TRACES, Cursor, plots_fram
 from haptic_accel.scope.windows import (
     LONGEST_WINDOW,
     SLACK,
+    GraphSettings,
     Metrics,
     Ring,
     Windows,
@@ -144,7 +145,7 @@ def test_a_command_holds_until_the_next_and_not_for_ever(
 
 
 def filled(
-    seconds: float, gravity: float = 9.81, gain: float = 0.8, delay: int = 1
+    seconds: float, gravity: float = 9.81, gain: float = 0.8, delay: int = 2
 ) -> tuple[Windows, np.ndarray, np.ndarray]:
     """Return windows with a known texture, and the handle's acceleration and force."""
     made = Windows()
@@ -163,11 +164,14 @@ def filled(
     return made, handle, force
 
 
-def test_metrics_are_those_of_a_known_gain_without_gravity_and_strokes() -> None:
-    metrics = filled(4.0)[0].metrics()
+@pytest.mark.parametrize("latency", [0, 1, 3])
+def test_metrics_are_those_of_a_known_gain_without_gravity_and_strokes(latency: int) -> None:
+    made, _, _ = filled(4.0, delay=latency + 1)
+    made.settings = GraphSettings(latency=latency)
+    metrics = made.metrics()
     values = metrics.values
     assert values["rate"] == RATE
-    # Actual is 0.8 of desired after the paper's delay: 20 % are missing.
+    # Actual is 0.8 of desired after the latency and one sample: 20 % are missing.
     assert values["nrmse_percent"] == pytest.approx(20.0, abs=1.0)
     assert values["slope"] == pytest.approx(1 / 0.8, rel=0.03)
     assert values["r2"] > 0.98
@@ -205,7 +209,9 @@ def test_derived_in_whatever_steps_the_result_is_the_same(steps: list[int]) -> N
         at += step
         made.advance()
     estimator = TravelEstimator(Suspension(), RATE)
-    expected = [estimator.sample(*pair) for pair in zip(force[:at], handle[:at], strict=True)]
+    # A force acts from one sample after its cause on, the latency.
+    acting = [0.0, *force[: at - 1]]
+    expected = [estimator.sample(*pair) for pair in zip(acting, handle[:at], strict=True)]
     _, _, travel = made.travel.since(0)
     assert travel == pytest.approx(np.array(expected), abs=1e-12)
 

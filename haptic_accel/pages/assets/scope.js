@@ -518,8 +518,9 @@
     state = received;
     counters.states++;
     if (held === null) showNumbers(state.metrics);
-    setText(byId("actuator_p50"), digits(state.age_at_actuator.p50, 0));
-    setText(byId("actuator_p99"), digits(state.age_at_actuator.p99, 0));
+    const { age_us, due, missed } = state.actuator;
+    setText(byId("actuator_age"), digits(age_us, 0));
+    setText(byId("deadlines"), due ? `${missed} of ${due}` : "–");
     setText(byId("force-limit"), digits(state.limits.force, 1));
     setText(byId("travel-limit"), digits(state.limits.travel, 1, 1e3));
     byId("assumed").hidden = !state.limits.assumed;
