@@ -43,7 +43,8 @@ WANTED = {
     "compensator": tuple(
         name
         for name in node_schema("compensator")
-        if name in ("controller", "high_pass_frequency", "latency") or name.startswith(f"{ACTUATOR}.")
+        if name in ("controller", "high_pass_frequency", "latency")
+        or name.startswith(f"{ACTUATOR}.")
     ),
     "slave_device": (f"{SURFACE}name",),
     "master_device": (POSTURE,),

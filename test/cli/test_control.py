@@ -63,7 +63,7 @@ def test_surface_grip_and_engagement_change_while_the_graph_runs(
         service = f"{node}/set_parameters_atomically"
         return str(observer.call(SetParametersAtomically, service, request).result.reason)
 
-    graph = haptic_accel("teleop", "record:=false", "surface:=plywood")
+    graph = haptic_accel("teleop", "rate:=250", "record:=false", "surface:=plywood")
     graph.wait_for("engaged")
     assert ask("control", "surface:=vinyl", "grip:=hook", "engage:=false") == (0, "")
     graph.wait_for("let go: let go on request")

@@ -39,7 +39,7 @@ async def first_frames(address: str) -> int:
 def test_the_graph_outlives_its_scope_and_another_takes_its_place(
     haptic_accel: Start, domain: int
 ) -> None:
-    graph = haptic_accel("teleop", "record:=false", "scope:=true", "scope_port:=0")
+    graph = haptic_accel("teleop", "rate:=250", "record:=false", "scope:=true", "scope_port:=0")
     graph.wait_for("engaged")
     graph.wait_for(r"\[scope\] http://127\.0\.0\.1:\d+/ \(read-only\)")
     os.kill(nodes_of(domain)["scope"], signal.SIGKILL)

@@ -60,6 +60,7 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
         publisher.publish(String(data=name))
     graph = haptic_accel(
         "teleop",
+        "rate:=250",
         "rig:=ideal",
         "surface:=vinyl",
         "bag:=bag",
@@ -121,7 +122,9 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
 def test_after_kill_9_the_bag_is_repaired_and_says_what_was_run(
     haptic_accel: Start, domain: int, tmp_path: Path
 ) -> None:
-    graph = haptic_accel("teleop", "rig:=ideal", "surface:=text", "bag:=bag", "regex:=rosout")
+    graph = haptic_accel(
+        "teleop", "rate:=250", "rig:=ideal", "surface:=text", "bag:=bag", "regex:=rosout"
+    )
     graph.wait_for("engaged")
     graph.wait_for("rosout: recorded too")
     file = tmp_path / "bag" / "bag_0.mcap"
