@@ -159,12 +159,12 @@ class Bag:
         return coupled_stretches(forces.stamps, forces.values, stamps)
 
 
-def read_bag(path: Path) -> Bag:
+def read_bag(path: Path | str) -> Bag:
     """Read a bag.
 
     Parameters
     ----------
-    path : Path
+    path : Path or str
         A bag's folder, or one of its files.
 
     Raises
@@ -172,6 +172,7 @@ def read_bag(path: Path) -> Bag:
     ParameterError
         It is not a bag, or cannot be read at all.
     """
+    path = Path(path)
     bag = Bag(path)
     metadata = _metadata(bag) if path.is_dir() else Metadata(())
     try:

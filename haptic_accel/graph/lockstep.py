@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.trial_bag import write_trial
@@ -17,7 +19,11 @@ from haptic_accel.graph.processes import RECORDER, graph, graph_parameters, rig_
 
 
 def lockstep_trial(
-    arguments: GraphArguments, *, track: Track | None = None, grips: Sequence[GripChange] = ()
+    arguments: GraphArguments,
+    *,
+    track: Track | None = None,
+    grips: Sequence[GripChange] = (),
+    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Trial:
     """Run the condition that arguments describe without ROS.
 
@@ -30,8 +36,12 @@ def lockstep_trial(
         the first force.
     grips : sequence of GripChange
         Changes of grip, in order of time.
+    changes : mapping
+        Values by node and dotted name, which count before those of all files.
     """
     values = graph_parameters(arguments)
+    for node, own in changes.items():
+        values[node] |= own
     rig = rig_parameters(values)
     around, controllers = node_parameters("compensator", values["compensator"])
     recording = None

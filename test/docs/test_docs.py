@@ -8,9 +8,11 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import click
 import pytest
+from matplotlib import pyplot
 
 from haptic_accel.cli.main import command_line
 from haptic_accel.core.control.controllers.interface import Controller, Loop
@@ -112,6 +114,17 @@ def test_the_controller_that_contributing_shows_is_one() -> None:
     controller = module.HalfController(module.HalfParameters(), Loop(1000.0))
     assert controller.force(2.0, 0.0) == 0.128
     assert isinstance(controller, Controller)
+
+
+def test_the_notebook_that_usage_shows_runs() -> None:
+    section = (SOURCE / "docs" / "usage.md").read_text().split("## In a notebook\n")[1]
+    (code,) = re.findall(r"```python\n(.*?)```", section.split("\n## ")[0], re.S)
+    names: dict[str, Any] = {}
+    pyplot.switch_backend("agg")
+    exec(code, names)
+    pyplot.close("all")
+    shown = set(names["trial"].frame().reset_index().columns)
+    assert shown >= {"time_s", "tool_acceleration_m_s2", "actuator_force_N"}
 
 
 def test_the_readme_is_short() -> None:

@@ -1,0 +1,147 @@
+"""Lockstep trials for notebooks: run in one line, looked at as data frame, number and plot."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from haptic_accel.analysis import plots
+from haptic_accel.analysis.traces import EXCERPT, most_active
+from haptic_accel.core.parameters import ParameterError, suggestion
+from haptic_accel.core.trial import Trial
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.lockstep import lockstep_trial
+from haptic_accel.graph.node_parameters import NODES, node_schema
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A virtual rig by its name, with parameters of its own.
+
+    Parameters
+    ----------
+    name : str or path
+        ideal, paper, or a ``.yaml`` file.
+    changes : mapping
+        Values by node and dotted name, as parameter files have them.
+
+    Raises
+    ------
+    ParameterError
+        There is no such node or parameter.
+
+    Examples
+    --------
+    >>> Rig("ideal", {"coupler": {"k_m": 500.0}}).name
+    'ideal'
+    """
+
+    name: str | os.PathLike[str] = "paper"
+    changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse unknown names."""
+        for node, values in self.changes.items():
+            if node not in NODES:
+                raise ParameterError(f"rig: {node}: no such node{suggestion(node, NODES)}")
+            known = node_schema(node)
+            for name in values:
+                if name not in known:
+                    hint = suggestion(name, known)
+                    raise ParameterError(f"rig: {name}: no such parameter of {node}{hint}")
+
+
+@dataclass(frozen=True)
+class NotebookTrial(Trial):
+    """A trial that shows itself in a notebook."""
+
+    def nrmse(self) -> float:
+        """Return the error of the handle's acceleration after latency and one sample, percent.
+
+        Raises
+        ------
+        ValueError
+            The desired acceleration is zero, or there are too few samples.
+        """
+        return self.evaluate().nrmse_percent
+
+    def frame(self) -> pd.DataFrame:
+        """Return the signals by time in s, under names with units."""
+        columns = {
+            "tool_acceleration_m_s2": self.tool_acceleration,
+            "desired_acceleration_m_s2": self.desired_acceleration,
+            "handle_acceleration_m_s2": self.handle_acceleration,
+            "actual_acceleration_m_s2": self.actual_acceleration,
+            "actuator_force_N": self.actuator_force,
+        }
+        return pd.DataFrame(columns, index=pd.Index(self.time, name="time_s"))
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw desired and actual acceleration, actual shifted back as for the error.
+
+        All of the trial is drawn, and shown is where the desired acceleration is most active.
+
+        Parameters
+        ----------
+        axes : Axes, optional
+            Where to draw; default: a new figure.
+        """
+        if axes is None:
+            from matplotlib import pyplot  # which chooses a backend, and so comes late
+
+            size = plots.TEXT, plots.COLUMN
+            axes = pyplot.subplots(figsize=size, layout="constrained")[1]
+        shift = (self.latency + 1) / self.rate
+        desired, actual = self.desired_acceleration, self.actual_acceleration
+        axes.plot(self.time, desired, color=plots.BLUE, linewidth=1.2, label="desired")
+        label = "actual, shifted back"
+        axes.plot(self.time - shift, actual, color=plots.ORANGE, linewidth=0.66, label=label)
+        begin = most_active(desired, round(EXCERPT * self.rate)).start / self.rate
+        axes.set(xlim=(begin, begin + EXCERPT), xlabel="time (s)", ylabel="acceleration (m/s²)")
+        axes.set_title(f"{self.controller} on {self.surface}: NRMSE {self.nrmse():.1f} %")
+        axes.legend(loc="upper right")
+        plots.rule(axes)
+        return axes
+
+
+def run_trial(
+    controller: str = "dynamic",
+    rig: str | os.PathLike[str] | Rig = "paper",
+    surface: str | os.PathLike[str] = "plywood",
+    *,
+    duration: float = 10.0,
+    **arguments: Any,
+) -> NotebookTrial:
+    """Run one condition of the experiment in lockstep, without ROS.
+
+    Parameters
+    ----------
+    controller : str
+    rig : str, path or Rig
+        ideal, paper, or a ``.yaml`` file; a `Rig` for one with other parameters.
+    surface : str or path
+        plywood, text, vinyl, or a ``.yaml`` file.
+    duration : float
+        Duration of the trial, s.
+    **arguments
+        Further arguments of the graph: grip, rate, latency, seed, recording, config.
+
+    Returns
+    -------
+    NotebookTrial
+
+    Raises
+    ------
+    ParameterError
+        A value is not allowed.
+    """
+    rig = rig if isinstance(rig, Rig) else Rig(rig)
+    given = {"controller": controller, "rig": rig.name, "surface": surface, **arguments}
+    words = {k: os.fspath(v) if isinstance(v, os.PathLike) else v for k, v in given.items()}
+    asked = GraphArguments(duration=duration, **words)
+    return NotebookTrial(**vars(lockstep_trial(asked, changes=rig.changes)))
