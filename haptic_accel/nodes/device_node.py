@@ -72,8 +72,9 @@ class Commands:
     allowed : callable
         Returns the force to write for a time in s, an age of the command's sample in s, and a
         force; None to leave the device as it is.
-    ahead : bool
-        The device takes a force before it is due.
+    late_at_device : callable, optional
+        For a device that takes forces before they are due: returns the number of those that it
+        applied late itself.
 
     Attributes
     ----------
@@ -88,15 +89,22 @@ class Commands:
         latency: int,
         allowed: Callable[[float, float, Vector], Any],
         *,
-        ahead: bool = False,
+        late_at_device: Callable[[], int] | None = None,
     ) -> None:
         self.inbox = inbox
         self.allowed = allowed
-        self.ahead = ahead and latency > 0
+        self.ahead = late_at_device is not None and latency > 0
+        self._late_at_device = late_at_device or int
+        self._late_before = 0
         self.latency = latency
         self._lag = 0 if self.ahead else latency
         self.forces = DueForces(latency)
         self.age = DurationHistogram()
+
+    @property
+    def missed(self) -> int:
+        """Number of forces that came after they were due, here or at the device."""
+        return self.forces.missed + max(0, self._late_at_device() - self._late_before)
 
     def is_missing(self, tick: int) -> bool:
         """Return whether commands come, but not yet the one that is needed after a tick."""
@@ -111,13 +119,14 @@ class Commands:
         """Forget ages and counts."""
         self.age.reset()
         self.forces.count_anew()
+        self._late_before = self._late_at_device()
 
     def status(self, name: str) -> dict[str, str]:
         """Return values for diagnostics."""
         return {
             f"{name} count": str(self.age.count),
             f"{name} due": str(self.forces.due),
-            f"{name} deadlines missed": str(self.forces.missed),
+            f"{name} deadlines missed": str(self.missed),
             **quantiles(self.age, f"{name} age"),
         }
 
@@ -185,7 +194,7 @@ class DeviceNode(ManagedNode):
                 self.inbox(arm.actuator_force),
                 p.latency,
                 self._allowed_actuator_force,
-                ahead=self._kind.AHEAD,
+                late_at_device=(lambda: self.device.late) if self._kind.AHEAD else None,
             )
         self._stops = self.inbox(topics.EMERGENCY_STOP)
         self.create_service(Trigger, "~/arm", self._serve_arm)
@@ -297,10 +306,10 @@ class DeviceNode(ManagedNode):
 
     def _missed_deadlines(self) -> str:
         """Return a warning if too many forces came late since the last report."""
-        forces = [commands.forces for commands in self._commands.values()]
+        commands = self._commands.values()
         counts = {
-            "due": sum(each.due for each in forces),
-            "missed": sum(each.missed for each in forces) + self.device.late,
+            "due": sum(each.forces.due for each in commands),
+            "missed": sum(each.missed for each in commands),
         }
         due, missed = (counts[name] - self._reported_deadlines[name] for name in counts)
         self._reported_deadlines = counts

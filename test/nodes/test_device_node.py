@@ -397,3 +397,23 @@ def test_a_force_that_comes_late_is_applied_on_arrival_and_counted(bench: Bench)
 
     bench.until(late)
     assert int(bench.node.status()[1]["actuator force deadlines missed"]) > known
+
+
+@pytest.fixture
+def late_at_device(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Make the device one that applies forces itself; the list holds how many were late there."""
+    counted = [7]
+    monkeypatch.setattr(Witness, "AHEAD", True)
+    monkeypatch.setattr(Witness, "late", property(lambda device: counted[0]))
+    return counted
+
+
+def test_forces_that_were_late_at_the_device_are_missed_deadlines(
+    late_at_device: list[int], bench: Bench
+) -> None:
+    bench.driven()
+    before = int(bench.node.status()[1]["actuator force deadlines missed"])
+    late_at_device[0] += 1000
+    after = int(bench.node.status()[1]["actuator force deadlines missed"])
+    assert after == before + 1000
+    assert before < 1000, "those before the arms engaged do not count"
