@@ -73,8 +73,9 @@ setup(
         "psutil>=5.9.8",
         # What bags/rosbags_adapter.py imports is in these versions.
         "rosbags>=0.11.9,<0.12",
-        # As rosbags has it, for bags that are read by chunks.
+        # As rosbags has them, for bags that are read by chunks.
         "backports.zstd>=1.0; python_version<'3.14'",
+        "lz4>=4.0.2",
         "pandas>=2.1",
         "aiohttp>=3.9",
     ],

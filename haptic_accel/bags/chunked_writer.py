@@ -1,9 +1,9 @@
 """Writes one MCAP file so that every chunk is on the disk soon and stays readable.
 
-Built on the writer of rosbags, which knows the format. Added: chunks reach the disk while
-recording, the file is named as rosbag2 names it, and a file that the disk has no more room for is
-closed with what is in it. The writer of the `mcap` library takes twice as long for a message and
-cannot go back to a chunk that was whole.
+Chunks reach the disk while recording, each has messages, their index and a checksum, and a file
+that the disk has no more room for is closed with what is in it. The writer of rosbags keeps
+everything in memory until it is closed and writes no checksums; that of the `mcap` library takes
+twice as long for a message and cannot go back to a chunk that was whole.
 """
 
 from __future__ import annotations
@@ -12,16 +12,21 @@ import os
 import struct
 from collections import Counter, defaultdict, deque
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from io import BytesIO
 from pathlib import Path
+from zlib import crc32
 
-from rosbags.interfaces import Connection, ConnectionExtRosbag2
-from rosbags.rosbag2 import CompressionMode
+import numpy as np
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
 
-from haptic_accel.bags import rosbags_adapter as rosbags
-from haptic_accel.bags.mcap import MESSAGE, MESSAGE_HEADER, NEVER, Chunk, Tally
-from haptic_accel.bags.metadata import VERSION, qos_text
+from haptic_accel import __version__
+from haptic_accel.bags import mcap_format as mcap
+from haptic_accel.bags.mcap import Chunk
+from haptic_accel.bags.mcap_format import Channel, Schema, Tally, record, text, text_map
+from haptic_accel.bags.metadata import qos_text
+from haptic_accel.bags.rosbags_adapter import zstd
 
 CHUNK = 1 << 20
 """Size at which a chunk is complete, bytes; rosbag2 has 768 KiB."""
@@ -32,20 +37,29 @@ KEPT_MARKS = 8
 _FAST = 1
 """Compression level that costs least time (zstd's manual); rosbag2 has the same."""
 
-_HEADER = MESSAGE_HEADER.size
+_HEADER = mcap.MESSAGE_HEADER.size
 _MESSAGE = struct.Struct("<BQHIQQ")  # a record's header and a message's, packed at once
+
+
+@dataclass
+class _Pending:
+    """Records of the next chunk, and by channel the times and places of its messages in turn."""
+
+    records: BytesIO = field(default_factory=BytesIO)
+    entries: defaultdict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
 
 
 @dataclass(frozen=True)
 class _Mark:
-    """State of the file after one of its chunks: its length, and what it holds."""
+    """State of the file after one of its chunks: length, checksum, and what it holds."""
 
     end: int
+    sum: int
     chunks: int
     tally: Tally
 
 
-class ChunkedWriter(rosbags.McapWriter):
+class ChunkedWriter:
     """An MCAP file that is written; every method may raise OSError.
 
     Parameters
@@ -58,19 +72,27 @@ class ChunkedWriter(rosbags.McapWriter):
     Attributes
     ----------
     path : Path
+    schemas, channels : list
+        Those that the index will list.
     """
 
     def __init__(self, path: Path, *, compressed: bool = False) -> None:
-        mode = CompressionMode.STORAGE if compressed else CompressionMode.NONE
-        super().__init__(path.parent, mode)
-        if compressed:
-            self.compressor = lambda data: rosbags.zstd.compress(data, level=_FAST)
-        # rosbags names the file after the folder, rosbag2 numbers it.
-        self.path = self.path.rename(path)
-        self.bio.flush()
+        self.path = path
+        self.schemas: list[Schema] = []
+        self.channels: list[Channel] = []
+        self._compression = "zstd" if compressed else ""
+        self._compress = partial(zstd.compress, level=_FAST) if compressed else bytes
+        self._pending = _Pending()
+        self._chunks: list[bytes] = []  # their records in the index
+        self._end = self._sum = 0
+        self._file = path.open("xb")
+        self._put(
+            mcap.MAGIC + record(mcap.HEADER, text("ros2"), text(f"haptic_accel-{__version__}"))
+        )
+        self._file.flush()
         # The file itself, whatever becomes of its name and of the buffer before it.
-        self._descriptor = os.dup(self.bio.fileno())
-        self._marks = deque([_Mark(self.bio.tell(), 0, Tally())], maxlen=KEPT_MARKS)
+        self._descriptor = os.dup(self._file.fileno())
+        self._marks = deque([_Mark(self._end, self._sum, 0, Tally())], maxlen=KEPT_MARKS)
         _sync_folder(path.parent)
 
     @property
@@ -81,66 +103,69 @@ class ChunkedWriter(rosbags.McapWriter):
     @property
     def size(self) -> int:
         """Bytes written and pending."""
-        return self.bio.tell() + self.chunk.bio.tell()
+        return self._end + self._pending.records.tell()
 
     def add(self, connection: Connection) -> None:
         """Add a topic, with its type's hash, from which rosbag2 rebuilds a bag's metadata."""
-        if all(schema.name != connection.msgtype for schema in self.schemas):
-            self.add_msgtype(connection)
-        assert isinstance(connection.ext, ConnectionExtRosbag2)
-        metadata, offered = BytesIO(), qos_text(connection.ext.offered_qos_profiles)
-        for text in ("offered_qos_profiles", offered, "topic_type_hash", connection.digest):
-            rosbags.write_string(metadata, text)
         number, kind, topic = connection.id, connection.msgtype, connection.topic
+        records = self._pending.records
+        if all(schema.name != kind for schema in self.schemas):
+            is_msg = connection.msgdef.format == MessageDefinitionFormat.MSG
+            encoding = "ros2msg" if is_msg else "ros2idl"
+            schema = Schema(len(self.schemas) + 1, kind, encoding, connection.msgdef.data)
+            self.schemas.append(schema)
+            records.write(_schema_record(schema))
+        assert isinstance(connection.ext, ConnectionExtRosbag2)
+        offered = qos_text(connection.ext.offered_qos_profiles)
+        described = {"offered_qos_profiles": offered, "topic_type_hash": connection.digest}
         form = connection.ext.serialization_format
-        channel = rosbags.Channel(number, kind, topic, form, metadata.getvalue())
-        self.channels.append(channel)
-        rosbags.write_channel(self.chunk.bio, channel, self.schemas)
+        self.channels.append(Channel(number, kind, topic, form, text_map(described)))
+        records.write(self._channel_record(self.channels[-1]))
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
-        """Add a message: rosbags' own takes three times as long, for each of a thousand a ms."""
-        chunk, number = self.chunk, connection.id
-        records = chunk.bio
-        if timestamp < chunk.message_start_time:
-            chunk.message_start_time = timestamp
-        if timestamp > chunk.message_end_time:
-            chunk.message_end_time = timestamp
+        """Add a message."""
+        records, number = self._pending.records, connection.id
         place = records.tell()
-        chunk.msgs[number].append((timestamp, place))
+        self._pending.entries[number].extend((timestamp, place))
         length = _HEADER + len(data)
-        records.write(_MESSAGE.pack(MESSAGE, length, number, 0, timestamp, timestamp))
+        records.write(_MESSAGE.pack(mcap.MESSAGE, length, number, 0, timestamp, timestamp))
         records.write(data)
         if place > CHUNK:
             self.close_chunk()
 
     def take(self, chunk: Chunk) -> None:
         """Add a chunk of another file."""
-        pending = _empty_chunk()
-        pending.bio.write(chunk.records)
-        for number, (times, places) in chunk.entries.items():
-            pending.msgs[number] = list(zip(times.tolist(), places.tolist(), strict=True))
-            pending.message_start_time = min(pending.message_start_time, int(times.min()))
-            pending.message_end_time = max(pending.message_end_time, int(times.max()))
-        self.chunk = pending
+        self._pending.records.write(chunk.records)
+        for number, rows in chunk.entries.items():
+            self._pending.entries[number] = np.column_stack(rows).ravel().tolist()
         self.close_chunk()
 
     def close_chunk(self) -> None:
-        """Write the pending chunk, if there is any, into the file."""
-        chunk = self.chunk
-        if not chunk.bio.tell():
+        """Write what is pending into the file.
+
+        Schemas and channels without messages are no chunk: one without an index of messages keeps
+        `ros2 bag play` from reading the whole file in the order of time (ros2/rosbag2 #2040).
+        """
+        records, entries = self._pending.records.getvalue(), self._pending.entries
+        if not records:
             return
-        counts = Counter({number: len(rows) for number, rows in chunk.msgs.items()})
-        tally = self.kept.plus(counts, chunk.message_start_time, chunk.message_end_time)
-        if not counts:
-            chunk.message_start_time = 0  # as the format wants it
-        super().close_chunk()
-        self.bio.flush()
-        self._marks.append(_Mark(self.bio.tell(), len(self.chunks), tally))
+        tally = self.kept
+        if entries:
+            counts = Counter({number: len(rows) // 2 for number, rows in entries.items()})
+            start = min(min(rows[::2]) for rows in entries.values())
+            end = max(max(rows[::2]) for rows in entries.values())
+            self._put_chunk(records, entries, start, end)
+            tally = tally.plus(counts, start, end)
+        else:
+            self._put(records)
+        self._file.flush()
+        self._pending = _Pending()
+        self._marks.append(_Mark(self._end, self._sum, len(self._chunks), tally))
 
     def flush(self) -> None:
         """Finish the pending chunk and bring it to the disk, where a power cut leaves it."""
         self.close_chunk()
-        os.fdatasync(self.bio.fileno())
+        os.fdatasync(self._file.fileno())
 
     def finish(self, metadata: str) -> None:
         """Write what is pending, index and end, and bring it to the disk.
@@ -151,11 +176,14 @@ class ChunkedWriter(rosbags.McapWriter):
             The bag's metadata, repeated in the file.
         """
         self.close_chunk()
-        tally = self.kept
-        self.channel_stats = {channel.id: tally.counts[channel.id] for channel in self.channels}
-        self.message_start_time = tally.start if tally.messages else 0
-        self.message_end_time = tally.end
-        self.close(VERSION, metadata)
+        start = self._end
+        repeated = text_map({"serialized_metadata": metadata})
+        length = mcap.TEXT_LENGTH.pack(len(repeated))
+        self._put(record(mcap.METADATA, text("rosbag2"), length, repeated))
+        place = mcap.SPAN.pack(start, self._end - start)
+        self._put(record(mcap.DATA_END, mcap.SUM.pack(self._sum)))
+        self._put_index(record(mcap.METADATA_INDEX, place, text("rosbag2")))
+        self._file.close()
         os.fsync(self._descriptor)
         os.close(self._descriptor)
 
@@ -179,24 +207,109 @@ class ChunkedWriter(rosbags.McapWriter):
                     # Rather all without an index than nothing.
                     self._marks.append(newest)
                     self._go_back()
-                    self.bio.close()
+                    self._file.close()
                     raise
+
+    def _put(self, content: bytes) -> None:
+        self._sum = crc32(content, self._sum)
+        self._end += len(content)
+        self._file.write(content)
+
+    def _put_chunk(
+        self, records: bytes, entries: dict[int, list[int]], start: int, end: int
+    ) -> None:
+        """Write a chunk and the index of its messages, and note its place for the file's index."""
+        compressed = self._compress(records)
+        form = text(self._compression)
+        sizes = mcap.CHUNK_HEADER.pack(start, end, len(records), crc32(records))
+        header = sizes + form + mcap.LENGTH.pack(len(compressed))
+        place = self._end
+        self._put(mcap.RECORD.pack(mcap.CHUNK, len(header) + len(compressed)) + header)
+        self._put(compressed)
+        length, indexes = self._end - place, b""
+        for number, rows in entries.items():
+            indexes += mcap.COUNT.pack(number, self._end)
+            index = struct.pack(f"<HI{len(rows)}Q", number, 8 * len(rows), *rows)
+            self._put(record(mcap.MESSAGE_INDEX, index))
+        self._chunks.append(
+            record(
+                mcap.CHUNK_INDEX,
+                mcap.CHUNK_INDEX_HEADER.pack(start, end, place, length, len(indexes)),
+                indexes,
+                mcap.LENGTH.pack(self._end - place - length),
+                form,
+                mcap.SPAN.pack(len(compressed), len(records)),
+            )
+        )
+
+    def _put_index(self, metadata_index: bytes) -> None:
+        """Write the index of the file, which has a checksum of its own, and the file's end."""
+        start, self._sum = self._end, 0
+        offsets = b""
+        for kind, records in {
+            mcap.SCHEMA: [_schema_record(schema) for schema in self.schemas],
+            mcap.CHANNEL: [self._channel_record(channel) for channel in self.channels],
+            mcap.CHUNK_INDEX: self._chunks,
+            mcap.METADATA_INDEX: [metadata_index],
+            mcap.STATISTICS: [self._statistics_record()],
+        }.items():
+            if records:
+                place = self._end
+                self._put(b"".join(records))
+                span = mcap.SPAN.pack(place, self._end - place)
+                offsets += record(mcap.SUMMARY_OFFSET, bytes([kind]), span)
+        span = mcap.SPAN.pack(start, self._end)
+        self._put(offsets)
+        self._put(mcap.RECORD.pack(mcap.FOOTER, mcap.SPAN.size + mcap.SUM.size) + span)
+        self._put(mcap.SUM.pack(self._sum) + mcap.MAGIC)
+
+    def _channel_record(self, channel: Channel) -> bytes:
+        schema = next(schema.id for schema in self.schemas if schema.name == channel.schema)
+        return record(
+            mcap.CHANNEL,
+            struct.pack("<HH", channel.id, schema),
+            text(channel.topic),
+            text(channel.message_encoding),
+            mcap.TEXT_LENGTH.pack(len(channel.metadata)),
+            channel.metadata,
+        )
+
+    def _statistics_record(self) -> bytes:
+        tally = self.kept
+        counts = b"".join(
+            mcap.COUNT.pack(number, tally.counts[number])
+            for number in sorted(channel.id for channel in self.channels)
+        )
+        header = mcap.STATISTICS_HEADER.pack(
+            tally.messages,
+            len(self.schemas),
+            len(self.channels),
+            0,  # attachments
+            1,  # metadata
+            len(self._chunks),
+            tally.start if tally.messages else 0,
+            tally.end,
+            len(counts),
+        )
+        return record(mcap.STATISTICS, header, counts)
 
     def _go_back(self) -> None:
         """Forget whatever came after the last mark, in the file too."""
         mark = self._marks[-1]
         with suppress(OSError):
             # What its buffer holds must not be written any more.
-            self.bio.raw.close()
+            self._file.raw.close()
         os.ftruncate(self._descriptor, mark.end)
         os.lseek(self._descriptor, mark.end, os.SEEK_SET)
-        self.bio = os.fdopen(os.dup(self._descriptor), "wb")
-        del self.chunks[mark.chunks :]
-        self.chunk = _empty_chunk()
+        self._file = os.fdopen(os.dup(self._descriptor), "wb")
+        self._end, self._sum = mark.end, mark.sum
+        del self._chunks[mark.chunks :]
+        self._pending = _Pending()
 
 
-def _empty_chunk() -> rosbags.PendingChunk:
-    return rosbags.PendingChunk(NEVER, 0, BytesIO(), defaultdict(list))
+def _schema_record(schema: Schema) -> bytes:
+    texts = text(schema.name) + text(schema.encoding) + text(schema.data)
+    return record(mcap.SCHEMA, struct.pack("<H", schema.id), texts)
 
 
 def _sync_folder(path: Path) -> None:

@@ -57,7 +57,7 @@ def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
         name = key.removeprefix(PREFIX)
         try:
             facts[name] = value if name == VERSION else json.loads(value)
-        except ValueError:
+        except (ValueError, RecursionError):
             facts[name] = value
     return facts
 

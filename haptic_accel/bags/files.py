@@ -12,7 +12,7 @@ from rosbags.interfaces import Connection
 
 from haptic_accel.bags.chunked_writer import ChunkedWriter
 from haptic_accel.bags.folder import MCAP
-from haptic_accel.bags.mcap import Tally
+from haptic_accel.bags.mcap_format import Tally
 from haptic_accel.bags.metadata import Metadata, file_entry, topic_entry
 from haptic_accel.bags.recording_options import ZSTD_FAST, RecordingOptions
 from haptic_accel.core.parameters import ParameterError

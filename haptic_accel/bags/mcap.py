@@ -2,8 +2,7 @@
 
 The readers of `rosbags` and `mcap` give one message at a time, which for ten minutes of this graph
 takes a minute or two, and refuse a file that was cut off. Here a chunk's messages stay one block
-of bytes with the places of the messages in it.
-Format: https://mcap.dev/spec.
+of bytes with the places of the messages in it. What differs from its checksum is left out.
 """
 
 from __future__ import annotations
@@ -11,75 +10,62 @@ from __future__ import annotations
 import io
 import struct
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
+from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
-from haptic_accel.bags.rosbags_adapter import DECOMPRESSORS, Channel, Schema, zstd
+from haptic_accel.bags import mcap_format as mcap
+from haptic_accel.bags.mcap_format import MAGIC, NEVER, RECORD, Channel, Schema, Tally
+from haptic_accel.bags.rosbags_adapter import lz4, zstd
+from haptic_accel.bags.yaml_text import load_yaml, texts_of
 from haptic_accel.core.sampling import IntArray
 
 ByteArray = npt.NDArray[np.uint8]
 
-MAGIC = b"\x89MCAP0\r\n"
-NEVER = 2**63 - 1
-"""Start time of a file without messages, ns, as rosbag2 has it."""
-
 LOOSE = 1 << 20
 """Size of the blocks in which records outside chunks are read, bytes."""
 
-# Kinds of records.
-_NOTHING, _FOOTER_KIND, _SCHEMA, _CHANNEL, MESSAGE, _CHUNK, _INDEX = 0, 2, 3, 4, 5, 6, 7
-_STATISTICS, _METADATA, _DATA_END = 11, 12, 15
-_LOOSE_KINDS = (_SCHEMA, _CHANNEL, MESSAGE)
-RECORD = struct.Struct("<BQ")  # kind, and length of the content
-MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_CHUNK_HEADER = struct.Struct("<QQQI")  # start, end, uncompressed size, CRC
-_FOOTER = struct.Struct("<BQQQI8s")  # with its record's header, and the mark at the file's end
-# Messages; schemas, channels, attachments, metadata, chunks; start, end, size of the counts.
-_STATISTICS_HEADER = struct.Struct("<QHIIIIQQI")
-_COUNT = struct.Struct("<HQ")  # channel, messages
-_ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
+LARGEST = 1 << 28
+"""Size of the largest record and chunk that are read, bytes: rosbag2's chunks have 768 KiB."""
 
-DATA = RECORD.size + MESSAGE_HEADER.size
+_LOOSE_KINDS = (mcap.SCHEMA, mcap.CHANNEL, mcap.MESSAGE)
+_READ_KINDS = (*_LOOSE_KINDS, mcap.CHUNK, mcap.MESSAGE_INDEX, mcap.METADATA, mcap.DATA_END)
+# Records of the index, offset of the place and length in them, and what is there.
+_SPANS = ((mcap.CHUNK_INDEX, 16, mcap.CHUNK), (mcap.METADATA_INDEX, 0, mcap.METADATA))
+_UNKNOWN = -1
+"""Number of no channel; a chunk whose index has it is walked."""
+
+_FOOTER = struct.Struct("<BQQQI8s")  # with its record's header, and the mark at the file's end
+_DATA_END = struct.Struct("<BQI")  # with its record's header
+_ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
+# A message's record up to its data; RECORD and MESSAGE_HEADER as numpy has them.
+_HEAD = np.dtype(
+    [
+        ("kind", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("time", "<u8"),
+        ("publish_time", "<u8"),
+    ]
+)
+
+DATA = _HEAD.itemsize
 """Distance of a message's data from the start of its record, bytes."""
 
 Entries = dict[int, tuple[IntArray, IntArray]]
 """Times and places of a chunk's messages, by number of their channel."""
 
-_DAMAGED = (ValueError, RuntimeError, LookupError, struct.error, zstd.ZstdError)
-
-
-@dataclass
-class Tally:
-    """Number and times of a file's messages.
-
-    Attributes
-    ----------
-    counts : Counter
-        Messages by number of their channel.
-    start, end : int
-        Times at which the first and the last message were recorded, system time in ns; `NEVER`
-        and 0 without messages.
-    """
-
-    counts: Counter[int] = field(default_factory=Counter)
-    start: int = NEVER
-    end: int = 0
-
-    @property
-    def messages(self) -> int:
-        """Number of messages."""
-        return self.counts.total()
-
-    def plus(self, counts: Counter[int], start: int, end: int) -> Tally:
-        """Return the tally with more messages."""
-        return Tally(self.counts + counts, min(self.start, start), max(self.end, end))
+DAMAGE_ERRORS = (
+    *(ValueError, TypeError, AttributeError, LookupError, OverflowError),
+    *(RuntimeError, EOFError, struct.error, zstd.ZstdError),
+)
+"""What damaged content makes its readers raise."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +101,27 @@ class Chunk:
     entries: Entries = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class _Index:
+    """Index at a file's end.
+
+    Attributes
+    ----------
+    start : int
+        Its place in the file.
+    records : list
+        Kind and content of each of its records.
+    places : list
+        Place, length and kind of the file's chunks and metadata, if it has chunks.
+    tally : Tally
+    """
+
+    start: int
+    records: list[tuple[int, bytes]]
+    places: list[tuple[int, int, int]]
+    tally: Tally
+
+
 @dataclass
 class McapFile:
     """An MCAP file to read: by its index, by chunks, or by blocks of messages.
@@ -141,11 +148,12 @@ class McapFile:
     @property
     def custom_data(self) -> dict[str, str]:
         """The bag's custom data as a closed file repeats it; empty where there is none."""
-        text = self.metadata.get("rosbag2", {}).get("serialized_metadata", "")
-        with suppress(yaml.YAMLError, ValueError, TypeError, AttributeError):
-            return dict((yaml.safe_load(text) or {}).get("custom_data") or {})
-        self.problems.append(f"{self.path.name}: its metadata cannot be read")
-        return {}
+        repeated = self.metadata.get("rosbag2", {}).get("serialized_metadata", "")
+        try:
+            return texts_of((load_yaml(repeated) or {}).get("custom_data"))
+        except DAMAGE_ERRORS:
+            self._report("its metadata cannot be read")
+            return {}
 
     def read_index(self) -> Tally:
         """Read schemas, channels and statistics from the index at the file's end.
@@ -153,25 +161,23 @@ class McapFile:
         Raises
         ------
         ValueError
-            There is no index, or it is damaged.
+            There is no index, it is damaged, or it has a chunk without messages.
         OSError
             The file cannot be read.
         """
-        with self.path.open("rb") as file:
-            size = _checked_size(file)
-            file.seek(max(0, size - _FOOTER.size))
-            kind, _, start, *_, magic = _FOOTER.unpack(file.read().rjust(_FOOTER.size, b"\0"))
-            if kind != _FOOTER_KIND or magic != MAGIC or not 0 < start < size:
-                raise ValueError("it has no index")
-            file.seek(start)
-            statistics = b""
-            for kind, content in _records(file, size):
-                self._declare(kind, content)
-                if kind == _STATISTICS:
-                    statistics = content
-        if self.problems or len(statistics) < _STATISTICS_HEADER.size:
+        with self._open() as file:
+            index = _index(file, _checked_size(file))
+        for kind, content in index.records:
+            self._declare(kind, content)
+        if self.problems:
             raise ValueError("its index is damaged")
-        return _tally(statistics)
+        if any(
+            kind == mcap.CHUNK_INDEX and not _is_indexed(chunk) for kind, chunk in index.records
+        ):
+            raise ValueError(
+                "a chunk has no index of messages, so that ros2 bag play plays nothing"
+            )
+        return index.tally
 
     def blocks(self) -> Iterator[Block]:
         """Yield the messages in the order of the file, a block per chunk and channel.
@@ -188,11 +194,8 @@ class McapFile:
             for number, (times, starts) in chunk.entries.items():
                 if not len(times) or number not in self.channels:
                     continue
-                if int(starts.max()) + DATA > block.size:
-                    self.problems.append(f"{self.path.name}: the index of a chunk is wrong")
-                    continue
-                lengths = block[starts[:, None] + np.arange(1, RECORD.size)].view("<u8")[:, 0]
-                ends = starts + RECORD.size + lengths.astype(np.int64)
+                lengths = _heads(chunk.records, starts)["length"].astype(np.int64)
+                ends = starts + RECORD.size + lengths
                 channel = self.channels[number]
                 yield Block(channel.topic, channel.schema, times, block, starts + DATA, ends)
 
@@ -202,62 +205,141 @@ class McapFile:
         Parameters
         ----------
         by_index : bool
-            Take the places of messages from the index behind each chunk, where there is one,
-            instead of from the records themselves.
+            Take the places of messages from the index behind each chunk, where there is one and
+            it is not damaged, instead of from the records themselves.
 
         Raises
         ------
         ValueError, OSError
             As `blocks`.
         """
-        with self.path.open("rb") as file:
+        with self._open() as file:
             size = _checked_size(file)
-            chunk, loose, ended = Chunk(b""), bytearray(), False
-            for kind, content in _records(file, size):
-                if kind == _INDEX:
-                    if by_index:
-                        chunk.entries.update(_entries(content))
-                    continue
-                if chunk.records:
-                    known = chunk.entries and chunk.entries.keys() <= self.channels.keys()
-                    yield chunk if known else self._walked(chunk)
-                    chunk = Chunk(b"")
-                if kind in _LOOSE_KINDS:
-                    loose += RECORD.pack(kind, len(content)) + content
-                if loose and (kind not in _LOOSE_KINDS or len(loose) > LOOSE):
-                    yield self._walked(Chunk(bytes(loose)))
-                    loose.clear()
-                if kind == _CHUNK:
-                    chunk = self._decompressed(content)
-                else:
+            index = self._intact_index(file, size)
+            is_intact = not index or _data_are_intact(file, index.start)
+            file.seek(len(MAGIC))
+            records = self._records(file, size)
+            if index and index.places and not is_intact:
+                # A record that has lost its length hides those behind it, but not from the index.
+                for kind, content in index.records:
                     self._declare(kind, content)
-                ended = kind == _DATA_END
-                if ended:
-                    break
-            # Behind the last chunk of a file that was cut off, the index may lack channels.
-            yield self._walked(chunk)
-            yield self._walked(Chunk(bytes(loose)))
-            if not ended:
-                self.unfinished = f"{self.path.name} was cut off: read as far as it is intact"
-            elif not _has_end(file, size):
-                self.unfinished = f"{self.path.name} was not closed: it has no index"
+                records = self._records_at(file, size, index.places)
+            yield from self._gathered(records, by_index=by_index and is_intact)
+            if not is_intact and not self.problems:
+                self._report("differs from its checksum, but in no message")
+
+    def _open(self) -> BinaryIO:
+        # What is no file may have no end.
+        if self.path.exists() and not self.path.is_file():
+            raise ValueError("it is not a file")
+        return self.path.open("rb")
+
+    def _report(self, problem: object) -> None:
+        self.problems.append(f"{self.path.name}: {' '.join(str(problem).split())}")
+
+    def _intact_index(self, file: BinaryIO, size: int) -> _Index | None:
+        """Return the index, or say why there is none."""
+        try:
+            return _index(file, size)
+        except DamagedIndexError as error:
+            self._report(error)
+        except ValueError as error:
+            self.unfinished = f"{self.path.name} {error}"
+        return None
+
+    def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
+        """Yield what is read of the records that are whole, and a chunk that is cut off."""
+        while len(header := file.read(RECORD.size)) == RECORD.size:
+            kind, length = RECORD.unpack(header)
+            place = file.tell()
+            is_cut_off = place + length > size
+            # Where power was cut, a file may end in zeros.
+            if kind == mcap.NOTHING or (is_cut_off and kind != mcap.CHUNK):
+                return
+            length = min(length, size - place)
+            if kind in _READ_KINDS and length <= LARGEST:
+                yield kind, file.read(length)
+                continue
+            if kind in _READ_KINDS:
+                self._report(f"a record has {length} bytes and is left out, {LARGEST} are read")
+            file.seek(place + length)
+
+    def _records_at(
+        self, file: BinaryIO, size: int, places: list[tuple[int, int, int]]
+    ) -> Iterator[tuple[int, bytes]]:
+        """Yield records at places from the index, and an end."""
+        for place, length, kind in places:
+            if length > LARGEST or place + length > size:
+                self._report(f"a record of {length} bytes is not where the index has it")
+                continue
+            file.seek(place)
+            yield kind, file.read(length)[RECORD.size :]
+        yield mcap.DATA_END, b""
+
+    def _gathered(
+        self, records: Iterator[tuple[int, bytes]], *, by_index: bool
+    ) -> Iterator[Chunk]:
+        """Yield chunks from the records of a file."""
+        chunk, loose, ended = Chunk(b""), bytearray(), False
+        for kind, content in records:
+            if kind == mcap.MESSAGE_INDEX:
+                if by_index:
+                    chunk.entries.update(_entries(content))
+                continue
+            if chunk.records:
+                yield self._placed(chunk)
+                chunk = Chunk(b"")
+            if kind in _LOOSE_KINDS:
+                loose += mcap.record(kind, content)
+            if loose and (kind not in _LOOSE_KINDS or len(loose) > LOOSE):
+                yield self._walked(Chunk(bytes(loose)))
+                loose.clear()
+            if kind == mcap.CHUNK:
+                chunk = self._decompressed(content)
+            else:
+                self._declare(kind, content)
+            ended = kind == mcap.DATA_END
+            if ended:
+                break
+        # Behind the last chunk of a file that was cut off, the index may lack channels.
+        yield self._walked(chunk)
+        yield self._walked(Chunk(bytes(loose)))
+        if not ended:
+            self.unfinished = f"{self.path.name} was cut off: read as far as it is intact"
 
     def _decompressed(self, content: bytes) -> Chunk:
         """Return a chunk as far as it is there; without records where it is damaged."""
-        record = io.BytesIO(content)
+        stream, span = io.BytesIO(content), ""
         try:
-            _, _, size, _ = _CHUNK_HEADER.unpack(record.read(_CHUNK_HEADER.size))
-            compression = _text(record)
-            (length,) = struct.unpack("<Q", record.read(8))
-            records = DECOMPRESSORS[compression](record.read(min(length, len(content))), size)
+            start, end, size, checksum = mcap.CHUNK_HEADER.unpack(
+                stream.read(mcap.CHUNK_HEADER.size)
+            )
+            span = f", messages from {_moment(start)} to {_moment(end)} are left out"
+            compression = mcap.read_text(stream)
+            (length,) = mcap.LENGTH.unpack(stream.read(mcap.LENGTH.size))
+            if size > LARGEST:
+                raise ValueError(f"it claims {size} bytes, {LARGEST} are read")
+            stored = stream.read()
+            records = _DECOMPRESSORS[compression](stored[:length], size)
             # A chunk that was cut off and is not compressed has whole messages all the same.
-            if len(records) != size and (compression or len(records) == length):
+            if len(records) != size and (compression or len(stored) >= length):
                 raise ValueError(f"{len(records)} bytes in place of {size}")
-        except _DAMAGED as error:
-            reason = " ".join(str(error).split())
-            self.problems.append(f"{self.path.name}: a chunk cannot be read: {reason}")
+            if len(records) == size and checksum and crc32(records) != checksum:
+                raise ValueError("it differs from its checksum")
+        except DAMAGE_ERRORS as error:
+            self._report(f"a chunk cannot be read: {error}{span}")
             return Chunk(b"")
         return Chunk(records, compression)
+
+    def _placed(self, chunk: Chunk) -> Chunk:
+        """Return a chunk with the places of its messages, from its index if that is right."""
+        entries = chunk.entries
+        if not entries or not entries.keys() <= self.channels.keys():
+            return self._walked(chunk)
+        if all(_is_right(chunk.records, number, *rows) for number, rows in entries.items()):
+            return chunk
+        self._report("the index of a chunk is wrong")
+        return self._walked(chunk)
 
     def _walked(self, chunk: Chunk) -> Chunk:
         """Return a chunk cut to its whole records, with the places of its messages.
@@ -269,11 +351,14 @@ class McapFile:
         while place + RECORD.size <= len(records):
             kind, length = RECORD.unpack_from(records, place)
             start = place + RECORD.size
-            if kind == _NOTHING or start + length > len(records):
+            if kind == mcap.NOTHING or start + length > len(records):
                 break
-            if kind == MESSAGE and length >= MESSAGE_HEADER.size:
-                number, _, time, _ = MESSAGE_HEADER.unpack_from(records, start)
-                found.setdefault(number, []).append((time, place))
+            if kind == mcap.MESSAGE and length >= mcap.MESSAGE_HEADER.size:
+                number, _, time, _ = mcap.MESSAGE_HEADER.unpack_from(records, start)
+                if time > NEVER:
+                    self._report(f"a message has the time {time} ns and is left out")
+                else:
+                    found.setdefault(number, []).append((time, place))
             else:
                 self._declare(kind, records[start : start + length])
             place = start + length
@@ -284,29 +369,26 @@ class McapFile:
 
     def _declare(self, kind: int, content: bytes) -> None:
         """Take note of a schema, a channel or metadata."""
-        record = io.BytesIO(content)
+        stream = io.BytesIO(content)
+        read = mcap.read_text
         try:
-            if kind == _SCHEMA:
-                (number,) = struct.unpack("<H", record.read(2))
-                self.schemas[number] = Schema(number, _text(record), _text(record), _text(record))
-            elif kind == _CHANNEL:
-                number, schema = struct.unpack("<HH", record.read(4))
+            if kind == mcap.SCHEMA:
+                (number,) = struct.unpack("<H", stream.read(2))
+                self.schemas[number] = Schema(number, read(stream), read(stream), read(stream))
+            elif kind == mcap.CHANNEL:
+                number, schema = struct.unpack("<HH", stream.read(4))
                 name = self.schemas[schema].name if schema in self.schemas else ""
-                texts = _text(record), _text(record)
-                self.channels[number] = Channel(number, name, *texts, record.read()[4:])
-            elif kind == _METADATA:
-                self.metadata.setdefault(_text(record), {}).update(text_map(record.read()[4:]))
-        except _DAMAGED as error:
-            self.problems.append(f"{self.path.name}: a record cannot be read: {error}")
+                texts = read(stream), read(stream)
+                self.channels[number] = Channel(number, name, *texts, stream.read()[4:])
+            elif kind == mcap.METADATA:
+                name = read(stream)
+                self.metadata[name] = mcap.read_text_map(stream.read()[4:])
+        except DAMAGE_ERRORS as error:
+            self._report(f"a record cannot be read: {error}")
 
 
-def text_map(content: bytes) -> dict[str, str]:
-    """Return a map of texts from a record, without its length."""
-    record, texts = io.BytesIO(content), {}
-    while record.tell() < len(content):
-        name = _text(record)
-        texts[name] = _text(record)
-    return texts
+class DamagedIndexError(ValueError):
+    """The index of a file that was closed cannot be read; the message is one line."""
 
 
 def _checked_size(file: BinaryIO) -> int:
@@ -318,33 +400,94 @@ def _checked_size(file: BinaryIO) -> int:
     return size
 
 
-def _has_end(file: BinaryIO, size: int) -> bool:
-    file.seek(max(0, size - len(MAGIC)))
-    return file.read() == MAGIC
+def _index(file: BinaryIO, size: int) -> _Index:
+    """Return the index.
+
+    Raises
+    ------
+    DamagedIndexError
+        It is damaged.
+    ValueError
+        There is none.
+    """
+    file.seek(max(0, size - _FOOTER.size))
+    footer = file.read().rjust(_FOOTER.size, b"\0")
+    kind, length, start, _, checksum, mark = _FOOTER.unpack(footer)
+    if mark != MAGIC or not start:
+        raise ValueError("was not closed: it has no index")
+    end = size - _FOOTER.size
+    is_footer = (kind, length) == (mcap.FOOTER, mcap.FOOTER_SIZE - RECORD.size)
+    if not (is_footer and len(MAGIC) + _DATA_END.size <= start <= end < start + LARGEST):
+        raise DamagedIndexError("its index is damaged")
+    file.seek(start)
+    content = file.read(end - start)
+    # The checksum covers the footer, too, as far as it comes before it.
+    if checksum and crc32(footer[: -len(MAGIC) - mcap.SUM.size], crc32(content)) != checksum:
+        raise DamagedIndexError("its index is damaged: it differs from its checksum")
+    try:
+        records = list(_index_records(content))
+        places = [
+            (*mcap.SPAN.unpack_from(content, offset), kind)
+            for found, content in records
+            for known, offset, kind in _SPANS
+            if found == known
+        ]
+        (tally,) = (_tally(content) for kind, content in records if kind == mcap.STATISTICS)
+    except DAMAGE_ERRORS as error:
+        raise DamagedIndexError(f"its index is damaged: {error}") from None
+    has_chunks = any(kind == mcap.CHUNK for *_, kind in places)
+    return _Index(start, records, sorted(places) if has_chunks else [], tally)
 
 
-def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
-    """Yield kind and content of the records that are whole, and of a chunk that is cut off."""
-    while len(header := file.read(RECORD.size)) == RECORD.size:
-        kind, length = RECORD.unpack(header)
-        cut_off = file.tell() + length > size
-        # Where power was cut, a file may end in zeros.
-        if kind == _NOTHING or (cut_off and kind != _CHUNK):
-            return
-        yield kind, file.read(min(length, size))
+def _index_records(content: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield kind and content of an index's records."""
+    place = 0
+    while place < len(content):
+        kind, length = RECORD.unpack_from(content, place)
+        place += RECORD.size
+        yield kind, content[place : place + length]
+        place += length
+
+
+def _is_indexed(chunk_index: bytes) -> bool:
+    """Return whether a chunk has messages and an index of them."""
+    *_, channels = mcap.CHUNK_INDEX_HEADER.unpack_from(chunk_index)
+    return bool(channels)
+
+
+def _data_are_intact(file: BinaryIO, end: int) -> bool:
+    """Return whether the data before an index agree with their checksum, if they have one."""
+    left = end - _DATA_END.size
+    file.seek(left)
+    kind, length, checksum = _DATA_END.unpack(file.read(_DATA_END.size))
+    if (kind, length) != (mcap.DATA_END, mcap.SUM.size):
+        return False
+    file.seek(0)
+    found = 0
+    while checksum and left:
+        found = crc32(part := file.read(min(left, LOOSE)), found)
+        left -= len(part)
+    return bool(found == checksum)
 
 
 def _tally(statistics: bytes) -> Tally:
     """Return the number and times of messages in a statistics record."""
-    messages, *_, start, end, size = _STATISTICS_HEADER.unpack_from(statistics)
-    counts = Counter(dict(_COUNT.iter_unpack(statistics[_STATISTICS_HEADER.size :][:size])))
-    return Tally(counts, start, end) if messages else Tally()
+    messages, *_, start, end, size = mcap.STATISTICS_HEADER.unpack_from(statistics)
+    counts = statistics[mcap.STATISTICS_HEADER.size :][:size]
+    if max(start, end) > NEVER:
+        raise ValueError("it has impossible times")
+    return (
+        Tally(Counter(dict(mcap.COUNT.iter_unpack(counts))), start, end) if messages else Tally()
+    )
 
 
 def _entries(index: bytes) -> Entries:
     """Return the places of one channel's messages in a message index record."""
-    number, length = struct.unpack_from("<HI", index)
-    return {number: _pair(np.frombuffer(index, _ENTRY, length // _ENTRY.itemsize, 6))}
+    try:
+        number, length = struct.unpack_from("<HI", index)
+        return {number: _pair(np.frombuffer(index, _ENTRY, length // _ENTRY.itemsize, 6))}
+    except DAMAGE_ERRORS:
+        return {_UNKNOWN: _pair(np.empty(0, _ENTRY))}
 
 
 def _pair(entries: npt.NDArray[np.void]) -> tuple[IntArray, IntArray]:
@@ -352,7 +495,43 @@ def _pair(entries: npt.NDArray[np.void]) -> tuple[IntArray, IntArray]:
     return flat["time"].astype(np.int64), flat["offset"].astype(np.int64)
 
 
-def _text(record: BinaryIO) -> str:
-    """Return a text with its length before it."""
-    (length,) = struct.unpack("<I", record.read(4))
-    return record.read(length).decode("utf-8", "replace")
+def _is_right(records: bytes, number: int, times: IntArray, starts: IntArray) -> bool:
+    """Return whether the places of a channel's messages are such places."""
+    if not len(starts):
+        return True
+    if int(starts.min()) < 0 or int(starts.max()) + DATA > len(records):
+        return False
+    heads = _heads(records, starts)
+    lengths = heads["length"].astype(np.int64)
+    is_message = (heads["kind"] == mcap.MESSAGE) & (heads["channel"] == number)
+    is_timed = (heads["time"].astype(np.int64) == times) & (times >= 0)
+    is_whole = (lengths >= mcap.MESSAGE_HEADER.size) & (
+        lengths <= len(records) - RECORD.size - starts
+    )
+    return bool((is_message & is_timed & is_whole).all())
+
+
+def _heads(records: bytes, starts: IntArray) -> npt.NDArray[np.void]:
+    """Return what stands before the data of messages."""
+    anywhere = np.ndarray((len(records) - DATA + 1,), _HEAD, records, strides=(1,))
+    return anywhere[starts]
+
+
+def _moment(nanoseconds: int) -> str:
+    return f"{np.datetime64(min(nanoseconds, NEVER), 'ns').astype('datetime64[ms]')}Z"
+
+
+def _decompressed_zstd(data: bytes, size: int) -> bytes:
+    return zstd.ZstdDecompressor().decompress(data, max_length=size)
+
+
+def _decompressed_lz4(data: bytes, size: int) -> bytes:
+    return bytes(lz4.LZ4FrameDecompressor().decompress(data, max_length=size))
+
+
+_DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
+    "": lambda data, _: data,
+    "lz4": _decompressed_lz4,
+    "zstd": _decompressed_zstd,
+}
+"""Functions from a chunk's stored bytes, and its size, to its records."""

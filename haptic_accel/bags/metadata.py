@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import yaml
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 from rosbags.rosbag2 import ReaderError
 
 from haptic_accel.bags.folder import METADATA
-from haptic_accel.bags.mcap import NEVER, McapFile, Tally, text_map
-from haptic_accel.bags.rosbags_adapter import Channel, dump_qos_v9, parse_qos
+from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
+from haptic_accel.bags.mcap_format import NEVER, Channel, Tally, read_text_map
+from haptic_accel.bags.rosbags_adapter import dump_qos_v9, parse_qos
+from haptic_accel.bags.yaml_text import LARGEST, load_yaml, texts_of
 from haptic_accel.core.sampling import NANOSECONDS
 
 VERSION = 9
@@ -23,9 +28,11 @@ VERSION = 9
 STORAGE = "mcap"
 """Storage identifier of the bags written here."""
 
+_SUM = "# CRC-32 of the lines above: "
+"""Beginning of the last line; to YAML it is a comment, and other programs' files have none."""
+
 # With libyaml, where PyYAML has it, ten times as fast.
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 _ROOT = "rosbag2_bagfile_information"
 _LONG = 2**31 - 1
@@ -137,8 +144,9 @@ class Metadata:
         """
         path = folder / METADATA
         new = path.with_name(METADATA + ".tmp")
-        with new.open("w", encoding="utf-8") as file:
-            file.write(_yaml({_ROOT: self._content()}))
+        content = _yaml({_ROOT: self._content()}).encode()
+        with new.open("wb") as file:
+            file.write(content + f"{_SUM}{crc32(content):08x}\n".encode())
             file.flush()
             os.fsync(file.fileno())
         new.replace(path)
@@ -170,8 +178,11 @@ def topic_entry(connection: Connection, messages: int) -> TopicEntry:
 
 def _channel_entry(channel: Channel, messages: int) -> TopicEntry:
     """Return the entry of an MCAP file's channel."""
-    texts = text_map(channel.metadata)
-    offered = tuple(parse_qos(texts.get("offered_qos_profiles", "")))
+    texts: dict[str, str] = {}
+    offered: tuple[Qos, ...] = ()  # as it stays where it is damaged: the topic is there still
+    with suppress(ReaderError, *DAMAGE_ERRORS):
+        texts = read_text_map(channel.metadata)
+        offered = _read_qos(texts.get("offered_qos_profiles", ""))
     form, digest = channel.message_encoding, texts.get("topic_type_hash", "")
     return TopicEntry(channel.topic, channel.schema, form, offered, digest, messages)
 
@@ -191,12 +202,30 @@ def read_metadata(folder: Path) -> Metadata:
     """
     path = folder / METADATA
     try:
-        return _metadata(yaml.load(path.read_text(encoding="utf-8"), _LOADER)[_ROOT])
+        return _metadata(load_yaml(_checked_text(path))[_ROOT])
     except OSError as error:
         raise MetadataError(f"{path}: {error.strerror}") from None
-    except (yaml.YAMLError, ReaderError, LookupError, TypeError, ValueError) as error:
+    except (ReaderError, *DAMAGE_ERRORS) as error:
         reason = " ".join(str(error).split())
         raise MetadataError(f"{path}: is not metadata of a bag: {reason}") from None
+
+
+def _checked_text(path: Path) -> str:
+    """Return the text of a metadata.yaml.
+
+    Raises
+    ------
+    ValueError
+        It is not a file, too large, or differs from its checksum.
+    """
+    if path.exists() and not path.is_file():
+        raise ValueError("it is not a file")
+    with path.open("rb") as file:
+        content = file.read(LARGEST + 1)
+    given = re.search(rb"%s([0-9a-f]{8})\n?\Z" % _SUM.encode(), content)
+    if given and crc32(content[: given.start()]) != int(given[1], 16):
+        raise ValueError("it differs from its checksum, which is its last line")
+    return content.decode()
 
 
 def qos_text(offered: Sequence[Qos]) -> str:
@@ -205,25 +234,25 @@ def qos_text(offered: Sequence[Qos]) -> str:
 
 
 def _metadata(content: dict[str, Any]) -> Metadata:
-    mode = str(content.get("compression_mode") or "").lower()
+    mode = _text(content.get("compression_mode") or "").lower()
     return Metadata(
         files=tuple(_files(content)),
         topics=tuple(_read_topic(topic) for topic in content["topics_with_message_count"]),
-        custom=dict(content.get("custom_data") or {}),
-        storage=content["storage_identifier"],
+        custom=texts_of(content.get("custom_data")),
+        storage=_text(content["storage_identifier"]),
         compression_mode="" if mode == "none" else mode,
-        compression_format=content.get("compression_format") or "",
-        distro=content.get("ros_distro") or "",
+        compression_format=_text(content.get("compression_format") or ""),
+        distro=_text(content.get("ros_distro") or ""),
     )
 
 
 def _files(content: dict[str, Any]) -> list[FileEntry]:
     names = [Path(name).name for name in content["relative_file_paths"]]
     if not content.get("files"):  # before version 5
-        counts = [content["message_count"]] + [0] * (len(names) - 1)
-        span = _span(content)
+        counts = [_number(content["message_count"])] + [0] * (len(names) - 1)
+        span = _span(content) if counts[0] else (NEVER, 0)
         return [FileEntry(name, *span, n) for name, n in zip(names, counts, strict=True)]
-    described = [(file, file["message_count"]) for file in content["files"]]
+    described = [(file, _number(file["message_count"])) for file in content["files"]]
     return [
         FileEntry(name, *_span(file), count) if count else FileEntry(name)
         for name, (file, count) in zip(names, described, strict=True)
@@ -233,15 +262,33 @@ def _files(content: dict[str, Any]) -> list[FileEntry]:
 def _span(content: dict[str, Any]) -> tuple[int, int]:
     """Return the times of the first and the last message, ns."""
     start = content["starting_time"]["nanoseconds_since_epoch"]
-    return start, start + content["duration"]["nanoseconds"]
+    return _number(start), _number(start + content["duration"]["nanoseconds"])
 
 
 def _read_topic(content: dict[str, Any]) -> TopicEntry:
     topic = content["topic_metadata"]
-    name, kind, form = topic["name"], topic["type"], topic["serialization_format"]
-    offered = tuple(parse_qos(topic.get("offered_qos_profiles") or []))
-    digest = topic.get("type_description_hash") or ""
-    return TopicEntry(name, kind, form, offered, digest, content["message_count"])
+    name, kind, form = (_text(topic[key]) for key in ("name", "type", "serialization_format"))
+    offered = _read_qos(topic.get("offered_qos_profiles") or [])
+    digest = _text(topic.get("type_description_hash") or "")
+    return TopicEntry(name, kind, form, offered, digest, _number(content["message_count"]))
+
+
+def _read_qos(offered: Any) -> tuple[Qos, ...]:
+    """Return quality of service, which was YAML in a text before version 9."""
+    return tuple(parse_qos(load_yaml(offered) if isinstance(offered, str) else offered))
+
+
+def _number(value: Any) -> int:
+    """Return what must be a number of messages or a time, ns."""
+    if not (isinstance(value, int) and 0 <= value <= NEVER):
+        raise ValueError("a count or a time is none")
+    return value
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError("a name is not a text")
+    return value
 
 
 def _topic(topic: TopicEntry) -> dict[str, Any]:

@@ -6,20 +6,21 @@ result names what is missing.
 
 from __future__ import annotations
 
-import struct
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from haptic_accel.bags.facts import facts_of
 from haptic_accel.bags.folder import COMPRESSED, MCAP, METADATA, MUST_BE, is_storage, storage_files
-from haptic_accel.bags.mcap import Block, McapFile
+from haptic_accel.bags.mcap import DAMAGE_ERRORS, Block, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
@@ -184,7 +185,7 @@ def read_bag(path: Path | str) -> Bag:
         try:
             for block in _blocks(source, bag.problems, custom):
                 collected.take(block)
-        except (OSError, ValueError, struct.error) as error:
+        except (OSError, *DAMAGE_ERRORS) as error:
             failures.append(f"{source.name} cannot be read: {error}")
     if len(failures) == len(sources) and not bag.counts:
         raise ParameterError(f"{path}: must be a bag: {failures[0]}")
@@ -198,10 +199,11 @@ def _metadata(bag: Bag) -> Metadata:
     """Return the metadata; that of an empty bag where there is none."""
     try:
         return read_metadata(bag.path)
-    except MetadataError:
+    except MetadataError as error:
         is_there = (bag.path / METADATA).exists()
-        reason = "cannot be read" if is_there else "is missing: the recording was cut off"
-        bag.problems.append(f"{METADATA} {reason}")
+        reason = str(error).removeprefix(f"{bag.path / METADATA}: ")
+        missing = "is missing: the recording was cut off"
+        bag.problems.append(f"{METADATA} {f'is not read: {reason}' if is_there else missing}")
         return Metadata(())
 
 
@@ -210,7 +212,7 @@ def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
     path = bag.path
     if not path.is_dir():
         path.stat()
-        if not is_storage(path):
+        if not (is_storage(path) and path.is_file()):
             raise ParameterError(f"{path}: must be a bag's folder, or a .mcap or .db3 file")
         return [path]
     # Those of a recording that was cut off are not all in the metadata.
@@ -220,7 +222,7 @@ def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
     if metadata.compression_mode:
         return [path]
     named = [path / file.name for file in metadata.files]
-    bag.problems.extend(f"{file.name} is missing" for file in named if not file.exists())
+    bag.problems.extend(f"{file.name} is missing" for file in named if not file.is_file())
     first = [file for file in named if file in found]
     return first + [file for file in found if file not in first]
 
@@ -265,7 +267,6 @@ class _Collected:
         self._bag = bag
         self._parts: dict[str, list[tuple[IntArray, IntArray, FloatArray]]] = defaultdict(list)
         self._namespace: str | None = None
-        self._types = get_typestore(Stores.ROS2_JAZZY)
 
     def take(self, block: Block) -> None:
         """Add a block of messages."""
@@ -326,14 +327,21 @@ class _Collected:
         for received, start, end in zip(*rows, strict=True):
             try:
                 data = block.bytes[start:end].tobytes()
-                yield received, self._types.deserialize_cdr(data, block.type)
+                yield received, _types().deserialize_cdr(data, block.type)
             except Exception as error:
                 # Bytes that are no such message raise whatever they happen to run into.
                 self._once(f"{block.topic}: a message cannot be read: {error}")
 
-    def _once(self, problem: str) -> None:
+    def _once(self, text: str) -> None:
+        problem = " ".join(text.split())
         if problem not in self._bag.problems:
             self._bag.problems.append(problem)
+
+
+@cache
+def _types() -> Typestore:
+    # It compiles a reader for each type, once.
+    return get_typestore(Stores.ROS2_JAZZY)
 
 
 def _split(topic: str) -> tuple[str, str]:

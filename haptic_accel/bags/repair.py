@@ -1,4 +1,4 @@
-"""Repairs bags whose recording was cut off: by kill -9, by a power cut, by a full disk."""
+"""Repairs bags that were cut off or damaged: by kill -9, a power cut, a full or failing disk."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 from haptic_accel.bags.chunked_writer import ChunkedWriter
 from haptic_accel.bags.folder import MCAP, METADATA, MUST_BE, free_name, storage_files
-from haptic_accel.bags.mcap import McapFile
+from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, TopicEntry, read_metadata
 from haptic_accel.core.parameters import ParameterError
 
@@ -53,14 +53,29 @@ def inspect(path: Path) -> Metadata:
     Raises
     ------
     DamagedError
-        It has none, or is not an MCAP file.
+        The index is missing or damaged, or it is not an MCAP file.
     """
     file = McapFile(path)
     try:
         return Metadata.of(file, file.read_index())
-    except (OSError, ValueError) as error:
+    except (OSError, *DAMAGE_ERRORS) as error:
         reason = " ".join(str(error).split()).rstrip(".")
-        raise DamagedError(f"{path.name}: was not closed, or is damaged: {reason}") from None
+        raise DamagedError(f"{path.name}: {reason}") from None
+
+
+def _inspect_all(path: Path) -> Metadata:
+    """Return the metadata of one MCAP file by its index, after all its content was checked.
+
+    Raises
+    ------
+    DamagedError
+        As `inspect`, or something else in it is damaged.
+    """
+    metadata, file = inspect(path), McapFile(path)
+    deque(file.chunks(), maxlen=0)
+    if file.problems:
+        raise DamagedError(file.problems[0])
+    return metadata
 
 
 def repair(path: Path) -> Repair:
@@ -115,7 +130,7 @@ def repair(path: Path) -> Repair:
 def _repaired(path: Path, custom: dict[str, str], done: Repair) -> Metadata | None:
     """Return the metadata of a file, rebuilt if need be; None where nothing can be read."""
     try:
-        return inspect(path)
+        return _inspect_all(path)
     except DamagedError as damage:
         with TemporaryDirectory(dir=path.parent) as work:
             rebuilt = Path(work) / path.name
@@ -155,7 +170,8 @@ def _rebuild(damaged: Path, target: Path, custom: dict[str, str]) -> list[str]:
         rebuilt.take(chunk)
     rebuilt = rebuilt or ChunkedWriter(target)
     rebuilt.schemas = list(source.schemas.values())
-    rebuilt.channels = [c for c in source.channels.values() if c.schema]
+    names = {schema.name for schema in rebuilt.schemas}
+    rebuilt.channels = [c for c in source.channels.values() if c.schema in names]
     content = Metadata.of(source, rebuilt.kept)
     rebuilt.finish(replace(content, custom=custom).text)
     return source.problems
@@ -181,7 +197,7 @@ def _custom_data(files: Sequence[Path]) -> dict[str, str]:
     """Return the custom data of the first file that was closed with some."""
     for path in files:
         file = McapFile(path)
-        with suppress(OSError, ValueError):
+        with suppress(OSError, *DAMAGE_ERRORS):
             deque(file.chunks(), maxlen=0)
             if file.metadata and file.custom_data:
                 return file.custom_data

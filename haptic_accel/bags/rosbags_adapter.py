@@ -1,27 +1,17 @@
 """Names that rosbags does not document, imported nowhere else.
 
 `setup.py` admits the versions of rosbags that have them, and a test imports each: a release that
-moves one is noticed here. The writer of rosbags keeps all data in memory until it is closed; what
-it is built of need not.
+moves one is noticed here. The compressions are those that rosbags brings along.
 """
 
 import sys
 
+from lz4 import frame as lz4  # type: ignore[import-untyped]
 from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
-from rosbags.rosbag2.storage_mcap import (
-    DECOMPRESSORS,
-    Channel,
-    McapWriter,
-    PendingChunk,
-    Schema,
-    write_channel,
-    write_string,
-)
 
 if sys.version_info >= (3, 14):
     from compression import zstd
 else:
     from backports import zstd  # as rosbags has it
 
-__all__ = ["DECOMPRESSORS", "Channel", "McapWriter", "PendingChunk", "Schema", "dump_qos_v9"]
-__all__ += ["parse_qos", "write_channel", "write_string", "zstd"]
+__all__ = ["dump_qos_v9", "lz4", "parse_qos", "zstd"]

@@ -1,4 +1,4 @@
-"""``haptic-accel bag``: contents of a bag, and repair of one whose recording was cut off."""
+"""``haptic-accel bag``: contents of a bag, and repair of one that was cut off or damaged."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def info(path: Path, json_file: Path | None) -> None:
 @click.argument("paths", metavar="BAG...", type=FILE, nargs=-1, required=True)
 @json_option
 def repair_bags(paths: Sequence[Path], json_file: Path | None) -> None:
-    """Repair bags whose recording was cut off by kill -9, a power cut or a full disk.
+    """Repair bags that were cut off or damaged by kill -9, a power cut or a failing disk.
 
     Keeps every intact message, and writes index and metadata.yaml. Replaced files are kept
     with .damaged after their name; an intact bag is not changed.
@@ -126,7 +126,7 @@ def _fact_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"arguments: {_joined(facts.get(ARGUMENTS, {}))}"
     parameters = facts.get(PARAMETERS, {})
     if isinstance(parameters, dict) and parameters:
-        count = sum(len(values) for values in parameters.values())
+        count = sum(len(values) for values in parameters.values() if isinstance(values, dict))
         yield f"{count} parameters of {', '.join(parameters)} (--json FILE has them)"
 
 

@@ -1,11 +1,12 @@
 from __future__ import annotations
 
+import os
 import random
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,8 +14,11 @@ from tempfile import TemporaryDirectory
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
+from damaged import CHUNK, MAGIC, SAMPLES, content, flip, without_checksums, write_small_bag
 from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.metadata import read_metadata
@@ -148,6 +152,148 @@ def test_a_whole_bag_stays_as_it_is(memory: Path) -> None:
     before = state(memory / "bag")
     assert repair(memory / "bag").repairs == []
     assert state(memory / "bag") == before
+
+
+def test_a_chunk_without_messages_becomes_none(memory: Path) -> None:
+    types = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(memory / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topic = writer.add_connection("/said", "std_msgs/msg/String", typestore=types)
+        assert writer.storage
+        writer.storage.close_chunk()  # type: ignore[attr-defined]
+        writer.write(topic, START, b"one")
+    (memory / "bag" / "bag.mcap").rename(memory / "bag" / "bag_0.mcap")
+    with (memory / "bag" / "bag_0.mcap").open("rb") as stream:
+        before = make_reader(stream).get_summary()
+    done = repair(memory / "bag")
+    with (memory / "bag" / "bag_0.mcap").open("rb") as stream:
+        after = make_reader(stream).get_summary()
+    assert before
+    assert after
+    assert [bool(index.message_index_length) for index in before.chunk_indexes] == [False, True]
+    assert [bool(index.message_index_length) for index in after.chunk_indexes] == [True]
+    assert "a chunk has no index of messages" in done.repairs[0]
+    assert with_mcap(memory / "bag") == with_rosbags(memory / "bag") == [("/said", START, b"one")]
+    assert repair(memory / "bag").repairs == []
+
+
+@pytest.mark.parametrize("profile", ["none", "zstd_fast"])
+def test_a_flipped_bit_costs_a_chunk_at_most(memory: Path, profile: str) -> None:
+    file = write_small_bag(memory / "bag", profile)
+    whole = content(read_bag(memory / "bag"))
+    saved = file.read_bytes()
+    chosen = random.Random(profile)
+    for _ in range(10):
+        bit = chosen.randrange(8 * len(MAGIC), 8 * len(saved))
+        file.write_bytes(flip(saved, bit))
+        done = repair(memory / "bag")
+        assert done.repairs, bit
+        bag = read_bag(memory / "bag")
+        assert bag.problems == []
+        assert all(len(signal.stamps) >= SAMPLES - CHUNK for signal in bag.signals.values()), bit
+        assert content(bag) == whole or done.problems, bit
+
+
+def test_metadata_that_was_changed_is_written_anew(memory: Path) -> None:
+    write_small_bag(memory / "bag")
+    metadata = memory / "bag" / "metadata.yaml"
+    saved = metadata.read_text()
+    metadata.write_text(saved.replace("vinyl", "linen"))
+    bag = read_bag(memory / "bag")
+    assert bag.facts["arguments"]["surface"] == "vinyl"  # the files say it too
+    assert bag.problems == [
+        "metadata.yaml is not read: is not metadata of a bag: it differs from its checksum,"
+        " which is its last line"
+    ]
+    assert repair(memory / "bag").repairs == ["metadata.yaml: written anew"]
+    assert metadata.read_text() == saved
+
+
+Damage = Callable[[bytes], bytes]
+
+wheres, numbers = st.floats(0.0, 1.0), st.sampled_from([0, 1, 2**31, 2**32 - 1, 2**63, 2**64 - 1])
+
+
+def changed(change: Callable[[bytes, int, bytes], bytes]) -> Callable[[float, bytes], Damage]:
+    return lambda where, given: lambda saved: change(saved, int(where * len(saved)), given)
+
+
+damages = st.one_of(
+    st.builds(changed(lambda saved, at, _: saved[:at]), wheres, st.just(b"")),
+    st.builds(
+        changed(lambda saved, at, given: saved[:at] + given + saved[at + len(given) :]),
+        wheres,
+        st.one_of(
+            st.binary(min_size=1, max_size=40), numbers.map(lambda n: n.to_bytes(8, "little"))
+        ),
+    ),
+    st.builds(
+        changed(lambda saved, at, given: saved[:at] + given + saved[at:]),
+        wheres,
+        st.sampled_from([b"*", b"[" * 99, b": ", b"\n", bytes(9), b"9" * 99, b"\x89MCAP0\r\n"]),
+    ),
+    st.builds(
+        changed(lambda saved, at, given: saved[:at] + saved[at + 9 :]), wheres, st.just(b"")
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def small_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    bag = tmp_path_factory.mktemp("small") / "bag"
+    write_small_bag(bag)
+    return bag
+
+
+@settings(max_examples=200)
+@given(
+    of_file=st.lists(damages, max_size=3),
+    of_metadata=st.lists(damages, max_size=2),
+    checksums=st.booleans(),
+)
+def test_no_damage_is_a_traceback(
+    small_bag: Path, of_file: list[Damage], of_metadata: list[Damage], checksums: bool
+) -> None:
+    with TemporaryDirectory(dir=MEMORY) as folder:
+        bag = Path(folder) / "bag"
+        shutil.copytree(small_bag, bag)
+        if not checksums:
+            without_checksums(bag / "bag_0.mcap")
+        for name, damages in (("bag_0.mcap", of_file), ("metadata.yaml", of_metadata)):
+            saved = (bag / name).read_bytes()
+            for damage in damages:
+                saved = damage(saved)
+            (bag / name).write_bytes(saved)
+        try:
+            lines = read_bag(bag).problems
+        except ParameterError as error:
+            lines = [str(error)]
+        done = repair(bag)
+        assert all("\n" not in line for line in (*lines, *done.problems, *done.repairs))
+        if done.messages:
+            assert repair(bag).repairs == []
+
+
+@pytest.mark.parametrize("name", ["bag_0.mcap", "metadata.yaml"])
+@pytest.mark.parametrize("kind", ["pipe", "zeros", "folder"])
+def test_what_is_no_file_is_not_read(memory: Path, name: str, kind: str) -> None:
+    write_small_bag(memory / "bag")
+    path = memory / "bag" / name
+    path.unlink()
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "zeros":
+        path.symlink_to("/dev/zero")
+    else:
+        path.mkdir()
+    if name == "metadata.yaml":
+        assert "metadata.yaml is not read" in read_bag(memory / "bag").problems[0]
+        assert repair(memory / "bag").repairs == ["metadata.yaml: written anew"]
+        assert read_bag(memory / "bag").problems == []
+        return
+    for refused in (memory / "bag", path):
+        for action in (read_bag, repair):
+            with pytest.raises(ParameterError, match="must be"):
+                action(refused)
 
 
 def test_a_bag_of_another_form_is_refused_and_stays(tmp_path: Path) -> None:
