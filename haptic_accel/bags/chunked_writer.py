@@ -41,6 +41,21 @@ _HEADER = mcap.MESSAGE_HEADER.size
 _MESSAGE = struct.Struct("<BQHIQQ")  # a record's header and a message's, packed at once
 
 
+class MisplacedError(OSError):
+    """A file that is written is not where it was made any more; the message is one line.
+
+    Attributes
+    ----------
+    is_removed : bool
+        It is in no folder: it ends with the program that writes it.
+    """
+
+    def __init__(self, name: str, *, is_removed: bool) -> None:
+        what = "removed" if is_removed else "moved away"
+        super().__init__(f"{name} was {what} while it was recorded")
+        self.is_removed = is_removed
+
+
 @dataclass
 class _Pending:
     """Records of the next chunk, and by channel the times and places of its messages in turn."""
@@ -163,9 +178,22 @@ class ChunkedWriter:
         self._marks.append(_Mark(self._end, self._sum, len(self._chunks), tally))
 
     def flush(self) -> None:
-        """Finish the pending chunk and bring it to the disk, where a power cut leaves it."""
+        """Finish the pending chunk and bring it to the disk, where a power cut leaves it.
+
+        Raises
+        ------
+        MisplacedError
+            The file was removed or moved, or another has its name.
+        """
         self.close_chunk()
         os.fdatasync(self._file.fileno())
+        written = os.fstat(self._descriptor)
+        try:
+            is_there = os.path.samestat(self.path.stat(), written)
+        except (FileNotFoundError, NotADirectoryError):
+            is_there = False
+        if not is_there:
+            raise MisplacedError(self.path.name, is_removed=written.st_nlink == 0)
 
     def finish(self, metadata: str) -> None:
         """Write what is pending, index and end, and bring it to the disk.

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rosbags.interfaces import Connection
 
-from haptic_accel.bags.chunked_writer import ChunkedWriter
+from haptic_accel.bags.chunked_writer import ChunkedWriter, MisplacedError
 from haptic_accel.bags.folder import MCAP
 from haptic_accel.bags.mcap_format import Tally
 from haptic_accel.bags.metadata import Metadata, file_entry, topic_entry
@@ -60,6 +60,7 @@ class BagFiles:
         self._finished: dict[str, Tally] = {}
         self._given = 0  # messages, to the file that is written
         self._begun = 0  # time at which its first message was recorded
+        self._is_misplaced = False
         try:
             path.mkdir(parents=True)
             self._file: ChunkedWriter | None = self._open(0)
@@ -114,6 +115,7 @@ class BagFiles:
 
     def split(self) -> None:
         """Continue in another file; if that cannot be made, in the same one."""
+        self.flush()
         if self.failure:
             return
         try:
@@ -134,7 +136,8 @@ class BagFiles:
     def close(self) -> None:
         """Finish the last file and write the metadata."""
         self._attempt(self._close_file)
-        self._renew_metadata()
+        if not self._renew_metadata() and not self.failure:
+            self.failure, self.trouble = self.trouble, ""
 
     def summary(self, dropped: int) -> str:
         """Return one line about the messages that are saved and those that are not.
@@ -146,7 +149,7 @@ class BagFiles:
         """
         if not self.failure:
             return f"{self.path}: {self.written} messages, {dropped} dropped"
-        end = max(tally.end for tally in self._tallies.values())
+        end = max(tally.end for tally in self._tallies.values()) if self.written else 0
         until = f" up to {datetime.fromtimestamp(end / NANOSECONDS):%H:%M:%S}" if end else ""
         trouble = f"; {self.trouble}" if self.trouble else ""
         return (
@@ -171,9 +174,14 @@ class BagFiles:
             self._file.give_up(self._metadata().text)
         except OSError:
             self.trouble = f"{self._file.path.name} has no index: haptic-accel bag repair makes it"
-        saved = self._file.kept.messages
-        self.lost += self._given - saved
-        self._given = saved
+        given, self._given = self.written, self._file.kept.messages
+        if isinstance(error, MisplacedError):
+            self._is_misplaced = True
+            if error.is_removed:
+                self._given = 0
+                finished = self._finished.items()
+                self._finished = {n: tally for n, tally in finished if (self.path / n).exists()}
+        self.lost += given - self.written
         self._renew_metadata()
 
     def _is_full(self, received: int) -> bool:
@@ -195,11 +203,16 @@ class BagFiles:
         self._file = None
         self._given = self._begun = 0
 
-    def _renew_metadata(self) -> None:
+    def _renew_metadata(self) -> bool:
+        """Write the metadata; return whether nothing was in the way."""
+        if self._is_misplaced:
+            return True  # what is in the folder's place now is left alone
         try:
             self._metadata().write(self.path)
         except OSError as error:
-            self.trouble = f"{self.path}/metadata.yaml cannot be written: {_reason(error)}"
+            self.trouble = f"metadata.yaml cannot be written: {_reason(error)}"
+            return False
+        return True
 
     @property
     def _tallies(self) -> dict[str, Tally]:

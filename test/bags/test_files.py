@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import shutil
+from collections.abc import Callable
 from itertools import accumulate
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -130,17 +132,61 @@ def test_where_no_other_file_can_be_made_the_recording_goes_on(tmp_path: Path) -
     files = BagFiles(tmp_path / "bag", RecordingOptions(), {})
     files.add(TOPICS[0])
     files.write(TOPICS[0], START, b"before")
-    (tmp_path / "bag").rename(tmp_path / "moved")
+    (tmp_path / "bag" / "bag_1.mcap").touch()
     files.split()
     assert "cannot be split" in files.trouble
     files.write(TOPICS[0], START + 1, b"after")
     files.close()
     assert (files.written, files.lost, files.failure) == (2, 0, "")
-    assert "metadata.yaml cannot be written" in files.trouble
-    assert [data for _, _, data in with_rosbags(tmp_path / "moved" / "bag_0.mcap")] == [
+    assert [data for _, _, data in with_rosbags(tmp_path / "bag" / "bag_0.mcap")] == [
         b"before",
         b"after",
     ]
+
+
+def test_a_recording_without_metadata_has_failed(tmp_path: Path) -> None:
+    files = BagFiles(tmp_path / "bag", RecordingOptions(), {})
+    (tmp_path / "bag" / "metadata.yaml.tmp").mkdir()
+    files.close()
+    assert files.failure == "metadata.yaml cannot be written: Is a directory"
+
+
+LOSSES: dict[str, Callable[[Path], object]] = {
+    "removed": shutil.rmtree,
+    "moved away": lambda bag: bag.rename(bag.with_name("elsewhere")),
+    "replaced": lambda bag: (shutil.rmtree(bag), bag.mkdir(), (bag / "bag_1.mcap").touch()),
+}
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("noticed_by", ["flush", "split", "close"])
+def test_a_folder_that_is_lost_ends_the_recording(
+    tmp_path: Path, loss: str, noticed_by: str
+) -> None:
+    bag = tmp_path / "bag"
+    files = BagFiles(bag, RecordingOptions(), {})
+    files.add(TOPICS[0])
+    files.write(TOPICS[0], START, b"one")
+    files.split()
+    files.write(TOPICS[0], START, b"two")
+    LOSSES[loss](bag)
+    left = sorted(bag.iterdir()) if bag.exists() else None
+    getattr(files, noticed_by)()
+    what = "moved away" if loss == "moved away" else "removed"
+    assert files.failure == f"bag_1.mcap was {what} while it was recorded"
+    files.write(TOPICS[0], START, b"three")
+    files.close()
+    saved = 2 if loss == "moved away" else 0
+    assert (files.written, files.lost) == (saved, 3 - saved)
+    line = files.summary(files.lost)
+    assert f"bag_1.mcap was {what} while it was recorded: {saved} messages" in line
+    assert line.endswith(f"are saved and can be read, {3 - saved} are not")
+    # Nothing is written into what has taken the folder's place.
+    assert (sorted(bag.iterdir()) if bag.exists() else None) == left
+    if saved:
+        elsewhere = sorted((tmp_path / "elsewhere").glob("*.mcap"))
+        found = [data for file in elsewhere for _, _, data in with_rosbags(file)]
+        assert found == [b"one", b"two"]
 
 
 @pytest.mark.parametrize("name", ["there", "file/bag"])
