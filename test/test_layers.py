@@ -48,11 +48,12 @@ ROS = {
 ROS_USERS: dict[str, set[str]] = {
     # Commands that call services and publish on topics of a running graph.
     "haptic_accel.cli.calling": ROS,
+    "haptic_accel.cli.joining": {"rclpy"},
     "haptic_accel.cli.estop": {"rclpy", "std_msgs", "std_srvs"},
     # Launch files.
     "haptic_accel.graph.launching": {"launch", "launch_ros"},
     # Folders of an installed ROS 2, which both do without where there is none.
-    "haptic_accel.graph.files": {"ament_index_python"},
+    "haptic_accel.graph.folders": {"ament_index_python"},
     "haptic_accel.bags.definitions": {"ament_index_python"},
 }
 """Modules outside ``nodes`` that import something of ROS 2, and what."""

@@ -5,26 +5,14 @@ Imports ROS, which takes a while: load it where it is used.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import rclpy
-from rclpy.exceptions import InvalidNamespaceException
 from rclpy.node import Node
-from rclpy.validate_namespace import validate_namespace
 
-from haptic_accel.cli.ending import StoppedError
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.cli.joining import CallError
 from haptic_accel.nodes.graph_requests import SERVICES, GraphRequest, RequestError
-from haptic_accel.nodes.middleware import middleware_defaults
 
 PATIENCE = 5.0
 """Time-out for a node to be found, and to answer, s."""
-
-
-class CallError(StoppedError):
-    """A node does not answer, or refuses; the message is one line fit to be shown."""
 
 
 def send(node: Node, request: GraphRequest, patience: float = PATIENCE) -> str:
@@ -56,29 +44,3 @@ def send(node: Node, request: GraphRequest, patience: float = PATIENCE) -> str:
         node.destroy_client(client)
     name = node.resolve_service_name(request.node)
     raise CallError(f"{name}: does not answer; is the graph running?")
-
-
-@contextmanager
-def connected(namespace: str) -> Iterator[Node]:
-    """Join the graph of a namespace with a node while the context is entered.
-
-    Raises
-    ------
-    ParameterError
-        The namespace is not a valid ROS namespace.
-    """
-    absolute = "/" + namespace.strip("/")
-    try:
-        validate_namespace(absolute)
-    except InvalidNamespaceException:
-        raise ParameterError(
-            f"namespace = {namespace!r}: must be letters, digits and _, with / between"
-        ) from None
-    os.environ.update(middleware_defaults(os.environ))
-    rclpy.init(args=[])
-    node = rclpy.create_node(f"haptic_accel_caller_{os.getpid()}", namespace=absolute)
-    try:
-        yield node
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()

@@ -55,7 +55,8 @@ def control(arguments: ControlArguments) -> None:
         settings = [name for name in schema(ControlArguments) if name != "namespace"]
         raise ParameterError(f"control: must be given one of {', '.join(settings)}")
     # ROS takes a while to import: wrong words are refused without it.
-    from haptic_accel.cli.calling import CallError, connected, send
+    from haptic_accel.cli.calling import send
+    from haptic_accel.cli.joining import CallError, connected
 
     requests = list(_requests(arguments))
     refused: list[str] = []

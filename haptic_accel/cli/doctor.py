@@ -25,7 +25,7 @@ from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.due_forces import MISSED_SHARE
 from haptic_accel.core.trial import DEFAULT_RATE
-from haptic_accel.graph.files import config_folder
+from haptic_accel.graph.folders import config_folder
 from haptic_accel.nodes.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE
 
 LITTLE_SHARED_MEMORY = 32.0

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.topics import EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED
+from haptic_accel.graph.claims import own_domain, stop_senders
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -23,7 +26,7 @@ find it for more than 5 s; one that joins afterwards finds it at once."""
 COUPLER_PATIENCE = 1.0
 """Time-out for the coupler after the devices, which stop without it, s."""
 
-LOOK_PERIOD = 0.05
+LOOK_PERIOD = 0.01
 """Interval between looks at the answers while no message comes, s."""
 
 DEVICES = {MASTER_STOPPED: "master_device", SLAVE_STOPPED: "slave_device"}
@@ -42,10 +45,12 @@ class StopArguments(Checked):
 @arguments(StopArguments)
 def estop(arguments: StopArguments) -> None:
     """Remove all forces from both devices at once; they refuse new ones until release:=true."""
-    # ROS takes a while to import: wrong words are refused without it.
-    from haptic_accel.cli.calling import CallError, connected
-
     stop = not arguments.release
+    # By signals first: ROS takes a while to import, and to join the graph.
+    signalled = stop_senders(own_domain(), arguments.namespace) if stop else 0
+    quick = f"{signalled} processes signalled after {_age():.2f} s, " if signalled else ""
+    from haptic_accel.cli.joining import CallError, connected
+
     for _ in range(ATTEMPTS):
         with connected(arguments.namespace) as node:
             missing, coupler_answers = _confirmed(node, stop)
@@ -57,19 +62,29 @@ def estop(arguments: StopArguments) -> None:
     done = ": both devices are without force"
     if not stop:
         done = " released: both devices take forces again"
-    print(f"emergency stop{done}{'' if coupler_answers else '; the coupler does not answer'}")
+    print(
+        f"emergency stop{done} ({quick}confirmed after {_age():.2f} s)"
+        f"{'' if coupler_answers else '; the coupler does not answer'}"
+    )
+
+
+def _age() -> float:
+    """Return the time since this process was started, s (proc(5), stat)."""
+    stat = Path("/proc/self/stat").read_bytes().rpartition(b")")[2].split()
+    started = int(stat[19]) / os.sysconf("SC_CLK_TCK")
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - started
 
 
 def _confirmed(node: Node, stop: bool) -> tuple[list[str], bool]:
     """Return the devices that did not confirm, and true if the coupler did."""
     import rclpy
+    from rclpy.qos import DurabilityPolicy, QoSProfile
     from std_msgs.msg import Bool
     from std_srvs.srv import SetBool
 
-    from haptic_accel.nodes.interface import quality
-
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     # The topic first: it reaches the devices even if no other node is left.
-    publisher = node.create_publisher(Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, 1))
+    publisher = node.create_publisher(Bool, EMERGENCY_STOP.name, latched)
     publisher.publish(Bool(data=stop))
     answers: dict[str, bool] = {}
     for topic, device in DEVICES.items():
@@ -77,7 +92,7 @@ def _confirmed(node: Node, stop: bool) -> tuple[list[str], bool]:
             Bool,
             topic.name,
             lambda message, device=device: answers.__setitem__(device, message.data),
-            quality(topic),
+            latched,
         )
     client = node.create_client(SetBool, EMERGENCY_STOP.name)
     coupler = None

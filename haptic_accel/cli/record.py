@@ -35,7 +35,8 @@ class RecordArguments(Checked):
 def record(action: str, arguments: RecordArguments) -> None:
     """Control the recording of a running graph."""
     # ROS takes a while to import: wrong words are refused without it.
-    from haptic_accel.cli.calling import connected, send
+    from haptic_accel.cli.calling import send
+    from haptic_accel.cli.joining import connected
     from haptic_accel.nodes.graph_requests import trigger
 
     with connected(arguments.namespace) as node:

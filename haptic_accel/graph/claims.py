@@ -13,11 +13,12 @@ import os
 import socket
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import takewhile
 from pathlib import Path
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import EMERGENCY
 from haptic_accel.core.topics import SIGNALS
 
 DOMAIN = "ROS_DOMAIN_ID"
@@ -26,7 +27,7 @@ DOMAIN = "ROS_DOMAIN_ID"
 HIGHEST_DOMAIN = 232
 """Highest number of a ROS domain, above which it has no ports."""
 
-ASKERS = 100
+ASKERS = 4096
 """Number of times that a claim says whose it is; it holds beyond, too."""
 
 _CREDENTIALS = struct.Struct("3i")
@@ -80,6 +81,38 @@ def sole_graph() -> Iterator[None]:
         yield
 
 
+def stop_senders(domain: int, namespace: str) -> int:
+    """Let the nodes of this machine that send a graph's signals carry out the emergency stop.
+
+    Parameters
+    ----------
+    domain : int
+    namespace : str
+        Namespace of the graph.
+
+    Returns
+    -------
+    int
+        Number of processes that have been signalled; those of another user cannot be.
+    """
+    prefix = "/" + namespace.strip("/")
+    names = (f"{prefix.rstrip('/')}/{topic.name}" for topic in SIGNALS)
+    stopped = 0
+    for process in {_holder(_address(domain, _sender(name))) for name in names}:
+        with suppress(OSError):
+            if process and _handles_emergency(process):
+                os.kill(process, EMERGENCY)
+                stopped += 1
+    return stopped
+
+
+def _handles_emergency(process: int) -> bool:
+    """Return whether the signal of the emergency stop would not simply end a process."""
+    status = Path(f"/proc/{process}/status").read_text(encoding="utf-8")
+    (caught,) = (line for line in status.splitlines() if line.startswith("SigCgt:"))
+    return bool(int(caught.split()[1], 16) >> EMERGENCY - 1 & 1)
+
+
 def _sender(topic: str) -> str:
     return f"sender of {topic}"
 
@@ -87,9 +120,7 @@ def _sender(topic: str) -> str:
 def _claim(domain: int, role: str) -> socket.socket:
     """Claim a role, or raise the error that names the process which has it."""
     claimed = socket.socket(socket.AF_UNIX)
-    # Names of topics can be longer than addresses.
-    digest = hashlib.sha256(f"{domain} {role}".encode()).hexdigest()
-    address = f"\0haptic_accel/{digest}".encode()
+    address = _address(domain, role)
     try:
         claimed.bind(address)
     except OSError as error:
@@ -102,6 +133,12 @@ def _claim(domain: int, role: str) -> socket.socket:
         ) from None
     claimed.listen(ASKERS)
     return claimed
+
+
+def _address(domain: int, role: str) -> bytes:
+    """Return the address of a role, hashed, as names of topics can be longer than addresses."""
+    digest = hashlib.sha256(f"{domain} {role}".encode()).hexdigest()
+    return f"\0haptic_accel/{digest}".encode()
 
 
 def _holder(address: bytes) -> int:

@@ -1,4 +1,4 @@
-"""Location of the package's own files, and reading of parameter files."""
+"""Reading of parameter files."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from haptic_accel.core.parameters import ParameterError, checked
+from haptic_accel.graph.folders import config_folder
 from haptic_accel.graph.node_parameters import NODES, node_schema
 
 SURFACE = "simulated.surface."
@@ -18,24 +19,6 @@ SURFACE = "simulated.surface."
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 _WILDCARDS = ("/**", "**", "/*", "*")
-
-
-def share_folder() -> Path:
-    """Return the folder that holds ``config`` and ``launch``.
-
-    A checkout's own where the code runs from a checkout; otherwise the installed one.
-    """
-    checkout = Path(__file__).resolve().parents[2]
-    if (checkout / "package.xml").is_file():
-        return checkout
-    from ament_index_python.packages import get_package_share_directory
-
-    return Path(get_package_share_directory("haptic_accel"))
-
-
-def config_folder() -> Path:
-    """Return the folder of parameter files."""
-    return share_folder() / "config"
 
 
 def preset_file(kind: str, name: str) -> Path:

@@ -18,7 +18,8 @@ from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.devices.simulated import played
 from haptic_accel.graph import arguments as names
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.graph.files import config_folder, preset_file, read_parameter_file
+from haptic_accel.graph.files import preset_file, read_parameter_file
+from haptic_accel.graph.folders import config_folder
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 
 RECORDER = "recorder"

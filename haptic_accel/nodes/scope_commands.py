@@ -16,7 +16,7 @@ from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import EMERGENCY_STOP
 from haptic_accel.graph.arguments import RECORDING
-from haptic_accel.graph.files import config_folder
+from haptic_accel.graph.folders import config_folder
 from haptic_accel.nodes import graph_requests as requests
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.scope.server import CommandError

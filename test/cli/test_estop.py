@@ -41,7 +41,7 @@ def test_a_stop_from_a_terminal_lets_no_force_through_until_it_is_released(
     observer.collect((ACTUATOR_FORCE,), 100)
     stop = haptic_accel("estop")
     assert stop.end() == 0, stop.text
-    assert stop.lines[-1] == "emergency stop: both devices are without force"
+    assert stop.lines[-1].startswith("emergency stop: both devices are without force (4 processes")
     for topic in (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED):
         observer.wait_for_state(topic, True)
     graph.wait_for("let go: emergency stop")
@@ -53,7 +53,8 @@ def test_a_stop_from_a_terminal_lets_no_force_through_until_it_is_released(
     assert ask("control", "engage:=true") == (1, refused)
     so_far = len(graph.lines)
     released = "emergency stop released: both devices take forces again"
-    assert ask("estop", "release:=true") == (0, released)
+    status, said = ask("estop", "release:=true")
+    assert (status, said.startswith(released)) == (0, True), said
     graph.wait_for("engaged", after=so_far)
     for topic in (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED):
         observer.wait_for_state(topic, False)
@@ -97,7 +98,8 @@ def test_devices_stop_without_a_coupler_and_learn_of_a_stop_they_missed(
     late.wait_for("emergency stop: no force until it is released")
     os.kill(nodes["coupler"].process.pid, signal.SIGKILL)
     status, said = ask("estop", "release:=true")
-    assert (status, said.endswith("take forces again; the coupler does not answer")) == (0, True)
+    assert (status, "take forces again" in said) == (0, True)
+    assert said.endswith("; the coupler does not answer")
     os.kill(late.process.pid, signal.SIGKILL)
     late.end()
     status, said = ask("estop")

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, TOPICS
-from haptic_accel.graph.files import config_folder
+from haptic_accel.graph.folders import config_folder
 from haptic_accel.nodes.interface import message_type
 
 FOLDER = config_folder() / "layouts"

@@ -12,8 +12,8 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import MASTER_ARM_FORCE
-from haptic_accel.graph.claims import claim_signal, own_domain, sole_graph
-from running import Command
+from haptic_accel.graph.claims import claim_signal, own_domain, sole_graph, stop_senders
+from running import PATIENCE, Command
 
 Start = Callable[..., Command]
 
@@ -23,10 +23,12 @@ pytestmark = pytest.mark.quiet
 
 
 @contextmanager
-def sending(domain: int, topic: str = TOPIC) -> Iterator[subprocess.Popen[bytes]]:
+def sending(
+    domain: int, topic: str = TOPIC, prepare: str = ""
+) -> Iterator[subprocess.Popen[bytes]]:
     """Let another process claim a signal."""
     text = (
-        "import signal; from haptic_accel.graph.claims import claim_signal;"
+        f"import signal; {prepare}from haptic_accel.graph.claims import claim_signal;"
         f" claimed = claim_signal({domain}, {topic!r}); print(flush=True); signal.pause()"
     )
     with subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE) as process:
@@ -52,6 +54,18 @@ def test_a_signal_has_one_sender_until_that_ends_in_whatever_way(domain: int) ->
         process.send_signal(signal.SIGKILL)
         process.wait()
         claim_signal(domain, TOPIC).close()
+
+
+def test_an_emergency_stop_reaches_who_sends_and_handles_it_in_its_namespace(domain: int) -> None:
+    with sending(domain) as process:
+        assert stop_senders(domain, "") == 0, "it would only end"
+        assert process.poll() is None
+    prepare = "import sys; signal.signal(signal.SIGUSR1, lambda *_: sys.exit(7)); "
+    with sending(domain, f"/left{TOPIC}", prepare) as process:
+        assert stop_senders(domain, "") == 0
+        assert stop_senders(domain + 1, "left") == 0
+        assert stop_senders(domain, "/left/") == 1
+        assert process.wait(PATIENCE) == 7
 
 
 def test_other_domains_signals_and_namespaces_are_free(domain: int) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
-from haptic_accel.graph.files import share_folder
+from haptic_accel.graph.folders import share_folder
 from haptic_accel.graph.processes import Process, graph, identification_graph
 from haptic_accel.graph.replay import described_replay, replay_arguments
 from haptic_accel.graph.words import described, parse_words
