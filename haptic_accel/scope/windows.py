@@ -46,6 +46,10 @@ RATE_SAMPLES = 500
 FEWEST = 50
 """Fewest samples for a sampling rate and for metrics."""
 
+LEAST_VIBRATION = 0.5
+"""RMS of the desired acceleration below which the tool counts as touching nothing, m/s^2: moved in
+the air it has 0.2, and dragged over the paper's smoothest surface 1.3."""
+
 CLOUD_POINTS = 800
 """Most points of the regression cloud: more cannot be distinguished."""
 
@@ -143,7 +147,8 @@ class Metrics:
     values : dict
         Finite numbers by name; one that too few samples support is missing. ``rate``: samples of
         the handle acceleration per second. ``nrmse_percent``, ``slope`` (desired on actual) and
-        ``r2``: comparison with the handle acceleration shifted back by the latency and one sample.
+        ``r2``: comparison with the handle acceleration shifted back by the latency and one sample,
+        missing where the tool touches nothing.
         ``rms_desired``, ``rms_actual``: m/s^2. ``age_p50``, ``age_p99``: time from the tool's
         sample to the arrival of the actuator force here, s. ``peak_force``, ``peak_travel``:
         largest magnitudes, N and m.
@@ -227,7 +232,7 @@ class Windows:
         if found is None:
             return Metrics(_finite(values))
         values["rms_desired"], values["rms_actual"] = np.sqrt(np.mean([desired**2, actual**2], 1))
-        if desired.any():
+        if values["rms_desired"] >= LEAST_VIBRATION:
             evaluation = evaluate(desired, actual, rate, delay=0.0)
             values["nrmse_percent"] = evaluation.nrmse_percent
             values["slope"] = evaluation.slope_desired_on_actual

@@ -145,12 +145,16 @@ def test_a_command_holds_until_the_next_and_not_for_ever(
 
 
 def filled(
-    seconds: float, gravity: float = 9.81, gain: float = 0.8, delay: int = 2
+    seconds: float,
+    gravity: float = 9.81,
+    gain: float = 0.8,
+    delay: int = 2,
+    amplitude: float = 3.0,
 ) -> tuple[Windows, np.ndarray, np.ndarray]:
     """Return windows with a known texture, and the handle's acceleration and force."""
     made = Windows()
     count = int(seconds * RATE)
-    noise = np.random.default_rng(2).normal(0.0, 3.0, count)
+    noise = np.random.default_rng(2).normal(0.0, amplitude, count)
     texture = signal.sosfilt(high_pass(15.0, RATE), noise)
     stroke = 2.0 * np.sin(2 * np.pi * 0.7 * np.arange(count) / RATE)
     handle = gravity + stroke + gain * np.roll(texture, delay)
@@ -233,6 +237,13 @@ def test_without_a_compensator_travel_is_derived_without_force() -> None:
     made.advance()
     # The static sag of the actuator on its spring, m_a g / k_s.
     assert made.travel.last(0.0)[1] == pytest.approx(-0.018 * 9.81 / 266.0, rel=1e-2)
+
+
+def test_a_tool_that_touches_nothing_has_no_error() -> None:
+    # The noise of an accelerometer of 250 ug/sqrt(Hz) over 500 Hz: 0.06 m/s^2.
+    values = filled(4.0, amplitude=0.06)[0].metrics().values
+    assert values["rms_desired"] == pytest.approx(0.06, rel=0.1)
+    assert not {"nrmse_percent", "slope", "r2"} & set(values)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])

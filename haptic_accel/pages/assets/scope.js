@@ -467,18 +467,18 @@
     if (output && control) output.classList.toggle("hidden", known);
   }
 
-  function showStop(stop, engaged, rows) {
+  function showStop(stop, engaged, rows, numbers) {
     const stopped = stop.asked || stop.master === true || stop.slave === true;
     const all = stop.master === true && stop.slave === true;
     // A device reports nothing about the stop before the first one.
     const there = rows.filter(({ name, state }) => name.endsWith("_device") && state === "OK");
     const free = there.length ? ["OK", "no stop"] : ["absent", "stop: unknown"];
     setState(byId("stop-state"), ...(stopped ? ["error", "emergency stop"] : free));
-    setState(
-      byId("arms"),
-      engaged === null ? "absent" : engaged ? "OK" : "warning",
-      engaged === null ? "arms: unknown" : engaged ? "arms engaged" : "arms disengaged",
-    );
+    // Without vibration of the tool there is nothing to compare.
+    const idle = numbers.rms_desired !== undefined && numbers.nrmse_percent === undefined;
+    const coupled = idle ? ["warning", "arms engaged, no contact"] : ["OK", "arms engaged"];
+    const arms = engaged ? coupled : ["warning", "arms disengaged"];
+    setState(byId("arms"), ...(engaged === null ? ["absent", "arms: unknown"] : arms));
     const alarm = byId("alarm");
     const text = all
       ? "Emergency stop: no force until it is released."
@@ -528,7 +528,7 @@
     showRecorder(state.nodes, state.recorder);
     for (const action of ["controller", "surface", "grip"]) showChoice(action, state[action]);
     showChoice("engage", state.engaged);
-    showStop(state.stop, state.engaged, state.nodes);
+    showStop(state.stop, state.engaged, state.nodes, state.metrics);
     showLink();
   }
 
