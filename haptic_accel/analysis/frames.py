@@ -13,7 +13,7 @@ import pandas as pd
 
 from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.metrics import METRICS, MILLI, AnalysedTrial, Shift
-from haptic_accel.analysis.segments import Segment, cut
+from haptic_accel.analysis.segments import VECTORS, Segment, cut
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
 from haptic_accel.core.evaluation.statistics import mean_interval
@@ -280,7 +280,7 @@ def read_segment(path: Path, number: int = 1) -> Segment:
     ParameterError
         It is no bag, or has no such segment.
     """
-    segments = cut(read_bag(path)).segments
+    segments = cut(read_bag(path, VECTORS)).segments
     if not 1 <= number <= len(segments):
         raise ParameterError(f"number = {number}: must be from 1 to {len(segments)} in {path}")
     return segments[number - 1]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from haptic_accel.analysis.metrics import AnalysedTrial, Shift, measure
-from haptic_accel.analysis.segments import Cut, Segment, cut
+from haptic_accel.analysis.segments import VECTORS, Cut, Segment, cut
 from haptic_accel.bags.folder import find_bags
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
@@ -83,7 +83,7 @@ def analyse(
         if begun:
             begun(number, len(found), name)
         try:
-            parts = cut(read_bag(bag))
+            parts = cut(read_bag(bag, VECTORS))
         except ParameterError as error:
             parts = Cut([], [str(error)])
         complaints = list(parts.problems)

@@ -340,4 +340,5 @@ def _travel(segment: Segment) -> FloatArray | None:
     if force is None or handle is None:
         return None
     sample = TravelEstimator(segment.actuator, segment.rate).sample
-    return np.array([sample(f, a) for f, a in zip(force.tolist(), handle.tolist(), strict=True)])
+    # Arrays are walked as they are: lists of their numbers would take four times the memory.
+    return np.fromiter(map(sample, force.data, handle.data), np.float64, len(force))

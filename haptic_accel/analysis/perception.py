@@ -30,6 +30,10 @@ PIECE = 10.0
 """Length of the pieces that are scored, s, of which the mean is taken: as long as a trial, and
 short enough not to fill the memory."""
 
+MOST_PIECES = 60
+"""Maximum number of pieces that are scored, evenly spread over a trial: those of ten minutes, so
+that an hour takes no longer."""
+
 SILENT = 1e-9
 """RMS below which a signal counts as zero, m/s^2."""
 
@@ -68,8 +72,9 @@ def perceive(desired: FloatArray, actual: FloatArray, rate: float) -> Perception
     Returns
     -------
     Perception
-        The mean over pieces of about `PIECE`; without scores where the library is not installed,
-        the desired acceleration is zero, or there is less than one block.
+        The mean over pieces of about `PIECE`, at most `MOST_PIECES`; without scores where the
+        library is not installed, the desired acceleration is zero, or there is less than one
+        block.
     """
     try:
         from vibromaf.metrics.spqi import spqi  # type: ignore[import-untyped]
@@ -80,7 +85,9 @@ def perceive(desired: FloatArray, actual: FloatArray, rate: float) -> Perception
         return Perception(note="nothing was to be felt: ST-SIM and SPQI are undefined")
     number = max(round(len(desired) / rate / PIECE), 1)
     scores = []
-    for piece in np.array_split(np.arange(len(desired)), number):
+    edges = np.linspace(0, len(desired), number + 1).astype(int)
+    chosen = np.linspace(0, number - 1, min(number, MOST_PIECES)).round().astype(int)
+    for piece in (slice(edges[i], edges[i + 1]) for i in chosen):
         reference, distorted = (_resampled(signal[piece], rate) for signal in (desired, actual))
         if len(reference) < BLOCK:
             return Perception(note=f"shorter than {BLOCK / RATE:g} s: no ST-SIM, no SPQI")

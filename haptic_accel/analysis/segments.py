@@ -39,6 +39,10 @@ UNKNOWN = "unknown"
 """Name of a controller, surface or grip that a bag does not state."""
 
 _NAMES = [topic.name for topic in topics.ANALYSED]
+
+VECTORS = (*_NAMES, topics.MASTER_ARM_FORCE.name)
+"""Names of the topics whose vectors are needed to cut a bag; of others the stamps are enough."""
+
 _NEEDED_FOR = {
     topics.DESIRED_ACCELERATION.name: ": no error, regression, spectra, delay",
     topics.HANDLE_ACCELERATION.name: ": no error, regression, spectra, delay, travel",

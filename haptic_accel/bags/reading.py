@@ -7,7 +7,7 @@ result names what is missing.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -48,6 +48,8 @@ _VALUES = {number: f"{name}_value" for number, name in enumerate(_TYPES.split(),
 @dataclass(frozen=True)
 class Signal:
     """The stamped vectors of one topic, in the order in which they were recorded.
+
+    `received` and `values` are empty where `read_bag` was not asked for them.
 
     Attributes
     ----------
@@ -160,13 +162,16 @@ class Bag:
         return coupled_stretches(forces.stamps, forces.values, stamps)
 
 
-def read_bag(path: Path | str) -> Bag:
+def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     """Read a bag.
 
     Parameters
     ----------
     path : Path or str
         A bag's folder, or one of its files.
+    vectors : collection of str, optional
+        Names of the topics whose vectors are needed: of others only the stamps are kept, a fifth
+        of the memory, and of none the times at which messages were recorded. By default all is.
 
     Raises
     ------
@@ -180,7 +185,7 @@ def read_bag(path: Path | str) -> Bag:
         sources = _sources(bag, metadata)
     except OSError as error:
         raise ParameterError(f"{path}: must be a bag: {error.strerror}") from None
-    collected, custom, failures = _Collected(bag), dict(metadata.custom), []
+    collected, custom, failures = _Collected(bag, vectors), dict(metadata.custom), []
     for source in sources:
         try:
             for block in _blocks(source, bag.problems, custom):
@@ -263,9 +268,12 @@ def _foreign_blocks(source: Path) -> Iterator[Block]:
 class _Collected:
     """Messages read so far."""
 
-    def __init__(self, bag: Bag) -> None:
+    def __init__(self, bag: Bag, vectors: Collection[str] | None) -> None:
         self._bag = bag
-        self._parts: dict[str, list[tuple[IntArray, IntArray, FloatArray]]] = defaultdict(list)
+        self._vectors = vectors
+        # Stamps, times and values of each topic: bytes grow in place, arrays would be joined into
+        # second copies.
+        self._columns: dict[str, tuple[bytearray, ...]] = {}
         self._namespace: str | None = None
 
     def take(self, block: Block) -> None:
@@ -283,10 +291,11 @@ class _Collected:
 
     def signals(self) -> dict[str, Signal]:
         """Return the signals collected."""
-        return {
-            name: Signal(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-            for name, parts in self._parts.items()
-        }
+        found = {}
+        for name, (stamps, received, values) in self._columns.items():
+            times = np.frombuffer(stamps, np.int64), np.frombuffer(received, np.int64)
+            found[name] = Signal(*times, np.frombuffer(values).reshape(-1, 3))
+        return found
 
     def _is_ours(self, namespace: str) -> bool:
         """Return whether a namespace is that of the first graph in the bag, the only one read."""
@@ -303,8 +312,14 @@ class _Collected:
         stamps, values, formed = unpack_stamped_vectors(block.bytes, block.starts, block.ends)
         if not formed.all():
             self._once(f"{block.topic}: malformed messages are not read")
-        if formed.any():
-            self._parts[name].append((stamps, block.received[formed], values))
+        if not formed.any():
+            return
+        columns = self._columns.setdefault(name, (bytearray(), bytearray(), bytearray()))
+        columns[0].extend(stamps.tobytes())
+        if self._vectors is None:
+            columns[1].extend(block.received[formed].tobytes())
+        if self._vectors is None or name in self._vectors:
+            columns[2].extend(values.tobytes())
 
     def _take_diagnostics(self, block: Block) -> None:
         for received, message in self._decoded(block):

@@ -33,6 +33,19 @@ def test_a_silent_handle_scores_as_the_formulas_say(desired: FloatArray) -> None
     assert found.spqi == pytest.approx((1 - math.tanh(2.0)) / 2)
 
 
+def test_of_a_long_trial_pieces_from_its_beginning_to_its_end_are_scored(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("vibromaf")
+    monkeypatch.setattr("haptic_accel.analysis.perception.MOST_PIECES", 2)
+    wanted = np.random.default_rng(1).normal(0.0, 3.0, 40_000)
+    actual = wanted.copy()
+    actual[10_000:30_000] = 0.0
+    assert perceive(wanted, actual, RATE).st_sim == 1.0
+    actual[30_000:] = 0.0
+    assert perceive(wanted, actual, RATE).st_sim == pytest.approx(0.5)
+
+
 def test_the_better_copy_scores_higher(desired: FloatArray) -> None:
     noise = np.random.default_rng(2).normal(0.0, 3.0, 4000)
     near, far = (perceive(desired, desired + share * noise, RATE) for share in (0.1, 0.8))

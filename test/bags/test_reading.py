@@ -15,7 +15,13 @@ from rosbags.typesys import Stores, get_typestore
 
 from haptic_accel.bags.reading import Change, read_bag
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, TOOL_ACCELERATION, VECTORS
+from haptic_accel.core.topics import (
+    DIAGNOSTICS,
+    MASTER_POSITION,
+    SIGNALS,
+    TOOL_ACCELERATION,
+    VECTORS,
+)
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 MESSAGES = TYPES.types
@@ -115,6 +121,18 @@ def test_what_was_written_is_read(
             assert signal.received.tolist() == [10**18 + n for n, _, _ in of_topic]
             assert signal.stamps.tolist() == [at for _, at, _ in of_topic]
             assert np.array_equal(signal.values, [v for _, _, v in of_topic])
+
+
+def test_of_topics_that_are_not_asked_for_only_the_stamps_are_kept(tmp_path: Path) -> None:
+    rows = [
+        (f"/{topic.name}", topic.type, 10**18, stamped(topic.type, 5, "a", (1.0, 2.0, 3.0)))
+        for topic in (TOOL_ACCELERATION, MASTER_POSITION)
+    ]
+    write(tmp_path / "bag", rows)
+    found = read_bag(tmp_path / "bag", [TOOL_ACCELERATION.name]).signals
+    tool, position = found[TOOL_ACCELERATION.name], found[MASTER_POSITION.name]
+    assert (tool.stamps.tolist(), tool.values.tolist()) == ([5], [[1.0, 2.0, 3.0]])
+    assert (position.stamps.tolist(), position.values.shape) == ([5], (0, 3))
 
 
 @pytest.fixture(scope="module")
