@@ -46,6 +46,7 @@ class DueForces:
     def __init__(self, latency: int) -> None:
         self._latency = latency
         self._waiting: dict[int, Caused] = {}
+        self._out_of_date: Caused | None = None
         self._carried_out: int | None = None
         self._last: int | None = None
         self.newest: int | None = None
@@ -62,9 +63,22 @@ class DueForces:
         if self._last is None or not 0 <= self._last - due <= STRAGGLING:
             self._waiting[due] = stamp, force
 
+    def pass_on(self, stamp: int, force: Vector) -> None:
+        """Pass a force that is out of date to the next `take`, for the safety layer to refuse it.
+
+        If it were kept, one of the future would be in time some day.
+        """
+        self._out_of_date = stamp, force
+
     def take(self, tick: int) -> Caused | None:
-        """Return the newest force that is due at a tick or was before; None if there is none."""
+        """Return the newest force that is due at a tick or was before; None if there is none.
+
+        One that is out of date comes first.
+        """
         self._carried_out = tick
+        if self._out_of_date:
+            found, self._out_of_date = self._out_of_date, None
+            return found
         ready = [due for due in self._waiting if due <= tick]
         if not ready:
             return None

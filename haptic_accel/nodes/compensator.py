@@ -49,31 +49,37 @@ class Compensator(GraphNode):
         )
         self._period = NANOSECONDS / p.rate
         self._longest_wait = (max(1, p.latency) - SENDING_TIME) * self._period
-        self._tool: deque[tuple[int, float]] = deque()
+        self._tool: deque[tuple[int, float, int]] = deque()
         self._handle: deque[tuple[int, float]] = deque(maxlen=round(CATCH_UP * p.rate))
-        self._handles = self.inbox(topics.HANDLE_ACCELERATION)
+        self._handles = self.samples(topics.HANDLE_ACCELERATION, p.rate)
         self._bridge = Bridge()
-        self._last: int | None = None
-        self._samples = self._lost = self._bridged = self._stale = self._without = 0
+        self._samples = self._bridged = self._without = 0
         self._send_force = self.sender(topics.ACTUATOR_FORCE).send
         self._send_desired = self.sender(topics.DESIRED_ACCELERATION).send
-        self._tools = self.inbox(topics.TOOL_ACCELERATION)
+        self._tools = self.samples(topics.TOOL_ACCELERATION, p.rate)
         self._arrivals = ArrivalKeeper(p.rate)
         self.create_service(Trigger, "~/reset", self._reset)
 
     def work(self) -> float:
         """Compute the samples that came."""
-        came = self._tools.take_vectors()
-        for moment, acceleration in came:
-            self._tool.append((moment, acceleration[ACTUATOR_AXIS]))
+        came = False
+        for moment, acceleration in self._tools.take():
+            came = True
+            lost = self._tools.succession.skipped
+            self._tool.append((moment, acceleration[ACTUATOR_AXIS], lost))
         if self._tool:
             self._compute()
-        return self._arrivals.looked(found=bool(came) and not self._tool)
+        return self._arrivals.looked(found=came and not self._tool)
 
     def close(self) -> None:
         """Leave the actuator without force."""
         self._send_force(time.time_ns(), ZERO)
         super().close()
+
+    def start_anew(self) -> None:
+        """Forget the samples that wait."""
+        self._tool.clear()
+        self._handle.clear()
 
     def change(self, values: dict[str, Any]) -> None:
         """Switch the controller, or stop or resume adaptation."""
@@ -85,31 +91,32 @@ class Compensator(GraphNode):
     def status(self) -> tuple[str, dict[str, str]]:
         """Return counts of lost, limited and refused samples, and the controller's values."""
         warning, values = self._compensation.status()
+        tool = self._tools.succession
         return warning, {
             "samples": str(self._samples),
-            "lost": str(self._lost),
+            "lost": str(tool.lost),
             "bridged": str(self._bridged),
             "without the handle's sample": str(self._without),
-            "out of order": str(self._stale),
+            "out of order": str(tool.stale),
             **values,
         }
 
     def _compute(self) -> None:
         """Compute the forces of all samples in order, as far as the handle's samples are there."""
-        for moment, acceleration in self._handles.take_vectors():
+        for moment, acceleration in self._handles.take():
             self._handle.append((moment, acceleration[ACTUATOR_AXIS]))
         while self._tool:
-            moment, tool = self._tool[0]
+            moment, tool, lost = self._tool[0]
             found, before = self._before(moment)
             if not found and time.time_ns() - moment < self._longest_wait:
                 return
             self._tool.popleft()
+            self._fill(lost)
             self._compensate(moment, tool, before)
 
     def _compensate(self, moment: int, tool: float, before: float | None) -> None:
-        if not self._in_order(moment):
-            return
-        self._without += before is None and self._samples > 1  # the first has none before it
+        self._without += before is None and self._samples > 0  # the first has none before it
+        self._samples += 1
         self._bridge.put(tool)
         desired, force = self._compensation.sample(tool, before)
         self._send_force(moment, along_actuator(force))
@@ -132,21 +139,8 @@ class Compensator(GraphNode):
         response.success = True
         return response
 
-    def _in_order(self, moment: int) -> bool:
-        """Count a sample; return whether it is newer than the last."""
-        if self._last is not None:
-            steps = round((moment - self._last) / self._period)
-            if steps < 1:
-                self._stale += 1
-                return False
-            self._fill(steps - 1)
-        self._last = moment
-        self._samples += 1
-        return True
-
     def _fill(self, lost: int) -> None:
         """Pass predictions of lost samples to the filters, which keep their place in time."""
-        self._lost += lost
         if 0 < lost <= LONGEST_BRIDGE * self.parameters.rate:
             self._bridged += lost
             for predicted in self._bridge.predict(lost):

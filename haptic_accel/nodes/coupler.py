@@ -14,7 +14,7 @@ from haptic_accel.core.coupling.engagement import ARMS, STEP_PERIOD, Engagement
 from haptic_accel.core.coupling.pairing import Motion, Pairing
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.nodes.interface import GraphNode, Inbox
+from haptic_accel.nodes.interface import GraphNode, Inbox, Samples
 from haptic_accel.nodes.scheduling import CATCH_UP, ArrivalKeeper, run
 
 MASTER, SLAVE = ARMS
@@ -26,23 +26,25 @@ class Motions:
 
     Parameters
     ----------
-    positions : Inbox
-    velocities : Inbox or None
+    positions : Samples
+    velocities : Samples or None
         None where velocities are not needed, and count as zero.
     """
 
-    def __init__(self, positions: Inbox, velocities: Inbox | None) -> None:
+    def __init__(self, positions: Samples, velocities: Samples | None) -> None:
         self._arriving = positions
-        self._inbox = velocities
+        self._joined = velocities
         self._positions: deque[tuple[int, Vector]] = deque()
         self._velocities: deque[tuple[int, Vector]] = deque()
         self._velocity = ZERO
 
     def take(self) -> Iterator[Motion]:
         """Yield the samples that are complete."""
-        self._positions.extend(self._arriving.take_vectors())
-        if self._inbox:
-            self._velocities.extend(self._inbox.take_vectors())
+        for sample in self._arriving.take():
+            self._positions.append(sample)
+        if self._joined:
+            for sample in self._joined.take():
+                self._velocities.append(sample)
         while self._positions:
             stamp, position = self._positions[0]
             while self._velocities and self._velocities[0][0] <= stamp:
@@ -51,10 +53,15 @@ class Motions:
                     break
             else:
                 # A later velocity shows that this one is lost; then the one before stands for it.
-                if self._inbox and not self._velocities:
+                if self._joined and not self._velocities:
                     return
             self._positions.popleft()
             yield Motion(stamp, position, self._velocity)
+
+    def clear(self) -> None:
+        """Forget what waits."""
+        self._positions.clear()
+        self._velocities.clear()
 
 
 class Coupler(GraphNode):
@@ -81,7 +88,8 @@ class Coupler(GraphNode):
         damped = self.parameters.damping > 0
         self._motions = {
             arm: Motions(
-                self.inbox(signals.position), self.inbox(signals.velocity) if damped else None
+                self.samples(signals.position, rate),
+                self.samples(signals.velocity, rate) if damped else None,
             )
             for arm, signals in ARM_TOPICS.items()
         }
@@ -99,6 +107,12 @@ class Coupler(GraphNode):
         """Leave both arms without force."""
         self._let_go()
         super().close()
+
+    def start_anew(self) -> None:
+        """Forget the samples that wait."""
+        self._pairing.clear()
+        for motions in self._motions.values():
+            motions.clear()
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return whether the arms are coupled."""

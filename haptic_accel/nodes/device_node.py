@@ -13,7 +13,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
+from haptic_accel.core.actuator.safety import MAX_AGE, STOPPED, SafetyLayer
 from haptic_accel.core.due_forces import DueForces
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import ZERO, Vector
@@ -452,7 +452,11 @@ class DeviceNode(ManagedNode):
                     for each in self._commands.values():
                         each.count_anew()
                 sample = self._tick + round((stamp - self._stamp) * self._per_nanosecond)
-                commands.forces.put(sample, stamp, force)
+                if abs(age_of(stamp)) > MAX_AGE:
+                    sample = self._tick - commands.latency
+                    commands.forces.pass_on(stamp, force)
+                else:
+                    commands.forces.put(sample, stamp, force)
                 if commands.ahead:
                     self._send_ahead(name, sample + commands.latency)
 

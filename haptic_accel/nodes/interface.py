@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import socket
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
@@ -25,6 +26,7 @@ from rclpy.subscription import Subscription
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, Specification, checked
+from haptic_accel.core.succession import Succession
 from haptic_accel.core.topics import DIAGNOSTICS, Topic
 from haptic_accel.graph.claims import claim_signal
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
@@ -120,6 +122,41 @@ class Inbox:
         return found
 
 
+class Samples:
+    """Samples of one signal, of which a `Succession` admits those that come in order and in time.
+
+    Parameters
+    ----------
+    inbox : Inbox
+    rate : float
+        Samples per second.
+    jumped : callable
+        Called with these samples before the first one after a clock was set.
+
+    Attributes
+    ----------
+    succession : Succession
+    """
+
+    def __init__(self, inbox: Inbox, rate: float, jumped: Callable[[Samples], None]) -> None:
+        self._inbox = inbox
+        self._jumped = jumped
+        self._first = True
+        self.succession = Succession(rate)
+
+    def take(self) -> Iterator[tuple[int, Vector]]:
+        """Yield stamps, system time in ns, and vectors."""
+        now, steady = time.time_ns(), time.monotonic_ns()
+        for stamp, vector in self._inbox.take_vectors():
+            if self.succession.admits(stamp, now, steady):
+                if self.succession.jump:
+                    self._jumped(self)
+                yield stamp, vector
+        if self._first:  # what came while the node started has waited: no fault of its sender
+            self._first = False
+            self.succession.outdated = 0
+
+
 class GraphNode(SupervisedNode):
     """A node whose parameters come from its schema and whose topics from the topic table.
 
@@ -147,7 +184,8 @@ class GraphNode(SupervisedNode):
         self._inboxes: set[Subscription] = set()
         self._claims: list[socket.socket] = []
         self._malformed: Counter[str] = Counter()
-        self._reported_malformed = 0
+        self._followed: list[Samples] = []
+        self._refused_before: Counter[str] = Counter()
         super().__init__(
             executable,
             # Values of the command line and of files must be seen before they are
@@ -186,6 +224,11 @@ class GraphNode(SupervisedNode):
         self._inboxes.add(subscription)
         return Inbox(subscription, partial(self.refuse, topic))
 
+    def samples(self, topic: Topic, rate: float) -> Samples:
+        """Subscribe to a signal whose samples are taken in order, when they are needed."""
+        self._followed.append(Samples(self.inbox(topic), rate, partial(self._on_jump, topic)))
+        return self._followed[-1]
+
     def rivals(self, inbox: Inbox) -> list[str]:
         """Return the full names of the nodes that publish to an inbox; none for a single one."""
         topic = inbox.subscription.topic_name
@@ -219,6 +262,9 @@ class GraphNode(SupervisedNode):
         self._malformed[topic.name] += 1
         if self._malformed[topic.name] == 1:
             self.get_logger().warning(f"{topic.name}: malformed message refused: {reason}")
+
+    def start_anew(self) -> None:
+        """Forget the samples that wait: a clock was set, and later ones have other stamps."""
 
     def close(self) -> None:
         """Publish the last diagnostics; called once, whatever ended the node."""
@@ -262,11 +308,12 @@ class GraphNode(SupervisedNode):
     def report(self) -> None:
         """Publish the node's diagnostics."""
         warning, values = self.status()
-        malformed = self._malformed.total()
-        new, self._reported_malformed = malformed - self._reported_malformed, malformed
-        if new:
-            warning = ", ".join(filter(None, (warning, f"messages malformed: {new}")))
-        values = {"scheduling": scheduling_class(), "messages malformed": str(malformed), **values}
+        refused = self._refusals()
+        new = refused - self._refused_before
+        self._refused_before = refused
+        warning = ", ".join(filter(None, (warning, *(f"{key}: {n}" for key, n in new.items()))))
+        counts = {key: str(count) for key, count in refused.items()}
+        values = {"scheduling": scheduling_class(), **counts, **values}
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
             name=self.get_name(),
@@ -277,6 +324,22 @@ class GraphNode(SupervisedNode):
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._publish_diagnostics(array)
+
+    def _refusals(self) -> Counter[str]:
+        """Return how many messages were refused, by reason."""
+        counts = Counter({"messages malformed": self._malformed.total()})
+        if self._followed:
+            counts["samples out of date"] = sum(s.succession.outdated for s in self._followed)
+        return counts
+
+    def _on_jump(self, topic: Topic, jumped: Samples) -> None:
+        """Let all signals begin anew, so that this is said once."""
+        by = jumped.succession.jump
+        self.get_logger().warning(f"{topic.name}: a clock was set by {by:+.3g} s; starting anew")
+        for samples in self._followed:
+            if samples is not jumped:
+                samples.succession.begin()
+        self.start_anew()
 
     def _listen(
         self, topic: Topic, unpack: Callable[[bytes], Value], callback: Callable[[Value], None]

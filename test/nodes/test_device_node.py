@@ -421,3 +421,17 @@ def test_forces_that_were_late_at_the_device_are_missed_deadlines(
     after = int(bench.node.status()[1]["actuator force deadlines missed"])
     assert after == before + 1000
     assert before < 1000, "those before the arms engaged do not count"
+
+
+def test_a_force_of_the_future_is_refused_and_not_applied_when_its_time_comes(
+    bench: Bench,
+) -> None:
+    bench.driven()
+    for _ in range(3):
+        bench.command((0.5, 0.0, 0.0), 0.5, age=-1.5 * MAX_AGE)
+    bench.warned("arm force out of date", "actuator force out of date")
+    over = time.monotonic() + 2 * MAX_AGE
+    bench.until(lambda: time.monotonic() > over)
+    bench.driven()
+    assert not bench.wrote("arm_force", (0.5, 0.0, 0.0))
+    assert not bench.wrote("actuator_force", 0.5)

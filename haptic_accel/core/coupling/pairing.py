@@ -55,6 +55,12 @@ class Pairing:
         """Take a sample of an arm, 0 or 1, in the order of the stamps."""
         self._waiting[arm].append(motion)
 
+    def clear(self) -> None:
+        """Forget all samples."""
+        for waiting in self._waiting:
+            waiting.clear()
+        self._before = [None, None]
+
     def pairs(self) -> Iterator[tuple[Motion, Motion]]:
         """Yield the samples of both arms for each tick that is complete."""
         first, second = self._waiting

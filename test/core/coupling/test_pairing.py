@@ -51,3 +51,17 @@ def test_nothing_is_lost_in_any_order_of_arrival(arms: list[int]) -> None:
         sent[arm] += 1
         found += ticks(pairing)
     assert found == [(float(tick), float(tick)) for tick in range(min(sent))]
+
+
+def test_what_waits_is_forgotten_where_a_clock_was_set_back() -> None:
+    pairing = Pairing(1000.0, 100)
+    for arm in (0, 1):
+        pairing.put(arm, motion(5000))
+    assert ticks(pairing) == [(5000.0, 5000.0)]
+    pairing.put(0, motion(5001))
+    pairing.clear()
+    assert not pairing.waiting
+    pairing.put(1, motion(2))
+    pairing.put(1, motion(3))
+    pairing.put(0, motion(3))
+    assert ticks(pairing) == [(3.0, 3.0)]

@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.actuator.safety import MAX_AGE
+from haptic_accel.core.succession import IN_A_ROW, Succession
+
+PERIOD = 1_000_000
+"""Period, ns."""
+
+HOUR = 3600 * 10**9
+LIMIT = round(MAX_AGE * 1e9)
+
+
+class Source:
+    """A signal of 1 kHz whose samples come at once, and the clock that stamps them."""
+
+    def __init__(self) -> None:
+        self.succession = Succession(1000.0)
+        self.steady = 0
+        self.system = 10**18
+        self.jumps: list[float] = []
+
+    def admitted(self, stamp: int) -> bool:
+        """Return whether a sample with a stamp is admitted now."""
+        admitted = self.succession.admits(stamp, self.system, self.steady)
+        if admitted and self.succession.jump:
+            self.jumps.append(self.succession.jump)
+        return admitted
+
+    def run(self, count: int) -> list[bool]:
+        """Return which of the next samples are admitted."""
+        return [self.step() for _ in range(count)]
+
+    def step(self, delay: int = 0) -> bool:
+        """Let a period pass; return whether the sample is admitted, taken a delay ago."""
+        self.steady += PERIOD
+        self.system += PERIOD
+        return self.admitted(self.system - delay)
+
+
+def test_samples_in_order_are_admitted_and_missing_ones_counted() -> None:
+    source = Source()
+    assert all(source.run(5))
+    source.steady += 3 * PERIOD
+    source.system += 3 * PERIOD
+    assert source.step()
+    succession = source.succession
+    assert (succession.lost, succession.skipped) == (3, 3)
+    assert source.step()
+    assert (succession.lost, succession.skipped) == (3, 0)
+    assert source.jumps == []
+
+
+def test_a_silence_is_no_jump_of_a_clock() -> None:
+    source = Source()
+    source.run(5)
+    source.steady += 10**9
+    source.system += 10**9
+    assert source.step()
+    assert source.succession.lost == 1000
+    assert source.jumps == []
+
+
+def test_a_straggler_and_a_repeated_sample_are_refused() -> None:
+    source = Source()
+    source.run(5)
+    assert [source.admitted(source.system - n * PERIOD) for n in (0, 2, 1, 0, 0)] == [False] * 5
+    assert source.step()
+    succession = source.succession
+    assert (succession.stale, succession.lost, source.jumps) == (5, 0, [])
+
+
+@pytest.mark.parametrize("off", [LIMIT + 1, -LIMIT - 1, HOUR, -HOUR])
+def test_a_stamp_far_from_now_is_refused_and_shuts_out_no_other(off: int) -> None:
+    source = Source()
+    source.run(5)
+    assert not source.admitted(source.system + off)
+    assert source.succession.outdated == 1
+    assert all(source.run(5))
+    assert (source.succession.lost, source.jumps) == (0, [])
+
+
+@pytest.mark.parametrize("off", [HOUR, -HOUR])
+def test_a_signal_that_begins_with_a_wrong_stamp_begins_with_the_next(off: int) -> None:
+    source = Source()
+    assert not source.admitted(source.system + off)
+    assert all(source.run(3))
+
+
+@given(st.integers(2, LIMIT // PERIOD))
+def test_a_stamp_a_little_ahead_shuts_out_few(ahead: int) -> None:
+    source = Source()
+    source.run(5)
+    assert source.admitted(source.system + ahead * PERIOD)
+    assert source.run(10)[IN_A_ROW:] == [True] * (10 - IN_A_ROW)
+
+
+@given(
+    st.sampled_from([-HOUR, HOUR]) | st.integers(-10 * LIMIT, 10 * LIMIT),
+    st.integers(0, LIMIT // 4),
+)
+def test_after_a_step_of_the_clock_few_samples_are_refused(step: int, delay: int) -> None:
+    source = Source()
+    for _ in range(5):
+        source.step(delay)
+    source.system += step
+    admitted = [source.step(delay) for _ in range(20)]
+    assert all(admitted[IN_A_ROW:])
+    assert source.succession.lost <= LIMIT // PERIOD
+    assert len(source.jumps) <= 1
+    if step < -3 * PERIOD or step > LIMIT:
+        (jump,) = source.jumps
+        assert jump == pytest.approx(step / 1e9, abs=1e-9 * LIMIT)
+
+
+@given(st.lists(st.integers(-3 * LIMIT, 3 * LIMIT), max_size=50))
+def test_samples_admitted_are_newer_than_the_last_unless_a_clock_was_set(offs: list[int]) -> None:
+    source = Source()
+    last = 0
+    for off in offs:
+        source.steady += PERIOD
+        source.system += PERIOD
+        jumps = len(source.jumps)
+        stamp = source.system + off
+        if source.admitted(stamp):
+            assert abs(off) <= LIMIT
+            assert stamp > last or len(source.jumps) > jumps
+            last = stamp
+
+
+def refused(succession: Succession, stamps: Iterable[int]) -> int:
+    return sum(not succession.admits(stamp, stamp, 0) for stamp in stamps)
+
+
+def test_a_succession_that_begins_anew_knows_no_sample_before() -> None:
+    succession = Succession(1000.0)
+    assert refused(succession, [7 * PERIOD, 2 * PERIOD]) == 1
+    succession.begin()
+    assert refused(succession, [2 * PERIOD]) == 0
+    assert (succession.skipped, succession.jump) == (0, 0.0)
