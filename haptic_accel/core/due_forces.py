@@ -73,15 +73,13 @@ class DueForces:
     def take(self, tick: int) -> Caused | None:
         """Return the newest force that is due at a tick or was before; None if there is none.
 
-        One that is out of date comes first.
+        One that is out of date counts only where no other is due.
         """
         self._carried_out = tick
-        if self._out_of_date:
-            found, self._out_of_date = self._out_of_date, None
-            return found
+        out_of_date, self._out_of_date = self._out_of_date, None
         ready = [due for due in self._waiting if due <= tick]
         if not ready:
-            return None
+            return out_of_date
         self._last = max(ready)
         found = self._waiting[self._last]
         for due in ready:

@@ -63,12 +63,13 @@ def test_no_force_is_early_or_applied_after_a_newer_one(
     assert forces.missed == late
 
 
-def test_a_force_that_is_out_of_date_comes_first_and_is_kept_for_no_later_tick() -> None:
+def test_a_force_that_is_out_of_date_is_passed_on_at_once_or_never() -> None:
     forces = DueForces(1)
     forces.take(6)
     forces.put(6, 6000, force(6))
     forces.pass_on(10**18, force(1000))
-    assert forces.take(7) == (10**18, force(1000))
-    assert forces.take(8) == (6000, force(6))
+    assert forces.take(6) == (10**18, force(1000))
+    forces.pass_on(10**18, force(1000))
+    assert forces.take(7) == (6000, force(6))
     assert forces.take(10**9) is None
     assert (forces.newest, forces.due, forces.missed) == (6, 1, 0)
