@@ -46,7 +46,7 @@ class ControlArguments(Checked):
 )
 @arguments(ControlArguments)
 def control(arguments: ControlArguments) -> None:
-    """Change a graph while it runs.
+    """Change a graph while it runs; prints what changed, from what to what.
 
     Switches to another controller, freezes or resets the adaptation, changes the simulated
     surface or grip, disengages or engages the arms.
@@ -55,7 +55,7 @@ def control(arguments: ControlArguments) -> None:
         settings = [name for name in schema(ControlArguments) if name != "namespace"]
         raise ParameterError(f"control: must be given one of {', '.join(settings)}")
     # ROS takes a while to import: wrong words are refused without it.
-    from haptic_accel.cli.calling import send
+    from haptic_accel.cli.calling import change
     from haptic_accel.cli.joining import CallError, connected
 
     requests = list(_requests(arguments))
@@ -66,7 +66,7 @@ def control(arguments: ControlArguments) -> None:
             if refused and not request.service.endswith("/arm"):
                 break
             try:
-                send(node, request)
+                print(change(node, request))
             except CallError as error:
                 refused.append(str(error))
     if refused:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import signal
 import sys
 import threading
@@ -15,7 +17,7 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.keys import on_key
 from haptic_accel.core.process import FAILED, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.graph.claims import sole_graph
-from haptic_accel.graph.processes import Process
+from haptic_accel.graph.processes import RECORDER, SCOPE, Process
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
@@ -23,6 +25,9 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 STOP_KEY = b" "
 """Key that stops a graph at once."""
+
+SUMMARY = re.compile(r"([^\[].*): \d+ messages, \d+ dropped")
+"""The recorder's summary of a bag that is whole: `BagFiles.summary`."""
 
 STOPPED_BY_KEY = (
     "space: emergency stop, no force until you type in another terminal:"
@@ -93,11 +98,23 @@ def run_shown(processes: Sequence[Process], *, endless: bool = False) -> None:
         supervisor.stop_forces()
         print(STOPPED_BY_KEY, flush=True)
 
-    with sole_graph(), stop_on_signal() as stop, on_key(STOP_KEY, stop_forces):
+    with sole_graph(), stop_on_signal() as stop, on_key(STOP_KEY, stop_forces) as keys:
+        _print_hints(processes, keys)
         outcome = supervisor.run(stop)
+    for line in outcome.last_lines.get(RECORDER, ()):
+        if summary := SUMMARY.fullmatch(line):
+            print(f"next: haptic-accel analyze {shlex.quote(summary[1])}")
     _conclude(outcome)
     if endless and outcome.first:
         print(f"{outcome.first} ended", file=sys.stderr)
+
+
+def _print_hints(processes: Sequence[Process], keys: bool) -> None:
+    """Say how to look at a graph, stop it and end it."""
+    stop = "space" if keys else "haptic-accel estop in another terminal"
+    print(f"emergency stop: {stop}; end: Ctrl-C", flush=True)
+    if any(process.executable == SCOPE for process in processes):
+        print("page: open the address that [scope] prints below", flush=True)
 
 
 def _conclude(outcome: Outcome) -> None:

@@ -270,8 +270,11 @@ class DeviceNode(ManagedNode):
         self._stop(True)
 
     def close(self) -> None:
-        """Leave the device without force."""
+        """Leave the device without force, and log the missed deadlines."""
         self.device.close()
+        if (counts := self._deadlines())["due"]:
+            text = "{missed} of {due} forces missed their deadline"
+            self.get_logger().info(text.format(**counts))
         super().close()
 
     def status(self) -> tuple[str, dict[str, str]]:
@@ -306,11 +309,7 @@ class DeviceNode(ManagedNode):
 
     def _missed_deadlines(self) -> str:
         """Return a warning if too many forces came late since the last report."""
-        commands = self._commands.values()
-        counts = {
-            "due": sum(each.forces.due for each in commands),
-            "missed": sum(each.missed for each in commands),
-        }
+        counts = self._deadlines()
         due, missed = (counts[name] - self._reported_deadlines[name] for name in counts)
         self._reported_deadlines = counts
         if missed <= MANY_MISSED * due or due < self.parameters.rate / 2:
@@ -322,6 +321,14 @@ class DeviceNode(ManagedNode):
                 f" {self.parameters.rate:g} Hz now? haptic-accel doctor"
             )
         return f"{missed} of {due} deadlines missed"
+
+    def _deadlines(self) -> dict[str, int]:
+        """Return how many forces were due, and how many of them came late."""
+        commands = self._commands.values()
+        return {
+            "due": sum(each.forces.due for each in commands),
+            "missed": sum(each.missed for each in commands),
+        }
 
     def _build_device(self) -> Device:
         p = self.parameters

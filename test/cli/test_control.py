@@ -32,7 +32,9 @@ def test_another_controller_takes_over_without_a_jump(
     graph.wait_for("engaged")
     change = haptic_accel("control", "controller:=adaptive", "reset:=true")
     assert change.end() == 0, change.text
-    assert ask("control", "frozen:=true") == (0, "")
+    assert change.lines == ["compensator: controller none -> adaptive", "compensator: reset done"]
+    frozen = "compensator: adaptive.frozen False -> True"
+    assert ask("control", "frozen:=true") == (0, frozen)
     reports = (observer.status("compensator") for _ in range(20))
     assert any(report.get("frozen") == "true" for report in reports)
     assert graph.end(signal.SIGINT) == 0, graph.text
@@ -65,7 +67,13 @@ def test_surface_grip_and_engagement_change_while_the_graph_runs(
 
     graph = haptic_accel("teleop", "rate:=250", "record:=false", "surface:=plywood")
     graph.wait_for("engaged")
-    assert ask("control", "surface:=vinyl", "grip:=hook", "engage:=false") == (0, "")
+    status, said = ask("control", "surface:=vinyl", "grip:=hook", "engage:=false")
+    surface, grip, arms = said.splitlines()
+    assert (status, arms) == (0, "coupler: let go on request")
+    assert surface.startswith("slave_device: simulated.surface.")
+    assert grip == "master_device: simulated.grip.posture average -> hook"
+    unchanged = "master_device: nothing changed: it was so already"
+    assert ask("control", "grip:=hook") == (0, unchanged)
     graph.wait_for("let go: let go on request")
     # All of the surface, also what its file does not name.
     expected = surface_parameters("vinyl")
@@ -73,9 +81,9 @@ def test_surface_grip_and_engagement_change_while_the_graph_runs(
     assert value("master_device", "simulated.grip.posture") == "hook"
     observer.status("coupler", "let go on request")
     so_far = len(graph.lines)
-    assert ask("control", "engage:=true") == (0, "")
+    assert ask("control", "engage:=true")[0] == 0
     graph.wait_for("engaged", after=so_far)
-    assert ask("control", "arm:=true") == (0, "")
+    assert ask("control", "arm:=true") == (0, "slave_device: armed\nmaster_device: armed")
     # One by one, as `ros2 param set` does.
     assert reason_of("slave_device", surface__friction=0.7) == ""
     assert reason_of("master_device", grip__gravity=3.0) == ""

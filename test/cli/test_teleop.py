@@ -164,6 +164,10 @@ def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(
     assert nodes_of(domain) == {}
     assert "Traceback" not in command.text
     assert "0 dropped" in command.wait_for("messages")
+    assert command.lines[0].startswith("emergency stop: haptic-accel estop in another terminal;")
+    assert command.lines[-1] == f"next: haptic-accel analyze {tmp_path / 'bag'}"
+    for device in ("master_device", "slave_device"):
+        command.wait_for(rf"\[{device}\].* \d+ of \d+ forces missed their deadline")
     read(tmp_path / "bag")
 
 
