@@ -93,14 +93,15 @@ class Recorder(GraphNode):
         """Return counts of messages written, waiting and lost, and the state of the disk."""
         writer = self._session.writer
         files, load = writer.files, writer.take_load()
-        problem, waiting, free = files.failure or files.trouble, load.highest, files.free_space
+        waiting, free = load.highest, files.free_space
         warnings = (
             (writer.dropped, f"{writer.dropped} messages dropped"),
-            (problem, problem),
+            (files.trouble, files.trouble),
             (waiting > MUCH_WAITING * writer.capacity, f"{waiting} messages wait for the disk"),
             (free < LITTLE_SPACE, f"{free / 1e6:.0f} MB are left on the disk"),
         )
-        warning = "; ".join(text for is_given, text in warnings if is_given)
+        # After a failure, said once, the rest grows with every message.
+        warning = files.failure or "; ".join(text for is_given, text in warnings if is_given)
         if warning and warning != self._reported:
             self.get_logger().warning(warning)
         self._reported = warning

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -117,6 +118,19 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     changes = [(one.node, one.parameter, one.value) for one in bag.changes]
     assert ("compensator", "controller", "none") in changes
     assert len(with_rosbags(tmp_path / "bag")) == len(with_mcap(tmp_path / "bag"))
+
+
+def test_a_bag_that_is_removed_fails_the_run_in_one_line(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    graph = haptic_accel("teleop", "rig:=ideal", "surface:=vinyl", "bag:=bag")
+    graph.wait_for("engaged")
+    shutil.rmtree(tmp_path / "bag")
+    graph.wait_for("bag_0.mcap was removed while it was recorded")
+    assert graph.end(signal.SIGINT) == 1, graph.text
+    said = [line for line in graph.lines if line.startswith("[recorder] [WARN]")]
+    assert sum("bag_0.mcap was removed" in line for line in said) == 1, graph.text
+    assert "removed while it was recorded: 0 messages are saved" in graph.text
 
 
 def test_after_kill_9_the_bag_is_repaired_and_says_what_was_run(
