@@ -289,14 +289,14 @@ class McapFile:
             if chunk.records:
                 yield self._placed(chunk)
                 chunk = Chunk(b"")
-            if kind in _LOOSE_KINDS:
+            if kind in _LOOSE_KINDS and self._declare(kind, content):
                 loose += mcap.record(kind, content)
             if loose and (kind not in _LOOSE_KINDS or len(loose) > LOOSE):
                 yield self._walked(Chunk(bytes(loose)))
                 loose.clear()
             if kind == mcap.CHUNK:
                 chunk = self._decompressed(content)
-            else:
+            elif kind == mcap.METADATA:
                 self._declare(kind, content)
             ended = kind == mcap.DATA_END
             if ended:
@@ -342,33 +342,41 @@ class McapFile:
         return self._walked(chunk)
 
     def _walked(self, chunk: Chunk) -> Chunk:
-        """Return a chunk cut to its whole records, with the places of its messages.
+        """Return a chunk cut to its sound records, with the places of its messages.
 
         Schemas and channels are declared on the way.
         """
         found: dict[int, list[tuple[int, int]]] = {}
         records, place = chunk.records, 0
+        parts, begin, removed = [], 0, 0
         while place + RECORD.size <= len(records):
             kind, length = RECORD.unpack_from(records, place)
             start = place + RECORD.size
-            if kind == mcap.NOTHING or start + length > len(records):
+            end = start + length
+            if kind == mcap.NOTHING or end > len(records):
                 break
             if kind == mcap.MESSAGE and length >= mcap.MESSAGE_HEADER.size:
                 number, _, time, _ = mcap.MESSAGE_HEADER.unpack_from(records, start)
-                if time > NEVER:
-                    self._report(f"a message has the time {time} ns and is left out")
-                else:
-                    found.setdefault(number, []).append((time, place))
+                is_sound = time <= NEVER
+                if is_sound:
+                    found.setdefault(number, []).append((time, place - removed))
             else:
-                self._declare(kind, records[start : start + length])
-            place = start + length
+                is_sound = kind != mcap.MESSAGE and self._declare(kind, records[start:end])
+            if kind == mcap.MESSAGE and not is_sound:
+                self._report("a message is too short, or has an impossible time: it is left out")
+            if not is_sound:
+                parts.append(records[begin:place])
+                removed += end - place
+                begin = end
+            place = end
         entries = {
             number: _pair(np.array(rows, np.uint64).view(_ENTRY)) for number, rows in found.items()
         }
-        return Chunk(records[:place], chunk.compression, entries)
+        whole = b"".join((*parts, records[begin:place]))
+        return Chunk(whole, chunk.compression, entries)
 
-    def _declare(self, kind: int, content: bytes) -> None:
-        """Take note of a schema, a channel or metadata."""
+    def _declare(self, kind: int, content: bytes) -> bool:
+        """Take note of a schema, a channel or metadata; return whether it could be read."""
         stream = io.BytesIO(content)
         read = mcap.read_text
         try:
@@ -385,6 +393,8 @@ class McapFile:
                 self.metadata[name] = mcap.read_text_map(stream.read()[4:])
         except DAMAGE_ERRORS as error:
             self._report(f"a record cannot be read: {error}")
+            return False
+        return True
 
 
 class DamagedIndexError(ValueError):

@@ -208,6 +208,19 @@ def test_metadata_that_was_changed_is_written_anew(memory: Path) -> None:
     assert metadata.read_text() == saved
 
 
+def test_a_record_that_cannot_be_read_is_taken_out(memory: Path) -> None:
+    file = write_small_bag(memory / "bag")
+    whole = content(read_bag(memory / "bag"))
+    saved = file.read_bytes()
+    channel = bytes([4]) + (1).to_bytes(8, "little") + b"x"
+    file.write_bytes(saved[: saved.index(b"rosbag2") - 13] + channel)
+    done = repair(memory / "bag")
+    assert len(done.problems) == 1
+    assert "a record cannot be read" in done.problems[0]
+    assert content(read_bag(memory / "bag")) == whole
+    assert repair(memory / "bag").repairs == []
+
+
 Damage = Callable[[bytes], bytes]
 
 wheres, numbers = st.floats(0.0, 1.0), st.sampled_from([0, 1, 2**31, 2**32 - 1, 2**63, 2**64 - 1])
