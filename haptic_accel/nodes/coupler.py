@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
+from functools import partial
 
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
@@ -99,6 +100,8 @@ class Coupler(GraphNode):
             self._first_force = self.inbox(topics.ACTUATOR_FORCE)
         self._publish_stop = self.publisher(topics.EMERGENCY_STOP).publish
         self.listen_state(topics.EMERGENCY_STOP, self._on_stop)
+        for arm, signals in ARM_TOPICS.items():
+            self.listen_state(signals.stopped, partial(self._engagement.arm_stopped, arm))
         self.create_service(SetBool, topics.EMERGENCY_STOP.name, self._serve_stop)
         self.create_service(SetBool, "~/engage", self._serve_engage)
         self.create_timer(STEP_PERIOD, self._step)

@@ -29,6 +29,10 @@ RESTING = "waiting for the arms to come to rest"
 STOPPED = "emergency stop"
 """Reason for free arms while the emergency stop is not released."""
 
+DIFFERING = 1.0
+"""Time for which a device and the coupler may differ about the emergency stop before all are
+stopped, s: a stop or its release does not reach all at once."""
+
 DISENGAGED = "let go on request"
 """Reason for free arms after a request to release them."""
 
@@ -102,7 +106,8 @@ class Engagement:
         self.compensated = not parameters.compensated
         self._received = dict.fromkeys(ARMS, -math.inf)
         self._wanted = True
-        self._stopped_since = math.inf
+        self._stopped_since = self._differing_since = math.inf
+        self._arms_stopped: dict[str, bool] = {}
         self._latched = False
         self._first_engaged = math.inf
         self._released = -math.inf
@@ -127,6 +132,10 @@ class Engagement:
             return False
         self._stopped_since = now if stop else math.inf
         return True
+
+    def arm_stopped(self, arm: str, stopped: bool) -> None:
+        """Note whether the device of an arm, one of `ARMS`, follows the emergency stop."""
+        self._arms_stopped[arm] = stopped
 
     def latch(self, stop: bool) -> None:
         """Note that the emergency stop or its release was published by the caller."""
@@ -170,6 +179,7 @@ class Engagement:
 
     def step(self, now: float, listeners: int) -> Decision:
         """Return what is to be done now; arguments as for `missing`."""
+        differing = self._stop_all(now)
         missing = self.missing(now, listeners)
         engage = not (self.engaged or missing)
         release = self.engaged and bool(missing)
@@ -183,15 +193,34 @@ class Engagement:
             release=release,
             latch=self._must_latch(now),
             finished=self._is_over(now),
-            warning=f"let go: {missing}" if release else self._due_warning(now, missing),
+            warning=differing
+            or (f"let go: {missing}" if release else self._due_warning(now, missing)),
         )
 
     @property
     def _held(self) -> str:
         """Reason for free arms; empty if they may be coupled."""
-        if self.stopped:
+        if self.stopped or any(self._arms_stopped.values()):
             return STOPPED
         return "" if self._wanted else DISENGAGED
+
+    def _stop_all(self, now: float) -> str:
+        """Stop where a device differs for too long; return a line for the log, empty for none."""
+        for arm, received in self._received.items():
+            if self._parameters.timeout < now - received < math.inf:
+                self._arms_stopped.pop(arm, None)  # of a device that has gone
+        states = {"coupler": self.stopped, **self._arms_stopped}
+        if len(set(states.values())) == 1:
+            self._differing_since = math.inf
+            return ""
+        self._differing_since = min(self._differing_since, now)
+        if now - self._differing_since <= DIFFERING:
+            return ""
+        self._differing_since = math.inf
+        self.stop(True, now)
+        self._latched = False
+        stopped = " and ".join(name for name, state in states.items() if state)
+        return f"{STOPPED}: only {stopped} stopped; all are stopped again"
 
     def _must_latch(self, now: float) -> bool:
         # Not at once: the message may be the caller's own, which it is about to note.

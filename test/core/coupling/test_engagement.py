@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.coupling.engagement import (
     ARMS,
+    DIFFERING,
     DISENGAGED,
     FREE_TIME,
     RESTING,
@@ -180,6 +181,61 @@ def test_a_stop_is_not_warned_of() -> None:
     run = Run()
     run.engagement.stop(True, run.now)
     assert run.step(2 * WARNING_PERIOD).warning == ""
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_a_device_that_is_stopped_alone_frees_the_arms_and_then_stops_all(arm: str) -> None:
+    run = Run()
+    run.step()
+    run.engagement.arm_stopped(arm, True)
+    assert run.step(0.0) == Decision(release=True, warning=f"let go: {STOPPED}")
+    assert run.step(0.9 * DIFFERING) == NOTHING
+    assert not run.engagement.stopped
+    warning = f"emergency stop: only {arm} stopped; all are stopped again"
+    assert run.step(0.2 * DIFFERING) == Decision(warning=warning)
+    assert run.engagement.stopped
+    assert run.step(1.1 * STEP_PERIOD).latch
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_a_device_that_missed_the_stop_is_told_again(arm: str) -> None:
+    run = Run()
+    run.engagement.latch(True)
+    run.engagement.stop(True, run.now)
+    run.engagement.arm_stopped(arm, False)
+    assert not run.step(0.0).latch
+    decision = run.step(1.1 * DIFFERING)
+    assert (decision.latch, decision.engage) == (True, False)
+    assert decision.warning == "emergency stop: only coupler stopped; all are stopped again"
+    run.engagement.latch(True)
+    run.engagement.arm_stopped(arm, True)
+    assert run.step(2 * DIFFERING) == NOTHING
+
+
+def test_a_release_that_reaches_all_within_a_while_stops_nothing() -> None:
+    run = Run()
+    run.engagement.stop(True, run.now)
+    for arm in ARMS:
+        run.engagement.arm_stopped(arm, True)
+    run.step()
+    run.engagement.stop(False, run.now)
+    run.engagement.arm_stopped(ARMS[0], False)
+    assert not run.step(0.5 * DIFFERING).engage
+    run.engagement.arm_stopped(ARMS[1], False)
+    assert run.step(0.6 * DIFFERING) == ENGAGE
+    assert run.step(2 * DIFFERING).warning == ""
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_what_a_device_said_that_has_gone_counts_no_longer(stopped: bool) -> None:
+    run = Run()
+    run.engagement.stop(not stopped, run.now)
+    run.engagement.latch(not stopped)
+    run.engagement.arm_stopped(ARMS[0], stopped)
+    run.step()
+    for _ in range(30):
+        assert not run.step(DIFFERING / 10, ARMS[1:]).latch
+    assert run.engagement.stopped is not stopped
 
 
 Event = Callable[[Run], object]
