@@ -16,6 +16,7 @@ from rich.console import Console
 from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.metrics import AnalysedTrial, granted
 from haptic_accel.analysis.page import Setting
+from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
@@ -277,7 +278,7 @@ def _beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> list
     for trial in analysis.trials:
         if trial.segment.bag in expected:
             rows.setdefault(trial.controller, []).append(
-                f"{trial.surface} {trial.metrics['nrmse_percent']:.1f}"
+                f"{trial.surface} {number(trial.metrics['nrmse_percent'], 1)}"
                 f" ({expected[trial.segment.bag]:.1f})"
             )
     return [(controller, ", ".join(cells)) for controller, cells in rows.items()]

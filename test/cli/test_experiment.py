@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -72,6 +73,13 @@ def test_the_papers_loop_has_no_latency(haptic_accel: Start, tmp_path: Path) -> 
         assert condition["latency_samples"] == latency
         assert condition["after_samples"] == latency + 1
         errors[latency] = condition["nrmse_percent"]
+        page = (tmp_path / str(latency) / "index.html").read_text()
+        settings = dict(re.findall(r'<th scope="row">(.+)</th><td class="words">(.*)</td>', page))
+        # Only what differs from its default.
+        told = {"run": "lockstep", "duration": "2.0", "latency": str(latency)}
+        assert told.items() <= settings.items()
+        assert "rate" not in settings
+        assert f"latency:={latency}" in settings["command line"]
     # A pure delay, after which the error is taken, changes next to nothing.
     assert errors[3] == pytest.approx(errors[0], abs=3.0)
 
