@@ -224,10 +224,11 @@ def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
     found = storage_files(path)
     if not found:
         raise ParameterError(f"{path}: {MUST_BE}")
-    if metadata.compression_mode:
-        return [path]
     named = [path / file.name for file in metadata.files]
-    bag.problems.extend(f"{file.name} is missing" for file in named if not file.is_file())
+    missing = [f"{file.name} is missing" for file in named if not file.is_file()]
+    if metadata.compression_mode and not missing:
+        return [path]
+    bag.problems.extend(missing)
     first = [file for file in named if file in found]
     return first + [file for file in found if file not in first]
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -305,3 +306,14 @@ def test_a_folder_without_messages_is_refused(tmp_path: Path, name: str) -> None
         path.write_text("no bag")
     with pytest.raises(ParameterError, match="must be a bag"):
         read_bag(path)
+
+
+def test_a_pipe_in_place_of_a_compressed_file_is_missing(tmp_path: Path) -> None:
+    kind, topic = TOOL_ACCELERATION.type, f"/{TOOL_ACCELERATION.name}"
+    rows = [(topic, kind, 1, stamped(kind, 1, "", (0, 0, 1)))]
+    write(tmp_path / "bag", rows, compression=CompressionMode.FILE)
+    (file,) = (tmp_path / "bag").glob("*.zstd")
+    file.rename(file.with_name("other.mcap.zstd"))
+    os.mkfifo(file)
+    with pytest.raises(ParameterError, match="must be a bag: other.mcap.zstd cannot be read"):
+        read_bag(tmp_path / "bag")
