@@ -159,7 +159,7 @@ class ChunkedWriter:
         """Write what is pending into the file.
 
         Schemas and channels without messages are no chunk: one without an index of messages keeps
-        `ros2 bag play` from reading the whole file in the order of time (ros2/rosbag2 #2040).
+        `ros2 bag play` from reading the whole file in the order of time.
         """
         records, entries = self._pending.records.getvalue(), self._pending.entries
         if not records:
