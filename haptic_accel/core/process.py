@@ -7,9 +7,9 @@ import signal
 DONE, FAILED, WRONG_ARGUMENTS = 0, 1, 2
 """Exit statuses of every executable and of ``haptic-accel``."""
 
-CUT_SHORT = 6
-"""Exit status of a node whose middleware aborted while it was shut down, all else being done: the
-number of the signal that an abort raises."""
+CUT_SHORT = (6, 11)
+"""Exit statuses of a node whose middleware aborted or faulted while it was shut down, all else
+being done: the numbers of the signals that this raises."""
 
 INTERRUPTED = 130
 """Exit status of ``haptic-accel`` after Ctrl-C, as in shells."""

@@ -28,9 +28,9 @@ PATIENCE = ((signal.SIGTERM, 10.0), (signal.SIGKILL, 5.0))
 """Signals that ask a process to end, each with the time in s before the next. No SIGINT: a process
 that still imports would answer with a traceback."""
 
-_ENDS = (DONE, -signal.SIGTERM, -signal.SIGALRM, CUT_SHORT)
+_ENDS = (DONE, -signal.SIGTERM, -signal.SIGALRM, *CUT_SHORT)
 """Statuses of a process that has done nothing wrong: after one of our signals, too, and where its
-middleware did not come to an end (SIGALRM) or aborted."""
+middleware did not come to an end (SIGALRM), aborted or faulted."""
 
 LOOK_PERIOD = 0.1
 """Interval between checks for the end of a process and a request to stop, s."""
@@ -66,7 +66,7 @@ class Outcome:
         nothing wrong, nor has one whose middleware had to be cut short.
         """
         statuses = self.statuses.items()
-        if self.status in (DONE, CUT_SHORT):
+        if self.status in (DONE, *CUT_SHORT):
             return {name: status for name, status in statuses if status not in _ENDS}
         return {n: s for n, s in statuses if n == self.first or s == -signal.SIGKILL}
 

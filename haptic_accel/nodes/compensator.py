@@ -74,7 +74,6 @@ class Compensator(GraphNode):
     def close(self) -> None:
         """Leave the actuator without force."""
         self._send_force(time.time_ns(), ZERO)
-        super().close()
 
     def start_anew(self) -> None:
         """Forget the samples that wait."""

@@ -109,7 +109,6 @@ class Coupler(GraphNode):
     def close(self) -> None:
         """Leave both arms without force."""
         self._let_go()
-        super().close()
 
     def start_anew(self) -> None:
         """Forget the samples that wait."""

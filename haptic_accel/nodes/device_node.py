@@ -270,12 +270,15 @@ class DeviceNode(ManagedNode):
         self._stop(True)
 
     def close(self) -> None:
-        """Leave the device without force, and log the missed deadlines."""
+        """Leave the device without force."""
         self.device.close()
+
+    def say_farewell(self) -> None:
+        """Log the missed deadlines, and publish the last diagnostics."""
         if (counts := self._deadlines())["due"]:
             text = "{missed} of {due} forces missed their deadline"
             self.get_logger().info(text.format(**counts))
-        super().close()
+        super().say_farewell()
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return timing, the commands' ages, the safety layer's values, the device's counts."""

@@ -59,8 +59,8 @@ class Identifier(GraphNode):
         for _ in range(FAREWELLS):
             self._sender.send(time.time_ns(), ZERO)
             time.sleep(FAREWELL_PAUSE)
-        super().close()
         if self._failure:
+            self.report()
             raise DeviceError(self._failure)
 
     def status(self) -> tuple[str, dict[str, str]]:

@@ -266,8 +266,8 @@ class GraphNode(SupervisedNode):
     def start_anew(self) -> None:
         """Forget the samples that wait: a clock was set, and later ones have other stamps."""
 
-    def close(self) -> None:
-        """Publish the last diagnostics; called once, whatever ended the node."""
+    def say_farewell(self) -> None:
+        """Publish the last diagnostics."""
         self.report()
 
     def destroy_node(self) -> None:

@@ -89,6 +89,9 @@ class Recorder(GraphNode):
         if self._session.failures:
             raise OSError("; ".join(self._session.failures))
 
+    def say_farewell(self) -> None:
+        """Publish nothing: the others have ended."""
+
     def status(self) -> tuple[str, dict[str, str]]:
         """Return counts of messages written, waiting and lost, and the state of the disk."""
         writer = self._session.writer

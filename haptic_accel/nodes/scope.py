@@ -146,7 +146,6 @@ class Scope(GraphNode):
     def close(self) -> None:
         """Disconnect the pages."""
         self._server.stop()
-        super().close()
 
     def choices(self) -> dict[str, list[str]]:
         """Return what the page can choose from."""

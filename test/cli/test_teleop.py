@@ -218,7 +218,7 @@ run("coupler", Aborting)
 def test_middleware_that_aborts_when_all_is_done_is_told_from_a_fault(start: Start) -> None:
     command = start("-c", ABORTING)
     command.wait_for("waiting for the position of master and slave")
-    assert command.end(signal.SIGINT) == CUT_SHORT, command.text
+    assert command.end(signal.SIGINT) in CUT_SHORT, command.text
 
 
 def test_middleware_that_aborts_after_a_failure_hides_none(
