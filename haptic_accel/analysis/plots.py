@@ -194,7 +194,9 @@ def time_traces(portraits: Portraits) -> Figure:
             panel.plot(milliseconds, portrait.desired, **_DESIRED)
             panel.plot(milliseconds, portrait.actual, **_ACTUAL)
             error = percent(portrait.evaluation.nrmse_percent)
-            panel.set_title(f"NRMSE {error}, from {portrait.begin:.2f} s", **_SUBTITLE)
+            _subtitle(
+                panel, f"NRMSE {error}, from {portrait.begin:.2f} s", f"NRMSE {error}", error
+            )
     return figure
 
 
@@ -220,7 +222,7 @@ def regressions(portraits: Portraits) -> Figure:
             slope, r2 = portrait.evaluation.slope_desired_on_actual, portrait.evaluation.r2
             middle = (portrait.mean_actual, portrait.mean_desired)
             panel.axline(middle, slope=slope, **_REGRESSION)
-            panel.set_title(f"slope {number(slope)}, R² {number(r2)}", **_SUBTITLE)
+            _subtitle(panel, f"slope {number(slope)}, R² {number(r2)}", f"R² {number(r2)}")
     return figure
 
 
@@ -396,18 +398,26 @@ def _panels(
         if i == 0:
             heading(x + wide / 2, y + high + _HEADING - less_above, column, wide, "horizontal")
         if j == 0:
-            heading(0.13, y + high / 2, row, high, "vertical")
-        # Rows are lower than the words are long: they stand once, in the middle.
+            heading(0.13, y + high / 2, row, high + down, "vertical")
+        # Panels are smaller than the words are long: they stand once, in the middle.
         if j == 0 and i == len(rows) // 2:
             panel.set_ylabel(names[1], fontsize=_LABEL)
-        if lowest:
-            panel.set_xlabel(names[0], fontsize=_LABEL)
+        if lowest and j == 0:
+            middle = 0.5 * len(columns) + 0.5 * (len(columns) - 1) * _ACROSS / wide
+            panel.set_xlabel(names[0], fontsize=_LABEL, x=middle)
         key = (column, row) if surfaces_down else (row, column)
         panels[key] = panel
         if key not in portraits:
             words: Style = {"ha": "center", "color": "#666666", "fontsize": _LABEL}
             panel.text(0.5, 0.5, "not run", transform=panel.transAxes, **words)
     return figure, panels
+
+
+def _subtitle(panel: Axes, *words: str) -> None:
+    """Set the first of several subtitles that is no wider than a panel; the last if none is."""
+    room = panel.get_position().width * TEXT / (_CHARACTER * _TICK)
+    fitting = (text for text in words if len(text) <= room)
+    panel.set_title(next(fitting, words[-1]), **_SUBTITLE)
 
 
 def _extent(signals: Iterable[FloatArray]) -> float:
