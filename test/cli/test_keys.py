@@ -47,7 +47,7 @@ class Terminal:
             stdout=self._own,
             stderr=self._own,
             start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+            preexec_fn=_prepare,
         )
         os.set_blocking(self._keyboard, False)
         self.text = ""
@@ -73,6 +73,12 @@ class Terminal:
         self.process.wait()
         os.close(self._keyboard)
         os.close(self._own)
+
+
+def _prepare() -> None:
+    """Make the terminal the process's own; nohup would have it ignore the terminal's end."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
 
 @pytest.fixture
