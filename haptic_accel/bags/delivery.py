@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from haptic_accel.bags.reading import Bag, read_bag
+from haptic_accel.bags.reading import Bag, Diagnosis, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.evaluation.histogram import QUANTILES
 from haptic_accel.core.parameters import ParameterError
@@ -29,6 +30,7 @@ LABELS = (*QUANTILES, "max")
 """Labels of durations in diagnostics."""
 
 _ARMS = ("master", "slave")
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ class Delivery:
         Forces that had a due time, and those that came after it, by kind of command, as the
         devices reported last: ``{"actuator force": {"due": n, "missed": n}, ...}``.
     warnings : list of str
-        Warnings of nodes in their diagnostics.
+        Warnings of nodes in their diagnostics, each kind once with its largest number; missed
+        deadlines are among the counts.
     nodes : dict
         Last diagnostics of each node.
     """
@@ -91,12 +94,8 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         if any(topic.source == arm for topic in found)
     }
     end = start + round(length * (NANOSECONDS / rate))
-    warnings = [
-        f"{said.node}: {said.message}"
-        for said in recorded.diagnostics
-        # Before and after a trial, nodes wait for each other.
-        if start <= said.received < end and said.message not in ("OK", "")
-    ]
+    # Before and after a trial, nodes wait for each other.
+    reports = [said for said in recorded.diagnostics if start <= said.received < end]
     return Delivery(
         lost={topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name])) for topic in found},
         missed={arm: length - int(np.sum(there)) for arm, there in taken.items()},
@@ -106,9 +105,26 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
             for name, (node, command) in COMMANDS.items()
             if (counts := _deadlines(_report(recorded, node, end), command))
         },
-        warnings=list(dict.fromkeys(warnings)),
+        warnings=_warnings(reports),
         nodes={said.node: said.values for said in recorded.diagnostics},
     )
+
+
+def _warnings(reports: Sequence[Diagnosis]) -> list[str]:
+    """Return each kind of warning once, with its largest number and how often it came."""
+    kinds: dict[tuple[str, str], list[str]] = {}
+    for said in reports:
+        for warning in said.message.split(", "):
+            if warning not in ("OK", "") and not warning.endswith("deadlines missed"):
+                kinds.setdefault((said.node, _NUMBER.sub("", warning)), []).append(warning)
+    return [
+        f"{node}: {max(found, key=_largest)}{f' ({len(found)} times)' if len(found) > 1 else ''}"
+        for (node, _), found in kinds.items()
+    ]
+
+
+def _largest(warning: str) -> float:
+    return max(map(float, _NUMBER.findall(warning)), default=0.0)
 
 
 def read_delivery(bag: Path, rate: float) -> Delivery:

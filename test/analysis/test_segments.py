@@ -159,11 +159,16 @@ def test_values_that_are_no_numbers_are_not_used(tmp_path: Path) -> None:
 def test_ages_and_warnings_are_those_of_the_segment(tmp_path: Path) -> None:
     diagnostics = [
         (0.5, "master_device", "OK", {"actuator force age p50 (us)": "100.0"}),
+        (1.3, "master_device", "stalled for 9 ms, 30 of 2000 deadlines missed", {}),
         (1.5, "master_device", "stalled for 30 ms", {"actuator force age p50 (us)": "130.0"}),
+        (1.6, "slave_device", "arm force timed out", {"actuator force age p50 (us)": "99.0"}),
     ]
     (segment,) = cut_of(tmp_path, replace(content(2.0), diagnostics=diagnostics)).segments
     assert segment.delivery.age_us == {"p50": 130.0}
-    assert segment.delivery.warnings == ["master_device: stalled for 30 ms"]
+    assert segment.delivery.warnings == [
+        "master_device: stalled for 30 ms (2 times)",
+        "slave_device: arm force timed out",
+    ]
 
 
 @pytest.mark.parametrize(
