@@ -304,7 +304,10 @@ def _metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:
 
 
 def _warnings(analysis: Analysis) -> Iterator[str]:
-    """Yield reasons to doubt the metrics: missing samples, late forces, warnings of nodes."""
+    """Yield reasons to doubt the metrics: missing samples, late forces.
+
+    What the nodes warned of is among the page's notes on single trials.
+    """
     too_late = False
     for trial in analysis.trials:
         delivery = trial.segment.delivery
@@ -324,6 +327,5 @@ def _warnings(analysis: Analysis) -> Iterator[str]:
             if share > LOST_SHARE:
                 yield f"{name}: {100 * share:.1f} % of the {what}, which makes the error larger."
         too_late |= max(late.values(), default=0.0) > LOST_SHARE
-        yield from (f"{name}: {warning}." for warning in delivery.warnings)
     if too_late:
         yield "latency:=4 gives forces more time; haptic-accel doctor looks at the machine."
