@@ -34,6 +34,15 @@ class ManagedNode(LifecycleNodeMixin, GraphNode):
         """Name of the current state."""
         return str(self._state_machine.current_state[1])
 
+    def destroy_node(self) -> None:
+        """Destroy the node and its state machine.
+
+        The state machine keeps the middleware running, and rclpy would leave it until the process
+        ends: the middleware's threads would then use libraries that are being torn down.
+        """
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
+
     def _serve_transition(
         self, request: ChangeState.Request, response: ChangeState.Response
     ) -> Any:

@@ -400,9 +400,9 @@ def _close(nodes: Sequence[SupervisedNode], well: bool) -> None:
     # Nothing is urgent any more, and the middleware may spin longer than a real-time thread may.
     if hasattr(os, "sched_setscheduler"):
         _schedule(os.SCHED_OTHER, 0)
-    # Once in some hundred ends under load the middleware does not come back from being torn
-    # down, aborts ("pure virtual method called", "unaligned fastbin chunk"), or faults, while
-    # the other nodes leave it. By now nothing is left that could be lost.
+    # Once in some hundred ends under load the middleware did not come back from being torn down,
+    # or aborted ("pure virtual method called"), while the other nodes left it. By now nothing is
+    # left that could be lost.
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(TEARDOWN)
     if well:  # an abort must not hide a failure
