@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -179,7 +178,7 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
     arms = {
         side: EmulatedArm(
             parameters[side],
-            partial(_simulated, rig, side, rate, arguments.seed),
+            _simulated(rig, side, rate, arguments.seed),
             rate=rate,
             watchdog=arguments.watchdog,
             seed=arguments.seed + place,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -24,9 +24,6 @@ HEARTBEAT_PERIOD = 1 / HEARTBEAT_RATE
 
 ESTIMATE_NOISE = 1e-5
 """Standard deviation of an estimate, turns (assumed: a tenth of a count of 8192)."""
-
-PUT_BACK_AFTER = 1.0
-"""Time without a torque after which the arm is put back to its origin, s."""
 
 MOTOR_ERROR = {"0.5": 0x40, "0.6": 0x20}
 """Injected error bit by firmware: MOTOR_FAILED, DRV_FAULT."""
@@ -138,8 +135,7 @@ class EmulatedArm:
     ----------
     parameters : CanParameters
         Parameters of the driver.
-    new_device : callable
-        Makes the simulated device.
+    device : SimulatedDevice
     rate : float
         Rate of streamed estimates, Hz.
     watchdog : float
@@ -150,14 +146,12 @@ class EmulatedArm:
     Attributes
     ----------
     axes : list of EmulatedAxis
-    driven : bool
-        True if it had a torque since it was at its origin.
     """
 
     def __init__(
         self,
         parameters: CanParameters,
-        new_device: Callable[[], SimulatedDevice],
+        device: SimulatedDevice,
         *,
         rate: float,
         watchdog: float = 0.0,
@@ -174,11 +168,13 @@ class EmulatedArm:
             for joint in self._joints
         ]
         self._random = random.Random(seed)
-        self._new_device = new_device
-        self._device = new_device()
+        self._device = device
         self._torques = [0.0] * len(self.axes)
-        self.driven = False
-        self._driven_at = -math.inf
+
+    @property
+    def driven(self) -> bool:
+        """True while a motor has a torque."""
+        return any(self._torques)
 
     def fail(self) -> None:
         """Stop the first axis with an error."""
@@ -192,8 +188,6 @@ class EmulatedArm:
 
     def due(self, now: float) -> list[Frame]:
         """Move the arm until a time, and return the frames that its axes send then."""
-        if self.driven and now - self._driven_at > PUT_BACK_AFTER:
-            self._device, self.driven = self._new_device(), False
         self._drive(now)
         self._move(now)
         return [frame for axis in self.axes for frame in axis.due(now)]
@@ -201,8 +195,6 @@ class EmulatedArm:
     def _drive(self, now: float) -> None:
         """Apply the torques of the motors to the simulated arm, from the first one on."""
         torques = [axis.torque for axis in self.axes]
-        if any(torques):
-            self.driven, self._driven_at = True, now
         if torques != self._torques:
             self._torques = torques
             pairs = zip(self._joints, torques, strict=True)

@@ -146,7 +146,7 @@ def new_master() -> Device:
 @given(st.lists(frames, max_size=30))
 @settings(max_examples=25)
 def test_no_frame_is_too_strange_for_an_emulated_arm(noise: list[Frame]) -> None:
-    arm = EmulatedArm(CanParameters(), new_slave, rate=RATE, watchdog=0.1)
+    arm = EmulatedArm(CanParameters(), new_slave(), rate=RATE, watchdog=0.1)
     for step, frame in enumerate(noise):
         arm.take(frame, step * PERIOD)
         arm.due(step * PERIOD)
@@ -159,7 +159,7 @@ class Rigged:
         names = {name.replace("__", "."): value for name, value in values.items()}
         parameters = from_flat(CanParameters, names)
         self.now = 0.0
-        self.emulated = EmulatedArm(parameters, new_device, rate=RATE, watchdog=0.05, seed=seed)
+        self.emulated = EmulatedArm(parameters, new_device(), rate=RATE, watchdog=0.05, seed=seed)
         self.arm = DrivenArm(parameters, self._send)
 
     def _send(self, frames: Sequence[Frame]) -> bool:

@@ -38,7 +38,7 @@ class Plugged:
         self.parameters = from_flat(CanSlave.Parameters, {**PATIENT, **values})
         self.arm = EmulatedArm(
             self.parameters,
-            lambda: SimulatedSlave(SimulatedSlaveParameters(), RATE, 0),
+            SimulatedSlave(SimulatedSlaveParameters(), RATE, 0),
             rate=RATE,
             watchdog=2.0,
         )
