@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from haptic_accel.analysis import plots
-from haptic_accel.analysis.traces import EXCERPT, most_active
+from haptic_accel.analysis.traces import EXCERPT, excerpt_of
 from haptic_accel.core.parameters import ParameterError, suggestion
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import GraphArguments
@@ -96,12 +96,10 @@ class NotebookTrial(Trial):
 
             size = plots.TEXT, plots.COLUMN
             axes = pyplot.subplots(figsize=size, layout="constrained")[1]
-        shift = (self.latency + 1) / self.rate
         desired, actual = self.desired_acceleration, self.actual_acceleration
-        axes.plot(self.time, desired, color=plots.BLUE, linewidth=1.2, label="desired")
-        label = "actual, shifted back"
-        axes.plot(self.time - shift, actual, color=plots.ORANGE, linewidth=0.66, label=label)
-        begin = most_active(desired, round(EXCERPT * self.rate)).start / self.rate
+        axes.plot(self.time, desired, **plots.DESIRED, label="desired")
+        axes.plot(self.time - self.shift, actual, **plots.ACTUAL, label="actual, shifted back")
+        begin = excerpt_of(desired, self.rate).start / self.rate
         axes.set(xlim=(begin, begin + EXCERPT), xlabel="time (s)", ylabel="acceleration (m/s²)")
         axes.set_title(f"{self.controller} on {self.surface}: NRMSE {self.nrmse():.1f} %")
         axes.legend(loc="upper right")

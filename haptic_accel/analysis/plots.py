@@ -65,15 +65,17 @@ DASHES = ("-", "--", "-.", ":")
 Style = dict[str, Any]
 """Look of a line, in matplotlib's words."""
 
-# Desired is the broader line, so that it is seen where actual lies on it.
-_DESIRED: Style = {"color": BLUE, "linewidth": 1.2}
-_ACTUAL: Style = {"color": DARK_ORANGE, "linewidth": 0.66}
+DESIRED: Style = {"color": BLUE, "linewidth": 1.2}
+ACTUAL: Style = {"color": DARK_ORANGE, "linewidth": 0.66}
+"""Lines of desired and actual acceleration; the former is broader, so that it is seen where the
+latter lies on it."""
+
 _REGRESSION: Style = {"color": VERMILION, "linewidth": 1.2}
 _EQUAL: Style = {"color": "black", "linewidth": 0.6, "linestyle": "--"}
 _SAMPLES: Style = {"color": BLUE, "marker": "o", "linestyle": "", "markeredgewidth": 0}
 _TRACES = (
-    Line2D([], [], **_DESIRED, label="desired"),
-    Line2D([], [], **_ACTUAL, label="actual, shifted back"),
+    Line2D([], [], **DESIRED, label="desired"),
+    Line2D([], [], **ACTUAL, label="actual, shifted back"),
 )
 
 _LABEL, _TICK = 8, 7  # sizes of text, points
@@ -191,8 +193,8 @@ def time_traces(portraits: Portraits) -> Figure:
         panel.set_ylim(-reach, reach)
         if portrait := portraits.get((controller, surface)):
             milliseconds = 1e3 * np.arange(portrait.desired.size) / portrait.rate
-            panel.plot(milliseconds, portrait.desired, **_DESIRED)
-            panel.plot(milliseconds, portrait.actual, **_ACTUAL)
+            panel.plot(milliseconds, portrait.desired, **DESIRED)
+            panel.plot(milliseconds, portrait.actual, **ACTUAL)
             error = percent(portrait.evaluation.nrmse_percent)
             _subtitle(
                 panel, f"NRMSE {error}, from {portrait.begin:.2f} s", f"NRMSE {error}", error
@@ -247,8 +249,8 @@ def amplitude_spectra(portraits: Portraits) -> Figure:
         panel.yaxis.set_minor_locator(ticker.NullLocator())
         if key in portraits:
             spectrum = portraits[key].spectra
-            panel.plot(spectrum.frequency, spectrum.desired, **_DESIRED)
-            panel.plot(spectrum.frequency, spectrum.actual, **_ACTUAL)
+            panel.plot(spectrum.frequency, spectrum.desired, **DESIRED)
+            panel.plot(spectrum.frequency, spectrum.actual, **ACTUAL)
     return figure
 
 

@@ -92,6 +92,14 @@ class Trial:
         return without_hand_motion(self.handle_acceleration, self.high_pass_frequency, self.rate)
 
     @property
+    def shift(self) -> float:
+        """Time from a desired acceleration to the response that it is compared with, s.
+
+        A force is seen one sample after it takes effect, the paper's tau_d.
+        """
+        return (self.latency + 1) / self.rate
+
+    @property
     def seconds(self) -> float:
         """Duration of the trial, s."""
         return len(self.time) / self.rate
@@ -99,15 +107,13 @@ class Trial:
     def evaluate(self, first: int = 0) -> Evaluation:
         """Return the paper's metrics from a sample on, shifted by the latency and one sample.
 
-        A force is seen one sample after it takes effect, the paper's tau_d.
-
         Raises
         ------
         ValueError
             The desired acceleration is zero, or there are too few samples.
         """
         desired, actual = self.desired_acceleration[first:], self.actual_acceleration[first:]
-        return evaluate(desired, actual, self.rate, (self.latency + 1) / self.rate)
+        return evaluate(desired, actual, self.rate, self.shift)
 
 
 def run_trial(

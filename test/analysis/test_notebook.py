@@ -62,7 +62,7 @@ def test_the_plot_shows_desired_and_actual_as_reports_do(trial: Any) -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("time (s)", "acceleration (m/s²)")
     desired, actual = axes.get_lines()
     colours = to_hex(desired.get_color()), to_hex(actual.get_color())
-    assert colours == (plots.BLUE, plots.ORANGE)
+    assert colours == (plots.BLUE, plots.DARK_ORANGE)
     shift = np.subtract(desired.get_xdata(), actual.get_xdata())
     assert shift == pytest.approx(np.full(len(shift), 3e-3))
     own = pyplot.figure().subplots()
