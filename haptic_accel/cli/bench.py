@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import tempfile
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -28,6 +27,7 @@ from haptic_accel.core.due_forces import MISSED_SHARE
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
+from haptic_accel.graph.claims import DOMAIN, HIGHEST_FREE_DOMAIN, own_domain
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.graph.words import given_keys
@@ -37,10 +37,6 @@ ROUNDS = 2
 
 MOST_PAIRS = 16
 """Most graphs at a time; more would start hundreds of processes."""
-
-DOMAIN = "ROS_DOMAIN_ID"
-DOMAINS = 102
-"""Number of ROS domains whose ports Linux does not assign to other programs."""
 
 MEBI = 2**20
 
@@ -199,11 +195,11 @@ def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> 
         Interrupted, or a graph failed.
     """
     usage = Usage(pairs)
-    first = int(os.environ.get(DOMAIN, 0))
+    first = own_domain()
 
     def run_pair(pair: int) -> Metrics:
         bag = Path(folder) / f"pair_{pair}"
-        environment = {DOMAIN: str((first + pair) % DOMAINS)}
+        environment = {DOMAIN: str((first + pair) % (HIGHEST_FREE_DOMAIN + 1))}
         supervisor = Supervisor(graph(replace(arguments, bag=str(bag))), environment=environment)
         supervisor.on_line = lambda _, line: usage.watch(supervisor, line)
         run_to_end(supervisor, stop)

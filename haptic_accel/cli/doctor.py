@@ -25,6 +25,7 @@ from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.due_forces import MISSED_SHARE
 from haptic_accel.core.trial import DEFAULT_RATE
+from haptic_accel.graph.claims import DOMAIN, HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.folders import config_folder
 from haptic_accel.nodes.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE
 
@@ -34,9 +35,6 @@ LITTLE_SHARED_MEMORY = 32.0
 LITTLE_RECEIVE_BUFFER = 1 << 20
 """Receive buffer that is too small, bytes: Linux's default of 212992 holds some 30 ms of the
 graph's messages at 1 kHz, and the recorder may wait longer for a core."""
-
-HIGHEST_DOMAIN = 101
-"""Highest ROS domain whose ports Linux does not assign to other programs (ROS 2 documentation)."""
 
 MUCH_TIMER_SLACK = 1000
 """Timer slack that delays ticks, ns; a node sets 1, Linux's default is 50000."""
@@ -111,7 +109,7 @@ ADVICE = {
     ),
     "domain": (
         "other programs may use the ports of this domain",
-        f"a ROS_DOMAIN_ID of at most {HIGHEST_DOMAIN}",
+        f"a ROS_DOMAIN_ID of at most {HIGHEST_FREE_DOMAIN}",
     ),
     "other graph": (
         "two graphs in one domain receive each other's commands",
@@ -187,7 +185,7 @@ def ros_findings() -> Iterator[Finding]:
     if "fastrtps" in ros.middleware:
         yield profile(ros.distribution, environment, config_folder())
     yield discovery_range(environment)
-    yield domain(environment.get("ROS_DOMAIN_ID", ""))
+    yield domain(environment.get(DOMAIN, ""))
     yield other_graph(ros.published)
     yield rate_held(empty_loop(DEFAULT_RATE, LOOP_TIME))
 
@@ -318,7 +316,7 @@ def discovery_range(environment: Mapping[str, str]) -> Finding:
 
 def domain(number: str) -> Finding:
     """Judge ROS_DOMAIN_ID."""
-    high = number.isdecimal() and int(number) > HIGHEST_DOMAIN
+    high = number.isdecimal() and int(number) > HIGHEST_FREE_DOMAIN
     return _judged("domain", number or "0", warning=high)
 
 

@@ -27,6 +27,9 @@ DOMAIN = "ROS_DOMAIN_ID"
 HIGHEST_DOMAIN = 232
 """Highest number of a ROS domain, above which it has no ports."""
 
+HIGHEST_FREE_DOMAIN = 101
+"""Highest ROS domain whose ports Linux does not assign to other programs (ROS 2 documentation)."""
+
 ASKERS = 4096
 """Number of times that a claim says whose it is; it holds beyond, too."""
 
