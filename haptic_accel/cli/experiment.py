@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -317,15 +318,16 @@ def _warnings(analysis: Analysis) -> Iterator[str]:
             if topic.name in delivery.lost
         ]
         samples = trial.segment.seconds * trial.segment.rate
-        shares = {"samples are missing": max(missing, default=0) / samples}
         late = {name: each["missed"] / each["due"] for name, each in delivery.deadlines.items()}
-        if late:
-            worst = max(late, key=late.__getitem__)
-            shares[f"{worst}s missed their due time"] = late[worst]
+        worst, missed = max(late.items(), key=itemgetter(1), default=("", 0.0))
+        shares = {
+            "samples are missing": max(missing, default=0) / samples,
+            f"{worst}s missed their due time": missed,
+        }
         name = f"{trial.surface} / {trial.controller}"
         for what, share in shares.items():
             if share > LOST_SHARE:
                 yield f"{name}: {100 * share:.1f} % of the {what}, which makes the error larger."
-        too_late |= max(late.values(), default=0.0) > LOST_SHARE
+        too_late |= missed > LOST_SHARE
     if too_late:
         yield "latency:=4 gives forces more time; haptic-accel doctor looks at the machine."

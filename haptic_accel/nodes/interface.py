@@ -93,33 +93,31 @@ class Inbox:
 
         Those that cannot be unpacked are refused.
         """
-        found = []
-        while taken := self._take(self._type, True):
-            data, information = taken
-            try:
-                unpack(data)
-            except ValueError as error:
-                self._refuse(str(error))
-            else:
-                found.append((data, information["received_timestamp"]))
-        return found
+        return [
+            (data, information["received_timestamp"])
+            for data, information, _ in self._unpacked(unpack)
+        ]
 
     def take_vectors(self) -> list[tuple[int, Vector]]:
         """Return stamps, system time in ns, and vectors of a signal."""
-        return self._unpacked(unpack_stamped_vector)
+        return [vector for _, _, vector in self._unpacked(unpack_stamped_vector)]
 
     def take_states(self) -> list[bool]:
         """Return the values of a state."""
-        return self._unpacked(unpack_state)
+        return [state for _, _, state in self._unpacked(unpack_state)]
 
-    def _unpacked(self, unpack: Callable[[bytes], Value]) -> list[Value]:
-        found = []
+    def _unpacked(
+        self, unpack: Callable[[bytes], Value]
+    ) -> Iterator[tuple[bytes, dict[str, int], Value]]:
+        """Yield data, information and value of what waits; refuse what cannot be unpacked."""
         while taken := self._take(self._type, True):
+            data, information = taken
             try:
-                found.append(unpack(taken[0]))
+                value = unpack(data)
             except ValueError as error:
                 self._refuse(str(error))
-        return found
+            else:
+                yield data, information, value
 
 
 class Samples:
