@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import pty
+import select
 import signal
 import subprocess
 import sys
@@ -49,7 +50,6 @@ class Terminal:
             start_new_session=True,
             preexec_fn=_prepare,
         )
-        os.set_blocking(self._keyboard, False)
         self.text = ""
 
     @property
@@ -62,11 +62,10 @@ class Terminal:
     def wait_for(self, words: str, count: int = 1) -> None:
         deadline = time.monotonic() + PATIENCE
         while self.text.count(words) < count:
-            assert time.monotonic() < deadline, self.text
-            try:
+            left = deadline - time.monotonic()
+            assert left > 0, self.text
+            if select.select([self._keyboard], [], [], left)[0]:
                 self.text += os.read(self._keyboard, 65536).decode()
-            except BlockingIOError:
-                time.sleep(0.01)
 
     def close(self) -> None:
         self.process.kill()
