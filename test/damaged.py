@@ -21,7 +21,7 @@ CHUNKS, MESSAGE_INDEXES = 6, 7
 
 START = 1_700_000_000_000_000_000
 PERIOD = 1_000_000
-"""Of the samples, ns."""
+"""Period of the samples, ns."""
 
 SAMPLES, CHUNK = 60, 20
 """Samples of each signal, and those between two flushes, each of which ends a chunk."""

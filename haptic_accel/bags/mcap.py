@@ -65,7 +65,7 @@ DAMAGE_ERRORS = (
     *(ValueError, TypeError, AttributeError, LookupError, OverflowError),
     *(RuntimeError, EOFError, struct.error, zstd.ZstdError),
 )
-"""What damaged content makes its readers raise."""
+"""Errors that readers raise on damaged content."""
 
 
 @dataclass(frozen=True)

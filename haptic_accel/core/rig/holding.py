@@ -1,4 +1,4 @@
-"""Whether the forces of a coupling hold an arm, or it has been let go."""
+"""Detection of the moment at which a coupling lets an arm go."""
 
 from __future__ import annotations
 
