@@ -46,8 +46,8 @@ STALL = 0.02
 """Time without a tick above which diagnostics warn, s: a fiftieth of their own period."""
 
 SETTLING = 1.0
-"""Age of a node below which it accepts no release of the emergency stop, s: messages latched by
-several senders arrive at once and in any order, and a stop among them must win."""
+"""Age of a node below which it allows no force and accepts no release of the emergency stop, s:
+messages latched by several senders come late and in any order, and a stop among them must win."""
 
 NEWS_PERIOD = 0.1
 """Interval between looks for news of the safety layer, s."""
@@ -177,7 +177,7 @@ class DeviceNode(ManagedNode):
         self._tick = self._stamp = 0
         self._now = steady_now()
         self._waiting: deque[int] = deque()
-        self._used = self._starting = self._warned = False
+        self._used = self._starting = self._warned = self._settled = False
         self._failure: Exception | None = None
         self._unread = self._reported_unread = 0
         self._reported_deadlines = {"due": 0, "missed": 0}
@@ -225,8 +225,8 @@ class DeviceNode(ManagedNode):
         return Outcome.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> Outcome:
-        """Allow forces."""
-        self.safety.enable(steady_now(), True)
+        """Allow forces, once it is known whether there is an emergency stop."""
+        self.safety.enable(steady_now(), self._settled)
         return Outcome.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> Outcome:
@@ -279,6 +279,12 @@ class DeviceNode(ManagedNode):
             text = "{missed} of {due} forces missed their deadline"
             self.get_logger().info(text.format(**counts))
         super().say_farewell()
+
+    def report(self) -> None:
+        """Publish the diagnostics, and whether the device follows an emergency stop."""
+        super().report()
+        if self._settled:
+            self._publish_stopped(Bool(data=self.safety.stopped))
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return timing, the commands' ages, the safety layer's values, the device's counts."""
@@ -382,6 +388,8 @@ class DeviceNode(ManagedNode):
 
     def work(self) -> float:
         """Serve a tick whose time has come, or what the last one still needs."""
+        if not self._settled:
+            self._settle()
         for stop in self._stops.take_states():
             self._stop(stop)
         if not self._sampling:
@@ -524,6 +532,13 @@ class DeviceNode(ManagedNode):
     def _allowed_actuator_force(self, now: float, age: float, force: Vector) -> float | None:
         return self.safety.actuator_force(now, age, force[ACTUATOR_AXIS])
 
+    def _settle(self) -> None:
+        """Allow forces, and say whether there is an emergency stop, after the first moments."""
+        self._settled = time.monotonic() - self._started >= SETTLING
+        if self._settled:
+            self.safety.enable(steady_now(), self.state == ACTIVE)
+            self.report()
+
     def _stop(self, stop: bool) -> None:
         """Take all forces off and refuse commands, or allow them again; answer in any case."""
         now = steady_now()
@@ -531,7 +546,7 @@ class DeviceNode(ManagedNode):
         if stop:
             if self.state != UNCONFIGURED:
                 self._write(now, arm_force=ZERO, actuator_force=0.0)
-        elif time.monotonic() - self._started < SETTLING:
+        elif not self._settled:
             stop = stopped
         if stop != stopped:
             self.safety.stop(now, stop)

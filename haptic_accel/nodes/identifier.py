@@ -7,6 +7,7 @@ import time
 from collections import deque
 
 from haptic_accel.core import topics
+from haptic_accel.core.actuator.safety import STOPPED
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.identification.sweep import excitation
 from haptic_accel.core.model import ACTUATOR, ZERO, Vector
@@ -14,13 +15,13 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.interface import GraphNode
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import ArrivalKeeper, run
 
 LOOK_PERIOD = 0.1
 """Interval between checks for silence and missing subscribers, s."""
 
 PATIENCE = 30.0
-"""Time allowed for the device and the recorder to start, s."""
+"""Time allowed for the device and the recorder to start, and for the release of a stop, s."""
 
 FAREWELLS, FAREWELL_PAUSE = 3, 0.01
 """Zero forces sent at the end, and the time after each, s: best effort may lose one of them."""
@@ -31,8 +32,11 @@ class Identifier(GraphNode):
 
     Which force it is follows from the sample's stamp, so that the sweep keeps its time where a
     sample is lost. The actuator's travel is estimated all along; where it comes near its stops,
-    or the handle sends no acceleration, the force is taken off and the run fails.
+    the handle sends no acceleration, a clock is set, or at an emergency stop, the force is taken
+    off and the run fails.
     """
+
+    polls = True
 
     def __init__(self) -> None:
         super().__init__("identifier")
@@ -50,9 +54,25 @@ class Identifier(GraphNode):
         self._done = -1  # repeats, as logged
         self._started = self._received = time.monotonic()
         self._failure = ""
+        self._allowed = False
+        self._arrivals = ArrivalKeeper(p.rate)
         self._sender = self.sender(topics.ACTUATOR_FORCE)
-        self.listen(topics.HANDLE_ACCELERATION, self._excite)
+        self._samples = self.samples(topics.HANDLE_ACCELERATION, p.rate)
+        self.listen_state(topics.MASTER_STOPPED, self._follow)
         self.create_timer(LOOK_PERIOD, self._look)
+
+    def work(self) -> float:
+        """Answer the samples that came."""
+        came = False
+        for moment, acceleration in self._samples.take():
+            came = True
+            self._excite(moment, acceleration)
+        return self._arrivals.looked(found=came)
+
+    def start_anew(self) -> None:
+        """End a sweep whose time is no longer known."""
+        if self._origin is not None:
+            self._fail("handle_acceleration: a clock was set, force taken off")
 
     def close(self) -> None:
         """Leave the actuator without force, and raise what went wrong, if anything."""
@@ -95,7 +115,7 @@ class Identifier(GraphNode):
     def _next_force(self, moment: int) -> float:
         """Return the force that follows a sample of a moment in ns."""
         if self._origin is None:
-            if self._sender.listeners < self.parameters.listeners:
+            if self._missing():
                 return 0.0
             self._origin = moment
         sample = round((moment - self._origin) / self._period)
@@ -125,15 +145,27 @@ class Identifier(GraphNode):
             line = f"done, largest travel {1e3 * self._widest:.2f} mm"
         self.get_logger().info(line)
 
+    def _missing(self) -> str:
+        """Return what the sweep waits for; empty when all is there."""
+        if not self._allowed:
+            return f"waiting for {topics.MASTER_STOPPED.name}: false"
+        there, expected = self._sender.listeners, self.parameters.listeners
+        subscribers = f"subscribers of the actuator's force: {there} of {expected}"
+        return f"waiting for {subscribers}" if there < expected else ""
+
+    def _follow(self, stopped: bool) -> None:
+        """Wait for a device that is not stopped; end at an emergency stop."""
+        self._allowed = not stopped
+        if stopped and self._origin is not None:
+            self._fail(f"{STOPPED}: force taken off")
+
     def _look(self) -> None:
         """End the run when nobody subscribes or the handle sends no acceleration."""
         now = time.monotonic()
         if self._origin is None:
             if now - self._started > PATIENCE:
-                self._fail(
-                    f"waiting for subscribers of the actuator's force: {self._sender.listeners}"
-                    f" of {self.parameters.listeners} after {PATIENCE:g} s"
-                )
+                missing = self._missing() or f"waiting for {topics.HANDLE_ACCELERATION.name}"
+                self._fail(f"{missing} after {PATIENCE:g} s")
         elif now - self._received > self.parameters.timeout:
             self._fail(f"handle_acceleration: silent for {now - self._received:.2g} s")
 

@@ -37,11 +37,12 @@ class Restamper(GraphNode):
         self._age = DurationHistogram()
         self._reported = self._forces = 0
         self._senders = [self._pass_on(topic) for topic in SLAVE_SIGNALS]
-        # The coupler waits for a subscriber of the arm's force, and `estop` for an answer to an
-        # emergency stop.
+        # The coupler waits for a subscriber of the arm's force, and for the device's word that it
+        # is not stopped; `estop` waits for an answer to an emergency stop.
         self.listen(topics.SLAVE_ARM_FORCE, self._ignore)
-        publish_stopped = self.publisher(topics.SLAVE_STOPPED).publish
-        self.listen_state(topics.EMERGENCY_STOP, lambda stop: publish_stopped(Bool(data=stop)))
+        self._stopped = False
+        self._publish_stopped = self.publisher(topics.SLAVE_STOPPED).publish
+        self.listen_state(topics.EMERGENCY_STOP, self._stop)
         self._looking = self.create_timer(LOOK_PERIOD, self._look)
 
     def status(self) -> tuple[str, dict[str, str]]:
@@ -58,6 +59,16 @@ class Restamper(GraphNode):
             "stamps moved anew": str(anew),
             "arm forces ignored": str(self._forces),
         }
+
+    def report(self) -> None:
+        """Publish the diagnostics, and whether there is an emergency stop."""
+        super().report()
+        self._publish_stopped(Bool(data=self._stopped))
+
+    def _stop(self, stop: bool) -> None:
+        """Answer as a device does, which has no forces here."""
+        self._stopped = stop
+        self.report()
 
     def _pass_on(self, topic: Topic) -> Sender:
         """Publish a played signal as the slave's own; return its sender."""

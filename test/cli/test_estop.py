@@ -66,19 +66,17 @@ def test_a_stop_from_a_terminal_lets_no_force_through_until_it_is_released(
     assert graph.text.count("emergency stop: no force until it is released") == 2, graph.text
 
 
-def test_a_device_that_is_stopped_alone_stops_all(haptic_accel: Start, observer: Observer) -> None:
-    graph = haptic_accel("teleop", "record:=false")
-    graph.wait_for("engaged")
-    # Another's word for the slave's stands for a stop that reached only the slave.
-    said = observer.node.create_publisher(
-        Bool, SLAVE_STOPPED.name, quality(SLAVE_STOPPED, depth=1)
-    )
-    said.publish(Bool(data=True))
-    graph.wait_for("let go: emergency stop")
-    graph.wait_for("emergency stop: only slave stopped; all are stopped again")
+def test_a_device_that_is_stopped_alone_stops_all(start: Start, observer: Observer) -> None:
+    start("-m", "haptic_accel.nodes.master_device")
+    start("-m", "haptic_accel.nodes.slave_device", "--ros-args", "-r", "estop:=elsewhere")
+    coupler = start("-m", "haptic_accel.nodes.coupler")
+    coupler.wait_for("engaged")
+    profile = quality(EMERGENCY_STOP, depth=1)
+    observer.node.create_publisher(Bool, "elsewhere", profile).publish(Bool(data=True))
+    coupler.wait_for("let go: emergency stop")
+    coupler.wait_for("emergency stop: only slave stopped; all are stopped again")
     for topic in (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED):
         observer.wait_for_state(topic, True)
-    assert graph.end(signal.SIGINT) == 0, graph.text
 
 
 def test_devices_stop_without_a_coupler_and_learn_of_a_stop_they_missed(

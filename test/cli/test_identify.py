@@ -182,6 +182,15 @@ def test_a_stop_takes_the_force_off_and_keeps_the_recording(
     assert sent[-1] == 0.0
 
 
+def test_an_emergency_stop_ends_the_run(haptic_accel: Start, tmp_path: Path) -> None:
+    command = haptic_accel("identify", "rig:=ideal", "--out", "found")
+    command.wait_for("repeat 1 of 3")
+    assert haptic_accel("estop").end() in (0, 1)  # the coupler that would confirm is not there
+    assert command.end() == 1, command.text
+    assert "emergency stop: force taken off" in command.text
+    assert forces(tmp_path / "found" / "bags" / "average")[-1] == 0.0
+
+
 def test_a_killed_identifier_ends_the_run_in_a_clear_failure(
     haptic_accel: Start, domain: int
 ) -> None:

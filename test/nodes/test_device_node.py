@@ -246,7 +246,28 @@ def test_at_the_start_a_stop_wins_over_a_release_in_any_order(
     assert bench.answers[-2:] == [True, True]
     monkeypatch.setattr(device_node, "SETTLING", 0.0)
     bench.stop(False)
-    assert bench.answers[-1] is False
+    bench.until(lambda: bench.answers[-1] is False)
+
+
+def test_no_force_is_applied_before_it_is_known_whether_there_is_a_stop(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(device_node, "SETTLING", PATIENCE)
+    taken = time.monotonic() + 20 * ARM_TIMEOUT
+    while time.monotonic() < taken:
+        bench.command((0.1, 0.0, 0.2), 0.3)
+        bench.turn()
+    assert all(forces in (STOP, {}) for forces in bench.written)
+    assert bench.answers == []
+    monkeypatch.setattr(device_node, "SETTLING", 0.0)
+    bench.driven()
+    bench.until(lambda: bench.answers == [False])
+
+
+def test_a_device_says_again_and_again_whether_it_is_stopped(bench: Bench) -> None:
+    bench.until(lambda: bench.answers == [False, False])
+    bench.stop(True)
+    bench.until(lambda: bench.answers[-3:] == [True, True, True])
 
 
 def test_nothing_unsafe_reaches_the_device(bench: Bench) -> None:

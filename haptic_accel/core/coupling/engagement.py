@@ -80,8 +80,9 @@ class Decision:
 class Engagement:
     """State machine of the coupling: free or engaged.
 
-    The arms engage when both positions are fresh, the compensator has made a force, and every
-    expected subscriber of the arms' forces is there. They are released when an arm falls
+    The arms engage when both positions are fresh, both devices have said that they are not
+    stopped, the compensator has made a force, and every expected subscriber of the arms' forces
+    is there. They are released when an arm falls
     silent, on request, and by the emergency stop, and are taken again when the reason has gone,
     after `FREE_TIME` at the earliest.
 
@@ -166,6 +167,9 @@ class Engagement:
             return f"waiting for the position of {' and '.join(silent)}"
         if self.engaged:
             return ""
+        unknown = [arm for arm in ARMS if arm not in self._arms_stopped]
+        if unknown:
+            return f"waiting for {' and '.join(f'{arm}/stopped' for arm in unknown)}"
         if now - self._released < FREE_TIME:
             return RESTING
         if not self.compensated:

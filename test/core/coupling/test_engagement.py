@@ -33,6 +33,8 @@ class Run:
         known = EngagementParameters(timeout=TIMEOUT, **parameters)  # type: ignore[arg-type]
         self.engagement = Engagement(known, self.now)
         self.listeners = 2
+        for arm in ARMS:
+            self.engagement.arm_stopped(arm, False)
 
     def step(self, seconds: float = STEP_PERIOD, arms: tuple[str, ...] = ARMS) -> Decision:
         """Let time pass, receive positions of arms, and decide."""
@@ -55,6 +57,18 @@ def test_the_arms_engage_once_both_positions_are_there() -> None:
     assert run.step() == ENGAGE
     assert run.engagement.engaged
     assert run.step() == NOTHING
+
+
+def test_engaging_waits_for_the_word_of_both_devices_that_they_are_not_stopped() -> None:
+    engagement = Engagement(EngagementParameters(), 0.0)
+    for arm in ARMS:
+        engagement.position_received(arm, 1.0)
+    assert engagement.step(1.0, 1) == NOTHING
+    assert engagement.missing(1.0, 1) == "waiting for master/stopped and slave/stopped"
+    engagement.arm_stopped("slave", False)
+    assert engagement.missing(1.0, 1) == "waiting for master/stopped"
+    engagement.arm_stopped("master", False)
+    assert engagement.step(1.0, 1) == ENGAGE
 
 
 def test_engaging_waits_for_the_compensator() -> None:
@@ -87,6 +101,8 @@ def test_the_arms_are_released_when_one_falls_silent_and_taken_again(arm: str) -
     assert released == Decision(release=True, warning=f"let go: waiting for the position of {arm}")
     assert not run.engagement.engaged
     assert run.step() == NOTHING
+    assert run.missing == f"waiting for {arm}/stopped"
+    run.engagement.arm_stopped(arm, False)
     assert run.missing == RESTING
     assert run.step(FREE_TIME) == ENGAGE
 
@@ -232,6 +248,7 @@ def test_what_a_device_said_that_has_gone_counts_no_longer(stopped: bool) -> Non
     run.engagement.stop(not stopped, run.now)
     run.engagement.latch(not stopped)
     run.engagement.arm_stopped(ARMS[0], stopped)
+    run.engagement.arm_stopped(ARMS[1], not stopped)
     run.step()
     for _ in range(30):
         assert not run.step(DIFFERING / 10, ARMS[1:]).latch
