@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from running import (
     Command,
@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
 
+FUZZ_CASES = 1000
+"""Cases of a property of generated damage, unless told how many."""
+
+
 RERUN_REASONS = ("^MachineStoodStillError: ", "samples are missing")
 """Failures after which a live test is run once more: the machine was not there for the graph."""
 
@@ -43,6 +47,21 @@ LONGEST_STALL = 0.3
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="run the tests marked slow, too")
+    what = "run only the properties marked fuzz, with this many other cases each"
+    parser.addoption("--fuzz", type=int, metavar="CASES", help=what)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Set the number of cases of `fuzzing.fuzz`, before the tests that it decorates are read."""
+    cases = config.getoption("--fuzz")
+    settings.register_profile(
+        "fuzz",
+        settings.get_profile("project"),
+        max_examples=cases or FUZZ_CASES,
+        derandomize=not cases,
+        # One folder or server serves all cases of a property.
+        suppress_health_check=[HealthCheck.function_scoped_fixture],
+    )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -52,12 +71,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker("live")
         if item.get_closest_marker("live") and config.pluginmanager.hasplugin("rerunfailures"):
             item.add_marker(pytest.mark.flaky(reruns=1, only_rerun=list(RERUN_REASONS)))
-    if config.getoption("--slow"):
-        return
-    slow = [item for item in items if item.get_closest_marker("slow")]
-    if slow and len(slow) < len(items):
-        config.hook.pytest_deselected(items=slow)
-        items[:] = [item for item in items if item not in slow]
+    if config.getoption("--fuzz"):
+        _leave_out(config, items, [item for item in items if not item.get_closest_marker("fuzz")])
+        for item in items:
+            item.add_marker(pytest.mark.timeout(0))
+    elif not config.getoption("--slow"):
+        slow = [item for item in items if item.get_closest_marker("slow")]
+        _leave_out(config, items, slow if len(slow) < len(items) else [])
+
+
+def _leave_out(
+    config: pytest.Config, items: list[pytest.Item], unwanted: list[pytest.Item]
+) -> None:
+    if unwanted:
+        config.hook.pytest_deselected(items=unwanted)
+        items[:] = [item for item in items if item not in unwanted]
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -17,6 +17,7 @@ from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.filters import without_hand_motion
+from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.evaluation.bands import band_nrmse, bands
 from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
 from haptic_accel.core.evaluation.metrics import evaluate
@@ -120,7 +121,7 @@ class Shift:
         if text in (GRANTED_SHIFT, PAPER_SHIFT, MEASURED_SHIFT):
             return cls(text)
         try:
-            milliseconds = float(text)
+            milliseconds = read_decimal(text)
         except ValueError:
             milliseconds = math.nan
         if not abs(milliseconds) <= MOST_SHIFT:

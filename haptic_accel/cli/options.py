@@ -11,6 +11,7 @@ from click.shell_completion import CompletionItem
 
 from haptic_accel.cli.lazy import write_examples
 from haptic_accel.cli.output import check_writable
+from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.parameters import Checked, schema, suggestion
 from haptic_accel.graph.words import described, parse_words
 
@@ -134,7 +135,7 @@ def some_of(known: Iterable[str]) -> Callable[[str], list[str]]:
 def listed_numbers(text: str) -> list[float]:
     """Read numbers with commas between."""
     try:
-        return [float(word) for word in text.split(",")]
+        return [read_decimal(word) for word in text.split(",")]
     except ValueError:
         raise click.BadParameter(f"{text!r}: must be numbers with commas between") from None
 

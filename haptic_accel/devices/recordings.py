@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core import resampling
+from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 
@@ -202,7 +203,7 @@ def _found(name: str, kind: str, wanted: Sequence[str], titles: Sequence[str]) -
 def _number(text: str) -> float:
     """Return a number, or NaN for anything else."""
     try:
-        return float(text)
+        return read_decimal(text)
     except ValueError:
         return math.nan
 

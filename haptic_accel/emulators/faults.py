@@ -7,6 +7,7 @@ import random
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.parameters import ParameterError
 
 DROP, GARBAGE, UNPLUG, STALL = "drop", "garbage", "unplug", "stall"
@@ -138,7 +139,7 @@ def _read(text: str, kinds: Mapping[str, FaultKind]) -> Iterator[tuple[str, floa
     for word in text.split(",") if text else []:
         name, at, when = word.strip().partition("@")
         try:
-            begin = float(when) if at else 0.0
+            begin = read_decimal(when) if at else 0.0
         except ValueError:
             begin = math.nan
         if name not in kinds or not 0 <= begin < math.inf:

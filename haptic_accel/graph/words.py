@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import Any, TypeVar
 
 from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.core.decimals import read_decimal, read_whole
 from haptic_accel.core.parameters import Checked, ParameterError, schema, suggestion
 
 A = TypeVar("A", bound=Checked)
@@ -62,7 +63,7 @@ def _value(text: str, default: Any) -> Any:
     if isinstance(default, bool):
         return {"true": True, "false": False}.get(text.lower(), text)
     try:
-        return float(text) if isinstance(default, float) else int(text)
+        return read_decimal(text) if isinstance(default, float) else read_whole(text)
     except ValueError:
         return text
 

@@ -1,0 +1,42 @@
+"""Numbers in files and on command lines: plain decimals in ASCII.
+
+Python's own `float` and `int` also take digits of other scripts, underscores, ``nan`` and ``inf``.
+"""
+
+from __future__ import annotations
+
+import re
+
+_BLANKS = " \t"
+_WHOLE = re.compile(r"[-+]?[0-9]+")
+_DECIMAL = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+
+
+def read_decimal(text: str) -> float:
+    """Return a number written as a decimal, with an exponent or without; infinity if too large.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    return float(_matched(_DECIMAL, text))
+
+
+def read_whole(text: str) -> int:
+    """Return a whole number written as decimal digits.
+
+    Raises
+    ------
+    ValueError
+        It is none, or has more digits than Python converts.
+    """
+    return int(_matched(_WHOLE, text))
+
+
+def _matched(pattern: re.Pattern[str], text: str) -> str:
+    """Return a text without blanks around it; raise `ValueError` if it has another form."""
+    bare = text.strip(_BLANKS)
+    if not pattern.fullmatch(bare):
+        raise ValueError(f"{text[:40]!r}: must be a number")
+    return bare
