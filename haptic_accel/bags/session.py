@@ -29,7 +29,8 @@ class RecordingSession:
     Parameters
     ----------
     bag : str
-        Folder to make; empty for one named by date and time. Later bags get a number.
+        Folder to make; empty for one named by date and time. Where it exists, ``-2``, ``-3`` and
+        so on is added.
     capacity : int
         Messages that the queue may hold.
     options : RecordingOptions
@@ -46,7 +47,7 @@ class RecordingSession:
     Raises
     ------
     ParameterError
-        The folder exists already or cannot be made.
+        The folder cannot be made.
     """
 
     def __init__(
@@ -57,7 +58,6 @@ class RecordingSession:
         self._write = partial(BagWriter, capacity=capacity, facts=facts)
         self._connects: dict[str, Connect] = {}
         self._puts: dict[str, Put] = {}
-        self._bags = 0
         self._stopped = False
         self.failures: list[str] = []
         self.writer = self._open(options)
@@ -135,7 +135,4 @@ class RecordingSession:
 
     def _open(self, options: RecordingOptions) -> BagWriter:
         path = Path(self._bag or f"bags/{datetime.now():%Y-%m-%d_%H-%M-%S}")
-        self._bags += 1
-        if self._bags > 1:
-            path = free_name(path)
-        return self._write(path, options=options)
+        return self._write(free_name(path), options=options)

@@ -83,6 +83,14 @@ def test_a_bag_that_cannot_be_made_leaves_the_recording_stopped(tmp_path: Path) 
     assert recording.state == "stopped"
 
 
-def test_a_folder_that_is_there_is_refused(tmp_path: Path) -> None:
+def test_what_was_recorded_before_is_kept_beside_the_new_bag(tmp_path: Path) -> None:
+    for name in ("bag", "bag-2", "bag-3"):
+        recording = session(tmp_path / "bag")
+        assert recording.path == tmp_path / name
+        recording.stop()
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
     with pytest.raises(ParameterError, match="^bag = "):
-        session(tmp_path)
+        session(tmp_path / "file" / "bag")
