@@ -14,6 +14,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 from aiohttp import WSCloseCode, web
 from aiohttp.typedefs import Handler
@@ -205,7 +206,9 @@ class ScopeServer:
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Refuse requests without access, and add the headers to every answer."""
         try:
-            response = self._refusal(request) or await handler(request)
+            response = self._refusal(request)
+            if response is None:  # by identity: up to aiohttp 3.9, a response counts as empty
+                response = await handler(request)
         except web.HTTPException as error:
             error.headers.update(HEADERS)
             raise
@@ -213,7 +216,7 @@ class ScopeServer:
             response.headers.update(HEADERS)
         return response
 
-    def _refusal(self, request: web.Request) -> web.Response | None:
+    def _refusal(self, request: web.Request) -> web.StreamResponse | None:
         """Return a refusal, or a redirection that moves the token from the address to a cookie."""
         host = request.headers.get("Host")
         if not self._access.admits_host(host):
@@ -223,7 +226,8 @@ class ScopeServer:
             return _text(403, "Origin: must be this page's own")
         if not self._access.token:
             return None
-        cookie = f"haptic_accel_scope_{request.url.port}"
+        # Browsers keep one set of cookies for all ports of a host.
+        cookie = f"haptic_accel_scope_{urlsplit(f'//{host}').port or 80}"
         query = request.query.get("token")
         if request.path == "/" and query is not None and self._access.admits_token(query):
             # An address is visible and is kept in the browser's history.
