@@ -1,4 +1,4 @@
-"""Memory growth of the graph's processes: ``python benchmarks/memory.py``."""
+"""Growth of memory and open files of the graph's processes: ``python benchmarks/memory.py``."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MOST_GROWTH = 5.0
 
 @dataclass
 class Memory:
-    """Resident memory of processes over time.
+    """Resident memory and open files of processes over time.
 
     Attributes
     ----------
@@ -44,11 +44,14 @@ class Memory:
         Times of the readings, s since the first.
     resident : dict
         Memory at these times by executable, MiB.
+    descriptors : dict
+        Numbers of open files, sockets included, at these times by executable.
     """
 
     supervisor: Supervisor
     moments: list[float] = field(default_factory=list)
     resident: dict[str, list[float]] = field(default_factory=dict)
+    descriptors: dict[str, list[int]] = field(default_factory=dict)
     _origin: float | None = None
 
     def read(self) -> None:
@@ -58,20 +61,20 @@ class Memory:
         if self.moments and now - self._origin < self.moments[-1] + SAMPLE_PERIOD:
             return
         try:
-            found = {
-                name: psutil.Process(pid).memory_info().rss / MEBI
-                for name, pid in self.supervisor.pids.items()
-            }
+            found = {name: psutil.Process(pid) for name, pid in self.supervisor.pids.items()}
+            sizes = {name: each.memory_info().rss / MEBI for name, each in found.items()}
+            opened = {name: each.num_fds() for name, each in found.items()}
         except psutil.Error:
             return  # one of them is ending
-        if not all(found.values()):
+        if not all(sizes.values()):
             return  # one has ended, and is still listed
         self.moments.append(now - self._origin)
-        for name, size in found.items():
-            self.resident.setdefault(name, []).append(size)
+        for name in found:
+            self.resident.setdefault(name, []).append(sizes[name])
+            self.descriptors.setdefault(name, []).append(opened[name])
 
-    def growth(self) -> dict[str, float]:
-        """Return the growth of each process after its start-up, MiB.
+    def growth(self) -> tuple[dict[str, float], dict[str, int]]:
+        """Return the growth of each process after its start-up: memory in MiB, and open files.
 
         Raises
         ------
@@ -82,19 +85,22 @@ class Memory:
         if len(settled) < 2:
             raise ParameterError("seconds: too few to see memory grow")
         first = len(self.moments) - len(settled)
-        return {name: sizes[-1] - sizes[first] for name, sizes in self.resident.items()}
+        return (
+            {name: sizes[-1] - sizes[first] for name, sizes in self.resident.items()},
+            {name: counts[-1] - counts[first] for name, counts in self.descriptors.items()},
+        )
 
 
 @click.command(
     cls=Verb,
-    help="Run the graph with recording and watch the memory of its processes; exit status 1 if"
-    f" one grows by more than {MOST_GROWTH:g} MiB.",
+    help="Run the graph with recording and watch memory and open files of its processes; exit"
+    f" status 1 if one grows by more than {MOST_GROWTH:g} MiB, or has more files open.",
 )
 @words(GraphArguments)
 @click.option("--seconds", type=float, default=600.0, help="Length of the run, s.")
 @json_option
 def memory(words: Sequence[str], *, seconds: float, json_file: Path | None) -> int:
-    """Run the graph and watch the memory of its processes."""
+    """Run the graph and watch its processes."""
     if not seconds >= 3 * SAMPLE_PERIOD:
         raise ParameterError(f"seconds = {seconds:g}: must be at least {3 * SAMPLE_PERIOD:g}")
     arguments = parse_arguments(words)
@@ -118,8 +124,8 @@ def memory(words: Sequence[str], *, seconds: float, json_file: Path | None) -> i
             return stop()
 
         run_to_end(supervisor, watch)
-    growth = memory_use.growth()
-    Console().print(_table(memory_use, growth))
+    growth, opened = memory_use.growth()
+    Console().print(_table(memory_use, growth, opened))
     save(
         {
             "seconds": seconds,
@@ -127,18 +133,19 @@ def memory(words: Sequence[str], *, seconds: float, json_file: Path | None) -> i
             "growth_mb": growth,
             "moments_s": memory_use.moments,
             "resident_mb": memory_use.resident,
+            "descriptors_growth": opened,
         },
         json_file,
     )
-    return DONE if max(growth.values()) <= MOST_GROWTH else FAILED
+    return DONE if max(growth.values()) <= MOST_GROWTH and max(opened.values()) <= 0 else FAILED
 
 
-def _table(used: Memory, growth: dict[str, float]) -> Table:
+def _table(used: Memory, growth: dict[str, float], opened: dict[str, int]) -> Table:
     table = Table(title=f"resident memory over {used.moments[-1]:.0f} s, MiB")
-    for heading in ("", "at the end", "growth since a tenth of the time"):
+    for heading in ("", "at the end", "growth since a tenth of the time", "more open files"):
         table.add_column(heading, justify="right" if heading else "left")
     for name, sizes in used.resident.items():
-        table.add_row(name, f"{sizes[-1]:.1f}", f"{growth[name]:+.2f}")
+        table.add_row(name, f"{sizes[-1]:.1f}", f"{growth[name]:+.2f}", str(opened[name]))
     return table
 
 
