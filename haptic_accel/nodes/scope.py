@@ -133,11 +133,11 @@ class Scope(GraphNode):
         self.listen_state(topics.SLAVE_STOPPED, lambda stop: self._stopped.update(slave=stop))
         self.create_timer(CLIENT_PERIOD, self._subscribe_for_clients)
         self.create_timer(ASK_PERIOD, self._refresh_parameters)
-        access = Access(p.host, os.environ.get(TOKEN_VARIABLE, ""))
-        self._server = ScopeServer(self, access, p.host, p.port, self._commands)
         try:
+            access = Access(p.host, os.environ.get(TOKEN_VARIABLE, ""))
+            self._server = ScopeServer(self, access, p.host, p.port, self._commands)
             address = self._server.start()
-        except OSError:
+        except (OSError, ParameterError):
             # Nobody else knows the node yet, and the middleware does not end while it exists.
             self.destroy_node()
             raise

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+import re
 import secrets
 import socket
 from urllib.parse import urlsplit
+
+from haptic_accel.core.parameters import ParameterError
 
 TOKEN_BYTES = 18
 """Random bytes of a generated token, which has 24 letters."""
@@ -14,6 +17,9 @@ TOKEN_BYTES = 18
 TOKEN_VARIABLE = "HAPTIC_ACCEL_SCOPE_TOKEN"
 """Environment variable with the token to use. Not an argument or parameter: every user of the
 machine and of the graph can see those, and bags store them."""
+
+TOKEN_LETTERS = "ASCII letters, digits and - . _ ~"
+"""What a token consists of: what addresses, cookies and headers all carry unchanged (RFC 3986)."""
 
 LOCALHOST = "localhost"
 
@@ -28,9 +34,17 @@ class Access:
     token : str
         Token that every request must carry. If empty, one is generated where other machines can
         reach the address, and none is needed elsewhere.
+
+    Raises
+    ------
+    ParameterError
+        The token has letters that an address cannot carry.
     """
 
     def __init__(self, host: str, token: str = "") -> None:
+        if token and not is_token(token):
+            # Its value is a secret.
+            raise ParameterError(f"{TOKEN_VARIABLE}: must consist of {TOKEN_LETTERS}")
         self.local = is_loopback(host)
         self.token = token or ("" if self.local else secrets.token_urlsafe(TOKEN_BYTES))
 
@@ -59,7 +73,12 @@ class Access:
         """Return true for the right token, after the same time for any wrong one."""
         if not self.token:
             return True
-        return hmac.compare_digest((token or "").encode(), self.token.encode())
+        return hmac.compare_digest((token or "").encode(errors="replace"), self.token.encode())
+
+
+def is_token(text: str) -> bool:
+    """Return true if a text can be a token."""
+    return re.fullmatch(r"[\w.~-]+", text, re.ASCII) is not None
 
 
 def is_loopback(host: str) -> bool:

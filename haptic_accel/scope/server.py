@@ -6,7 +6,9 @@ import asyncio
 import gc
 import hashlib
 import json
+import logging
 import os
+import re
 import socket
 import threading
 from collections.abc import Awaitable, Callable, Mapping
@@ -16,11 +18,11 @@ from functools import partial
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
-from aiohttp import WSCloseCode, web
+from aiohttp import WSCloseCode, http, web
 from aiohttp.typedefs import Handler
 
 from haptic_accel.pages import asset, template
-from haptic_accel.scope.access import Access
+from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
 from haptic_accel.scope.frames import Cursor, plots_frame
 from haptic_accel.scope.windows import Windows
 
@@ -37,7 +39,14 @@ HEARTBEAT = 10.0
 """Interval at which a page is pinged, s; one that does not answer for half as long is dropped."""
 
 LONGEST_COMMAND = 4096
-"""Largest size of a command, bytes."""
+"""Largest size of a command and of a WebSocket message, bytes."""
+
+MOST_CONNECTIONS = 64
+"""Connections served at the same time: `MOST_CLIENTS` browsers, which open up to seven each."""
+
+REQUEST_TIME = 10.0
+"""Time that a connection has for the headers of a request, and again for its body, s: many times
+what a slow network takes, and short for one that holds a connection and sends nothing."""
 
 GARBAGE_PERIOD = 10.0
 """Interval between garbage collections, s. A node switches them off for the sake of its forces;
@@ -63,6 +72,11 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+
+_HALF_ESCAPE = re.compile("%(?![0-9A-Fa-f]{2})")
+"""A percent sign in an address that encodes nothing."""
+
+_LOG = logging.getLogger(__name__)
 
 READ_ONLY = "this scope is read-only: it was started without control"
 
@@ -105,6 +119,14 @@ class Traffic:
     bytes: int = 0
 
 
+def _is_own(record: logging.LogRecord) -> bool:
+    """Return true unless a message is about a malformed request, which is answered with 400."""
+    return not (record.exc_info and isinstance(record.exc_info[1], http.HttpProcessingError))
+
+
+_LOG.addFilter(_is_own)
+
+
 class ScopeServer:
     """HTTP and WebSocket server of one page.
 
@@ -134,6 +156,7 @@ class ScopeServer:
         self._pages = _pages(source.choices(), control=act is not None)
         self._version = hashlib.sha256(b"".join(b for b, _ in self._pages.values())).hexdigest()
         self._clients: set[web.WebSocketResponse] = set()
+        self._silent: dict[asyncio.BaseProtocol, asyncio.TimerHandle] = {}
         self._update: tuple[str, bytes] = ("", b"")
         self._updated = float("-inf")
         self._thread: threading.Thread | None = None
@@ -184,27 +207,53 @@ class ScopeServer:
         application.router.add_post("/command", self._command)
         # Signals are handled by the node; requests are few and not logged.
         runner = web.AppRunner(
-            application, handle_signals=False, access_log=None, shutdown_timeout=STOPPING_TIME
+            application,
+            handle_signals=False,
+            access_log=None,
+            logger=_LOG,
+            keepalive_timeout=REQUEST_TIME,
+            auto_decompress=False,  # a command is short, and what it unpacks to might not be
+            shutdown_timeout=STOPPING_TIME,
         )
         await runner.setup()
+        assert runner.server is not None
+        loop, stopped = asyncio.get_running_loop(), asyncio.Event()
+        connect = partial(self._connect, runner.server)
         try:
-            await web.TCPSite(runner, self._host, self._port).start()
+            listener = await loop.create_server(connect, self._host, self._port)
         except OSError as error:
             bound.set_exception(error)
         else:
-            loop, stopped = asyncio.get_running_loop(), asyncio.Event()
             self._stop = partial(loop.call_soon_threadsafe, stopped.set)
             collecting = asyncio.create_task(_collect_garbage())
-            bound.set_result(int(runner.addresses[0][1]))
+            bound.set_result(int(listener.sockets[0].getsockname()[1]))
             await stopped.wait()
+            listener.close()
             collecting.cancel()
             closing = [client.close(code=WSCloseCode.GOING_AWAY) for client in self._clients]
             await asyncio.gather(*closing, return_exceptions=True)
         await runner.cleanup()
 
+    def _connect(self, server: web.Server) -> asyncio.Protocol:
+        """Return the protocol of a new connection."""
+        if len(server.connections) >= MOST_CONNECTIONS:
+            return _Refusal()
+        connection = server()
+        # aiohttp's own limit counts from the first request on; before it, only since 3.14.
+        loop = asyncio.get_running_loop()
+        self._silent[connection] = loop.call_later(REQUEST_TIME, self._drop, connection)
+        return connection
+
+    def _drop(self, connection: web.RequestHandler) -> None:
+        """Close a connection that has sent no request."""
+        del self._silent[connection]
+        connection.force_close()
+
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Refuse requests without access, and add the headers to every answer."""
+        if waiting := self._silent.pop(request.protocol, None):
+            waiting.cancel()
         try:
             response = self._refusal(request)
             if response is None:  # by identity: up to aiohttp 3.9, a response counts as empty
@@ -218,6 +267,8 @@ class ScopeServer:
 
     def _refusal(self, request: web.Request) -> web.StreamResponse | None:
         """Return a refusal, or a redirection that moves the token from the address to a cookie."""
+        if _HALF_ESCAPE.search(request.raw_path):
+            return _text(400, "address: each % must be followed by two hexadecimal digits")
         host = request.headers.get("Host")
         if not self._access.admits_host(host):
             return _text(403, "Host: must be a name of this machine")
@@ -229,12 +280,14 @@ class ScopeServer:
         # Browsers keep one set of cookies for all ports of a host.
         cookie = f"haptic_accel_scope_{urlsplit(f'//{host}').port or 80}"
         query = request.query.get("token")
+        bearer = request.headers.get("Authorization", "").removeprefix("Bearer ")
+        if not all(map(is_token, filter(None, (query, bearer)))):
+            return _text(400, f"token: must consist of {TOKEN_LETTERS}")
         if request.path == "/" and query is not None and self._access.admits_token(query):
             # An address is visible and is kept in the browser's history.
             response = web.Response(status=303, headers={"Location": "/"})
             response.set_cookie(cookie, query, httponly=True, samesite="Lax", path="/")
             return response
-        bearer = request.headers.get("Authorization", "").removeprefix("Bearer ")
         if not self._access.admits_token(bearer or request.cookies.get(cookie)):
             return _text(403, "token: open the address that the scope printed when it started")
         return None
@@ -250,14 +303,14 @@ class ScopeServer:
         # A form of a foreign page cannot send this type without asking first.
         if request.content_type != "application/json":
             return _message(415, "Content-Type: must be application/json")
-        try:
-            command = await request.json()
-        except ValueError:
-            command = None
+        command = await _json(request)
         if not isinstance(command, dict) or not isinstance(command.get("action"), str):
             return _message(400, "command: must be a JSON object with an action")
+        value = command.get("value")
+        if not isinstance(value, str | bool | None):
+            return _message(400, "value: must be a text, true or false")
         try:
-            return _message(200, await self._act(command["action"], command.get("value")))
+            return _message(200, await self._act(command["action"], value))
         except CommandError as error:
             return _message(error.status, str(error))
 
@@ -319,6 +372,23 @@ class ScopeServer:
         metrics = self._source.windows.metrics()
         state = {"version": self._version, "metrics": metrics.values} | self._source.state()
         self._update = (json.dumps(state, allow_nan=False), plots_frame(metrics))
+
+
+class _Refusal(asyncio.Protocol):
+    """A connection that is closed at once."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Close the connection."""
+        transport.close()
+
+
+async def _json(request: web.Request) -> Any:
+    """Return the content of a request; None if it is no JSON, or does not arrive in time."""
+    try:
+        # UTF-8, whatever charset the request names.
+        return json.loads(await asyncio.wait_for(request.read(), REQUEST_TIME))
+    except (ValueError, RecursionError, web.RequestPayloadError, OSError, asyncio.TimeoutError):
+        return None
 
 
 def _pages(choices: Mapping[str, list[str]], *, control: bool) -> dict[str, tuple[bytes, str]]:

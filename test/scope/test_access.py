@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.scope.access import Access, is_loopback
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.scope.access import TOKEN_VARIABLE, Access, is_loopback
 
 
 @pytest.mark.parametrize(
@@ -80,7 +81,7 @@ def test_a_token_is_made_only_where_others_can_reach_the_address() -> None:
     assert all(len(token) >= 24 for token in made)
 
 
-@given(st.text(min_size=1), st.text())
+@given(st.from_regex(r"[A-Za-z0-9._~-]+", fullmatch=True), st.text(st.characters()))
 def test_only_the_token_itself_is_admitted(token: str, given_token: str) -> None:
     access = Access("0.0.0.0", token)
     assert access.admits_token(token)
@@ -98,3 +99,10 @@ def test_without_a_token_nobody_needs_one() -> None:
 )
 def test_loopback(host: str, loopback: bool) -> None:
     assert is_loopback(host) is loopback
+
+
+@pytest.mark.parametrize("token", ["two words", "schl\u00fcssel", "a&b", "100%", "a#b", "a\n"])
+def test_a_token_that_an_address_cannot_carry_is_refused_and_not_shown(token: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{TOKEN_VARIABLE}: must consist of") as refused:
+        Access("127.0.0.1", token)
+    assert token not in str(refused.value)

@@ -28,7 +28,7 @@ from haptic_accel.scope.windows import Windows
 from running import wait_until
 
 START = 1_800_000_000 * NANOSECONDS
-TOKEN = "a token of a test"
+TOKEN = "a-token_of.a~test"
 
 
 class Source:
@@ -184,7 +184,9 @@ def test_commands_come_through_where_control_is_allowed(started: Started) -> Non
     assert (status, json.loads(text)) == (503, {"message": "absent: no such service"})
 
 
-@pytest.mark.parametrize("command", [[], "estop", {"value": 1}, {"action": 3}, 7])
+@pytest.mark.parametrize(
+    "command", [[], "estop", {"value": 1}, {"action": 3}, 7, {"action": "estop", "value": 1}]
+)
 def test_what_is_no_command_is_refused(started: Started, command: Any) -> None:
     acting = Acting()
     _, url = started(acting)
@@ -373,6 +375,150 @@ def test_a_page_that_does_not_read_gets_no_queue_and_holds_nobody_up(
         over.set()
         pouring.join()
         slow.close()
+
+
+def connected(url: URL, sent: bytes = b"") -> socket.socket:
+    opened = socket.create_connection(("127.0.0.1", url.port or 0), timeout=30)
+    opened.sendall(sent)
+    return opened
+
+
+def status(url: URL, sent: bytes) -> int:
+    """Return the status of the answer to bytes."""
+    with connected(url, sent) as opened, opened.makefile("rb") as answer:
+        return int(answer.readline().split()[1])
+
+
+def command_of(url: URL, body: bytes, *headers: str, length: object = None) -> bytes:
+    lines = (
+        "POST /command HTTP/1.1",
+        f"Host: {url.authority}",
+        f"Origin: {url.origin()}",
+        f"Content-Length: {len(body) if length is None else length}",
+        *(headers or ("Content-Type: application/json",)),
+    )
+    return "\r\n".join((*lines, "", "")).encode("utf-8", "surrogateescape") + body
+
+
+JSON = "Content-Type: application/json"
+
+
+@pytest.mark.parametrize(
+    ("body", "headers", "length"),
+    [
+        (b"", (JSON,), "ten"),
+        (b"", (JSON,), -1),
+        (b"", (JSON,), 10**30),
+        (b"{", (JSON,), None),
+        (b"\xff\xfe\xfd", (JSON,), None),
+        (b"[" * 4000, (JSON,), None),
+        (b'{"action":"x","value":' + b"[" * 900 + b"]" * 900 + b"}", (JSON,), None),
+        (b"\x1f\x8b\x08 no gzip", (JSON, "Content-Encoding: gzip"), None),
+        (b"{", (f"{JSON}; charset=none",), None),
+        (b"5", (JSON, "a field without a colon"), None),
+        (b"5", (JSON, "Cookie: " + "x" * 10_000), None),
+        (b"5", (JSON, "Authorization: Bearer \udcff\udcfe"), None),
+        (b"5", (JSON, "Authorization: Bearer schl\u00fcssel"), None),
+    ],
+)
+def test_a_malformed_request_is_the_clients_fault(
+    started: Started,
+    caplog: pytest.LogCaptureFixture,
+    body: bytes,
+    headers: tuple[str, ...],
+    length: object,
+) -> None:
+    acting = Acting()
+    _, url = started(acting, token=TOKEN if any("Bearer" in one for one in headers) else "")
+    assert status(url, command_of(url, body, *headers, length=length)) == 400
+    assert acting.done == []
+    assert caplog.records == []
+
+
+@pytest.mark.parametrize(
+    "address", ["/?token=%", "/?token=%ff", "/?token=%zz", "/%zz", "/?token=\xff"]
+)
+def test_a_malformed_address_is_the_clients_fault(
+    started: Started, caplog: pytest.LogCaptureFixture, address: str
+) -> None:
+    _, url = started(token=TOKEN)
+    asked = f"GET {address} HTTP/1.1\r\nHost: {url.authority}\r\n\r\n"
+    assert status(url, asked.encode("latin-1")) == 400
+    assert caplog.records == []
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: local"])
+def test_who_does_not_finish_a_request_is_disconnected(
+    started: Started, monkeypatch: pytest.MonkeyPatch, sent: bytes
+) -> None:
+    monkeypatch.setattr(served, "REQUEST_TIME", 0.1)
+    _, url = started()
+    with connected(url, sent) as first:
+        assert first.recv(1) == b""
+    asked = f"GET /scope.css HTTP/1.1\r\nHost: {url.authority}\r\n\r\n".encode()
+    with connected(url, asked) as second:
+        second.sendall(sent)
+        while second.recv(2**16):
+            pass
+
+
+def test_a_command_that_never_ends_is_refused(
+    started: Started, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(served, "REQUEST_TIME", 0.1)
+    acting = Acting()
+    _, url = started(acting)
+    assert status(url, command_of(url, b'{"action"', length=100)) == 400
+
+
+def test_a_page_outlives_the_time_for_its_request(
+    started: Started, source: Source, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(served, "REQUEST_TIME", 0.01)
+    _, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+            for _ in range(10):
+                source.feed(50)
+                assert len(await frames(live, 1)) == 1
+
+    visit(use)
+
+
+def test_more_connections_than_allowed_are_closed(
+    started: Started, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(served, "MOST_CONNECTIONS", 3)
+    _, url = started()
+    first, *others = [connected(url) for _ in range(3)]
+    with connected(url) as refused:
+        assert refused.recv(1) == b""
+    first.close()
+
+    def served_again() -> bool:
+        try:
+            return get(url).status == 200
+        except aiohttp.ClientError:
+            return False
+
+    wait_until(served_again, "the place of who has left is free")
+    for one in others:
+        one.close()
+
+
+def test_a_page_that_sends_too_much_is_disconnected(started: Started) -> None:
+    server, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+            await live.send_str("x" * (served.LONGEST_COMMAND + 1))
+            while (message := await live.receive(20)).type is not aiohttp.WSMsgType.CLOSE:
+                pass
+            assert message.data == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+
+    visit(use)
+    wait_until(lambda: server.clients == 0, "the page is forgotten")
 
 
 def test_an_address_that_is_taken_is_said_in_one_line(started: Started, source: Source) -> None:
