@@ -70,12 +70,14 @@ class DueForces:
         """
         self._out_of_date = stamp, force
 
-    def take(self, tick: int) -> Caused | None:
+    def take(self, tick: int, *, ahead: bool = False) -> Caused | None:
         """Return the newest force that is due at a tick or was before; None if there is none.
 
-        One that is out of date counts only where no other is due.
+        One that is out of date counts only where no other is due. Forces taken `ahead` of their
+        tick are late only if the caller counts them so.
         """
-        self._carried_out = tick
+        if not ahead:
+            self._carried_out = tick
         out_of_date, self._out_of_date = self._out_of_date, None
         ready = [due for due in self._waiting if due <= tick]
         if not ready:

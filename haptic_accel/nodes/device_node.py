@@ -497,7 +497,7 @@ class DeviceNode(ManagedNode):
         stamps: dict[str, int] = {}
         for name in names:
             commands = self._commands[name]
-            if caused := commands.forces.take(tick):
+            if caused := commands.forces.take(tick, ahead=commands.ahead):
                 stamp, force = caused
                 allowed = commands.allowed(now, age_of(stamp), force)
                 if allowed is not None:

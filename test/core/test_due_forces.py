@@ -73,3 +73,12 @@ def test_a_force_that_is_out_of_date_is_passed_on_at_once_or_never() -> None:
     assert forces.take(7) == (6000, force(6))
     assert forces.take(10**9) is None
     assert (forces.newest, forces.due, forces.missed) == (6, 1, 0)
+
+
+def test_a_force_overtaken_by_one_that_was_taken_ahead_of_its_tick_is_not_late() -> None:
+    forces = DueForces(latency=2)
+    forces.put(10, 10, force(10))
+    assert forces.take(12, ahead=True)
+    forces.put(9, 9, force(9))
+    assert forces.take(11, ahead=True) is None
+    assert (forces.due, forces.missed) == (2, 0)
