@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -265,7 +266,8 @@ def _announce(
     config.write_text(parameter_text(nodes), encoding="utf-8")
     print(
         f"emulating two {emulated}; in another terminal:\n"
-        f"  haptic-accel teleop master:={device} slave:={device} {words}config:={config}",
+        f"  haptic-accel teleop master:={device} slave:={device} {words}"
+        f"{shlex.quote(f'config:={config}')}",
         flush=True,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -25,15 +26,15 @@ def test_the_graph_runs_through_serial_ports(
     haptic_accel: Start, observer: Observer, tmp_path: Path
 ) -> None:
     faults = ("faults:=garbage,drop,stall@1", "fault_seconds:=0.05")
-    boards = haptic_accel("emulate", "serial", "folder:=boards", "surface:=text", *faults)
+    boards = haptic_accel("emulate", "serial", "folder:=my boards", "surface:=text", *faults)
     line = boards.wait_for("teleop master:=serial")
     # A machine that holds the boards up for a second must not end the test.
-    config = tmp_path / "boards" / "serial.yaml"
+    config = tmp_path / "my boards" / "serial.yaml"
     values = yaml.safe_load(config.read_text())
     values["master_device"]["ros__parameters"]["serial"]["rearm"] = "auto"
     config.write_text(yaml.safe_dump(values))
     # What a user is told to type, and a little more.
-    words = [word for word in line.split() if ":=" in word]
+    words = [word for word in shlex.split(line) if ":=" in word]
     graph = haptic_accel("teleop", *words, "bag:=bag", "controller:=constant")
     graph.wait_for("board emulated-master")
     boards.wait_for("the hand begins")

@@ -10,11 +10,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import click
 import pytest
 from matplotlib import pyplot
 
-from haptic_accel.cli.main import command_line
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.topics import TOPICS
 
@@ -46,16 +44,6 @@ def anchors(page: Path) -> set[str]:
 def test_tables_of_arguments_are_those_of_the_code(page: Path) -> None:
     text = page.read_text()
     assert tables().with_tables(text) == text, "run: python docs/tables.py"
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_verb_that_is_named_exists(page: Path) -> None:
-    named = re.findall(r"(?:^|[ `/])haptic-accel ([a-z]+)(?: ([a-z]+))?", page.read_text(), re.M)
-    context = click.Context(command_line)
-    for verb, kind in named:
-        assert verb in command_line.verbs, verb
-        if verb in command_line.groups and kind:
-            assert kind in command_line.groups[verb].list_commands(context), f"{verb} {kind}"
 
 
 def test_every_set_of_arguments_has_a_table() -> None:

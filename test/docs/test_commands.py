@@ -1,0 +1,250 @@
+"""The commands that the documentation shows: what runs as printed, and what they name exists."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from shutil import copytree
+
+import click
+import pytest
+
+from haptic_accel.cli.lazy import LazyGroup
+from haptic_accel.cli.main import command_line
+from haptic_accel.cli.options import Verb, Words
+from haptic_accel.core.parameters import schema
+from haptic_accel.core.topics import TOPICS
+from haptic_accel.graph.node_parameters import node_schema
+from haptic_accel.graph.words import parse_words
+from verbs import status_of
+
+SOURCE = Path(__file__).resolve().parents[2]
+DATA = SOURCE / "test" / "data"
+PAGES = [*sorted(SOURCE.glob("*.md")), *sorted(SOURCE.glob("docs/*.md"))]
+
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+INLINE = re.compile(r"`([^`]+)`")
+PLACEHOLDER = re.compile(r"[A-Z]+")
+"""What a sentence has in place of a name that the reader chooses."""
+
+OUTSIDE = ("cd", "colcon", "rosdep", "rqt", "source")
+"""Other programs in blocks of commands."""
+
+QUICK = ("analyze", "bag", "design", "replay")
+"""Verbs that compute for a second or two; the others start a graph, or take long."""
+
+
+def blocks(page: Path) -> Iterator[str]:
+    """Yield each line of a page's blocks of commands."""
+    for language, block in FENCE.findall(page.read_text()):
+        if language in ("", "bash"):
+            yield from block.splitlines()
+
+
+def split(line: str) -> list[list[str]]:
+    """Return the words of a line's commands, which a shell runs one after the other."""
+    reader = shlex.shlex(line, posix=True, punctuation_chars=True)
+    reader.whitespace_split = True
+    found: list[list[str]] = [[]]
+    for word in reader:
+        if word == "&&":
+            found.append([])
+        else:
+            found[-1].append(word)
+    return [words for words in found if words]
+
+
+def in_blocks(page: Path) -> list[list[str]]:
+    """Return the words of every command in a page's blocks."""
+    return [words for line in blocks(page) for words in split(line)]
+
+
+def in_sentences(page: Path) -> list[list[str]]:
+    """Return the words of every command in a page's sentences."""
+    spans = INLINE.findall(FENCE.sub("", page.read_text()))
+    return [shlex.split(span) for span in spans if re.match(r"(haptic-accel|make|ros2)\s", span)]
+
+
+def check(words: Sequence[str]) -> None:
+    """Check a command, which must be of a kind that the documentation may show."""
+    assert not any(re.fullmatch("[<>|;&()]+", word) for word in words), f"{words} is for the shell"
+    program, *rest = words
+    if program == "haptic-accel":
+        check_verb(rest)
+    elif program == "ros2":
+        check_ros2(rest)
+    elif program == "make":
+        check_make(rest)
+    elif program == "python":
+        assert (SOURCE / rest[0]).is_file(), rest[0]
+    elif program == ".":
+        assert rest == [".venv/bin/activate"]
+    else:
+        assert program in OUTSIDE, words
+
+
+def check_verb(words: Sequence[str]) -> None:
+    """Have a verb's own parser read its command line, without running it."""
+    command: click.Command = command_line
+    name, rest = "haptic-accel", list(words)
+    while isinstance(command, LazyGroup) and rest and re.match("[a-z]", rest[0]):
+        found = command.resolve_command(click.Context(command), rest)
+        assert found[0]
+        assert found[1]
+        name, command, rest = found[0], found[1], found[2]
+    if isinstance(command, LazyGroup) or not rest:  # options of all verbs, or a verb that is named
+        return
+    try:
+        given = command.make_context(name, rest).params
+    except click.exceptions.Exit:  # of --help
+        return
+    for parameter in command.params:
+        if isinstance(parameter, Words):
+            check_words(parameter, given[str(parameter.name)])
+
+
+def check_words(declared: Words, words: Sequence[str]) -> None:
+    """Read each ``key:=value`` word as the verb would."""
+    known = [name for name, _, _ in declared.describe()]
+    for word in words:
+        key, given, value = word.partition(":=")
+        if not given:
+            continue
+        assert key in known, word
+        if not PLACEHOLDER.fullmatch(value):
+            parse_words([word], next(kind for kind in declared.kinds if key in schema(kind)))
+
+
+def words_of(verb: str) -> Words:
+    """Return the declaration of a verb's words."""
+    command = command_line.get_command(click.Context(command_line), verb)
+    assert command
+    return next(each for each in command.params if isinstance(each, Words))
+
+
+def check_make(words: Sequence[str]) -> None:
+    targets = re.findall(r"^([a-z]+):.*## ", (SOURCE / "Makefile").read_text(), re.MULTILINE)
+    variables = re.findall(r"^([A-Z]+) \?=", (SOURCE / "Makefile").read_text(), re.MULTILINE)
+    for word in words:
+        assert word.partition("=")[0] in (variables if "=" in word else targets), word
+
+
+def check_ros2(words: Sequence[str]) -> None:
+    """Check what a command of ROS 2 names, if it is of this package."""
+    match list(words):
+        case ["launch", "haptic_accel", file, *rest]:
+            assert (SOURCE / "launch" / file).is_file(), file
+            check_words(words_of(file.partition(".")[0]), rest)
+        case ["run", "haptic_accel", "haptic-accel", *rest]:
+            check_verb(rest)
+        case ["run", "haptic_accel", node, *rest]:
+            assert (SOURCE / "haptic_accel" / "nodes" / f"{node}.py").is_file(), node
+            given = [word.partition(":=")[0] for word in rest if ":=" in word]
+            assert not given or set(given) <= set(node_schema(node)), given
+        case ["param", "set" | "get" | "describe", node, *rest]:
+            assert node_schema(node[1:]).keys() >= set(rest[:1]), (node, rest)
+        case ["service", "call", name, kind, *_]:
+            assert services()[name[1:]] == kind.replace("/srv/", "/")
+        case ["topic", "echo" | "hz", name]:
+            assert name[1:] in [topic.name for topic in TOPICS]
+        case ["lifecycle", "set", node, transition]:
+            assert node in ("/master_device", "/slave_device")
+            assert transition in ("configure", "cleanup", "activate", "deactivate", "shutdown")
+        case ["bag" | "launch" | "run", what, _, *_]:
+            assert what != "haptic_accel", words
+        case [_, _, _, *_]:  # fewer only name a command
+            raise AssertionError(f"no check for {words}")
+
+
+def services() -> dict[str, str]:
+    """Return type by name of the services in the table of the documentation."""
+    section = (
+        (SOURCE / "docs" / "topics.md").read_text().split("## Services\n")[1].split("\n## ")[0]
+    )
+    rows = re.findall(r"^\| (.*?) \| `(.*?)` \|", section, re.MULTILINE)
+    return {name: kind for names, kind in rows for name in re.findall(r"`([^`]+)`", names)}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_what_a_page_tells_to_type_is_accepted(page: Path) -> None:
+    for words in [*in_blocks(page), *in_sentences(page)]:
+        check(words)
+
+
+def every_verb(group: LazyGroup) -> Iterator[click.Command]:
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        assert command
+        yield command
+        if isinstance(command, LazyGroup):
+            yield from every_verb(command)
+
+
+@pytest.mark.parametrize(
+    "command", [command_line, *every_verb(command_line)], ids=lambda command: command.name
+)
+def test_the_examples_in_the_help_are_accepted(command: Verb | LazyGroup) -> None:
+    for example in command.examples:
+        check(shlex.split(example))
+
+
+def texts_of_the_program() -> Iterator[tuple[str, str]]:
+    """Yield file and text of whatever prints, or serves, what a reader may type."""
+    for pattern in ("**/*.py", "pages/**/*.j2", "pages/**/*.js"):
+        for path in sorted((SOURCE / "haptic_accel").glob(pattern)):
+            yield path.name, path.read_text()
+
+
+def test_every_verb_that_the_program_names_exists() -> None:
+    for name, text in texts_of_the_program():
+        for verb, kind in re.findall(r"haptic-accel ([a-z]+)(?: ([a-z]+))?", text):
+            assert verb in command_line.verbs, (name, verb)
+            assert (
+                not (kind and verb in command_line.groups)
+                or kind in command_line.groups[verb].verbs
+            )
+
+
+def is_run(words: Sequence[str]) -> bool:
+    """Return whether a command of a block is run here: quick, and without a graph."""
+    program, verb, *rest = [*words, "", ""]
+    return (
+        program == "haptic-accel" and verb in QUICK and (verb != "replay" or "--lockstep" in rest)
+    )
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with what the pages' commands take for there."""
+    folder = tmp_path_factory.mktemp("recorded")
+    made = ["--lockstep", "--controllers", "dynamic,inverse", "--out", folder / "bags"]
+    assert status_of("replay", DATA / "text", *made) == 0
+    for name in ("before", "after", "results/today/bags"):
+        copytree(folder / "bags", folder / name)
+    copytree(DATA / "text", folder / "bags" / "first")
+    return folder
+
+
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if any(map(is_run, in_blocks(p)))], ids=lambda page: page.name
+)
+def test_what_a_page_tells_to_type_runs(
+    page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copytree(recorded, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    for words in filter(is_run, in_blocks(page)):
+        expanded = [
+            name for word in words[1:] for name in (sorted(map(str, Path().glob(word))) or [word])
+        ]
+        assert status_of(*expanded) == 0, words
+
+
+def test_the_readme_says_how_to_reach_the_command_before_it_shows_one() -> None:
+    first = next(
+        i for i, words in enumerate(in_blocks(SOURCE / "README.md")) if words[0] == "haptic-accel"
+    )
+    assert [".", ".venv/bin/activate"] in in_blocks(SOURCE / "README.md")[:first]
