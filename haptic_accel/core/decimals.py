@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 
 _BLANKS = " \t"
-_WHOLE = re.compile(r"[-+]?[0-9]+")
+_WHOLE = re.compile(r"[-+]?[0-9]{1,300}")  # which a float can hold
 _DECIMAL = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
@@ -29,7 +29,7 @@ def read_whole(text: str) -> int:
     Raises
     ------
     ValueError
-        It is none, or has more digits than Python converts.
+        It is none, or has more than 300 digits.
     """
     return int(_matched(_WHOLE, text))
 

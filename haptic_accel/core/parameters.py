@@ -29,6 +29,12 @@ def check_positive_rate(rate: float) -> None:
         raise ParameterError(f"rate = {rate}: must be above 0 Hz")
 
 
+def shown(text: str) -> str:
+    """Return a text from outside as it fits into a message of one line."""
+    printable = text if text.isprintable() else repr(text)
+    return printable if len(printable) <= 200 else printable[:200] + "..."
+
+
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return a hint for an error about an unknown word: the nearest known one, or nothing."""
     near = difflib.get_close_matches(word, list(known), n=1)
@@ -124,8 +130,8 @@ def checked(name: str, value: Any, default: Any, specification: Specification) -
     ParameterError
         Wrong type, not finite, out of range, or not one of the choices.
     """
-    shown = repr(value) if isinstance(value, str) else value
-    wrong = ParameterError(f"{name} = {shown}: must be {_allowed(default, specification)}")
+    found = repr(value) if isinstance(value, str) else value
+    wrong = ParameterError(f"{name} = {found}: must be {_allowed(default, specification)}")
     if isinstance(default, (bool, str)):
         if not isinstance(value, type(default)):
             raise wrong

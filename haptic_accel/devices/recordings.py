@@ -16,7 +16,7 @@ import numpy.typing as npt
 from haptic_accel.core import resampling
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, shown
 
 # pandas and scipy.io take half a second to import: only who reads a file waits for them.
 
@@ -82,7 +82,7 @@ def read_recording(
         recording_rate = resampling.checked_rate("recording_rate", recording_rate)
     if not 0.0 < full_scale <= LARGEST:
         raise ParameterError(f"full_scale = {full_scale}: must be above 0 to {LARGEST:g} m/s^2")
-    name = _shown(os.fspath(path))
+    name = shown(os.fspath(path))
     start = _start(name, path)
     if start[:4] == b"RIFF" or Path(path).suffix.lower() == ".wav":
         own_rate, channels = _decode_wav(name, path, start)
@@ -134,14 +134,8 @@ def _start(name: str, path: str | os.PathLike[str]) -> bytes:
         wrong = error.strerror or type(error).__name__
     except ValueError as error:  # a NUL in the name
         wrong = str(error)
-    shown = name or "recording = ''"
-    raise ParameterError(f"{shown}: {wrong}, must be a CSV or WAV file")
-
-
-def _shown(value: str) -> str:
-    """Fit a text from outside into a one-line message."""
-    shown = value if value.isprintable() else repr(value)
-    return shown if len(shown) <= 200 else shown[:200] + "..."
+    what = name or "recording = ''"
+    raise ParameterError(f"{what}: {wrong}, must be a CSV or WAV file")
 
 
 def _read_csv(name: str, path: str | os.PathLike[str], column: str | None) -> FloatArray:
@@ -169,12 +163,12 @@ def _read_csv(name: str, path: str | os.PathLike[str], column: str | None) -> Fl
         raise ParameterError(f"{name}: is not text, must be a CSV or WAV file") from None
     except ValueError as error:
         raise ParameterError(
-            f"{name}: {_shown(str(error).strip())}: must be comma-separated values"
+            f"{name}: {shown(str(error).strip())}: must be comma-separated values"
         ) from None
     titles = [str(title).strip() for title in table.iloc[0]]
     found = _found(name, "column", (column,) if column else COLUMNS, titles)
     if titles.count(found) > 1:
-        raise ParameterError(f"{name}: column = {_shown(found)}: is there more than once")
+        raise ParameterError(f"{name}: column = {shown(found)}: is there more than once")
     rows = table.iloc[1:]
     rows = rows[(rows.fillna("") != "").any(axis=1)]
     texts = rows[titles.index(found)]
@@ -183,7 +177,7 @@ def _read_csv(name: str, path: str | os.PathLike[str], column: str | None) -> Fl
     if len(wrong):
         line = texts.index[wrong[0]] + blank + 1
         raise ParameterError(
-            f"{name}: line {line}: {_shown(found)} = {texts.iloc[wrong[0]][:40]!r}: "
+            f"{name}: line {line}: {shown(found)} = {texts.iloc[wrong[0]][:40]!r}: "
             f"must be a number from {-LARGEST:g} to {LARGEST:g} m/s^2"
         )
     return values
@@ -194,8 +188,8 @@ def _found(name: str, kind: str, wanted: Sequence[str], titles: Sequence[str]) -
     found = next((title for title in wanted if title in titles), None)
     if found is None:
         raise ParameterError(
-            f"{name}: column = {_shown(' or '.join(wanted))}: no such {kind}; "
-            f"there are {_shown(', '.join(titles))}"
+            f"{name}: column = {shown(' or '.join(wanted))}: no such {kind}; "
+            f"there are {shown(', '.join(titles))}"
         )
     return found
 
@@ -228,7 +222,7 @@ def _decode_wav(
     except Exception as error:  # scipy raises a dozen kinds on a malformed header
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ParameterError(
-            f"{name}: is not a WAV file of integer or floating-point samples ({_shown(reason)})"
+            f"{name}: is not a WAV file of integer or floating-point samples ({shown(reason)})"
         ) from None
     own_rate = resampling.checked_rate(f"{name}: sampling rate", rate)
     return own_rate, samples if samples.ndim == 2 else samples[:, np.newaxis]

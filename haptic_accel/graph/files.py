@@ -8,15 +8,13 @@ from typing import Any
 
 import yaml
 
-from haptic_accel.core.parameters import ParameterError, checked
+from haptic_accel.bags.yaml_text import LARGEST, load_yaml
+from haptic_accel.core.parameters import ParameterError, checked, shown
 from haptic_accel.graph.folders import config_folder
 from haptic_accel.graph.node_parameters import NODES, node_schema
 
 SURFACE = "simulated.surface."
 """Prefix of the slave device's parameters of a surface."""
-
-# With libyaml, where PyYAML has it, ten times as fast.
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 _WILDCARDS = ("/**", "**", "/*", "*")
 
@@ -87,21 +85,22 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
     """
     what = f"config = '{path}'"
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), _LOADER)
+        with path.open(encoding="utf-8") as file:
+            content = load_yaml(file.read(LARGEST + 1))
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not text"
         raise ParameterError(f"{what}: must be a readable parameter file: {reason}") from None
-    except yaml.YAMLError as error:
-        reason = " ".join(str(error).split())
-        raise ParameterError(f"{what}: must be YAML: {reason}") from None
+    except ValueError as error:
+        raise ParameterError(f"{what}: must be YAML: {shown(str(error))}") from None
     if not isinstance(content, dict):
         raise ParameterError(f"{what}: must map nodes to ros__parameters")
     values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
-    for node, section in content.items():
+    for key, section in content.items():
+        node = shown(str(key))
         if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
             raise ParameterError(f"{what}: {node}: must hold ros__parameters, nothing else")
         flat = _flat(section["ros__parameters"] or {}, f"{what}: {node}")
-        for executable in NODES if node in _WILDCARDS else [str(node).rsplit("/", 1)[-1]]:
+        for executable in NODES if node in _WILDCARDS else [node.rsplit("/", 1)[-1]]:
             if executable not in NODES:
                 names = ", ".join(NODES)
                 raise ParameterError(f"{what}: {node}: must be /** or one of {names}")
@@ -117,7 +116,8 @@ def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _flat(section: Any, what: str, prefix: str = "") -> dict[str, Any]:
     if not isinstance(section, dict):
-        raise ParameterError(f"{what}: {prefix or 'ros__parameters'}: must map names to values")
+        where = shown(prefix) or "ros__parameters"
+        raise ParameterError(f"{what}: {where}: must map names to values")
     flat: dict[str, Any] = {}
     for name, value in section.items():
         if isinstance(value, dict):
@@ -133,5 +133,5 @@ def _known(flat: dict[str, Any], executable: str, node: str, what: str) -> dict[
     others = NODES if node in _WILDCARDS else ()
     for name in flat:
         if name not in schema and not any(name in node_schema(other) for other in others):
-            raise ParameterError(f"{what}: {node}: {name}: no such parameter")
+            raise ParameterError(f"{what}: {node}: {shown(name)}: no such parameter")
     return {name: value for name, value in flat.items() if name in schema}

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.decimals import read_decimal, read_whole
-from haptic_accel.core.parameters import Checked, ParameterError, schema, suggestion
+from haptic_accel.core.parameters import Checked, ParameterError, schema, shown, suggestion
 
 A = TypeVar("A", bound=Checked)
 
@@ -52,7 +52,7 @@ def unknown_key(key: str, known: Iterable[str]) -> ParameterError:
     """Return the error that names the nearest key, and every key there is."""
     known = list(known)
     return ParameterError(
-        f"{key}: no such argument{suggestion(key, known)}; there are {', '.join(known)}"
+        f"{shown(key)}: no such argument{suggestion(key, known)}; there are {', '.join(known)}"
     )
 
 

@@ -13,7 +13,7 @@ HOSTILE = {
     "an alias of itself": "&a [*a]",
     "nesting": "[" * 100_000,
     "nested keys": "? " * 100_000,
-    "a number to the base 60": "1" + ":0" * 1_000_000,
+    "a number of many digits": "9" * 1_000_000,
     "size": "x" * (LARGEST + 1),
     "no date": "2001-13-45",
     "no base 64": "!!binary ä",
@@ -28,6 +28,25 @@ def test_what_is_hostile_or_damaged_is_refused_in_one_line(kind: str) -> None:
     with pytest.raises(ValueError, match=".") as caught:
         load_yaml(HOSTILE[kind])
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["1_000", "0x10", "0b1", "010", "1:30", ".nan", ".inf", "1e"])
+def test_only_plain_decimals_are_numbers(text: str) -> None:
+    assert load_yaml(text) == text
+    with pytest.raises(ValueError, match="must be a number"):
+        load_yaml(f"!!float {text}") if text != "010" else load_yaml("!!int 0o10")
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("1e5", 1e5), ("-12", -12), ("+.5", 0.5), ("5.", 5.0), ("0", 0)]
+)
+def test_a_decimal_may_have_an_exponent(text: str, number: float) -> None:
+    found = load_yaml(text)
+    assert (found, type(found)) == (number, type(number))
+
+
+def test_a_number_to_the_base_60_costs_no_time() -> None:
+    assert load_yaml("1" + ":0" * 1_000_000) == "1" + ":0" * 1_000_000
 
 
 def test_what_another_program_wrote_without_quotation_marks_is_text() -> None:

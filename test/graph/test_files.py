@@ -3,9 +3,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.files import (
@@ -93,14 +95,60 @@ trees = st.recursive(
 )
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(trees)
-def test_any_structure_is_read_or_refused(tmp_path: Path, tree: object) -> None:
-    import yaml
+values = st.one_of(
+    st.sampled_from(ODD_TEXTS),
+    st.sampled_from(["1e5", "-1", "true", "~", "[1, a]", "{a: 1}", "2001-01-01", "!!binary aGk="]),
+    st.sampled_from(
+        ["'text'", "*a", "&a 1", "!!set {a}", "!!python/name:os.system", '"\\0\\e[2J"']
+    ),
+)
+lines = st.builds("    {}: {}".format, st.sampled_from(sorted(node_schema("coupler"))), values)
+nested = trees.map(lambda tree: yaml.safe_dump(tree, default_flow_style=True))
+FILES = [*config_folder().glob("*.yaml"), *config_folder().glob("*/*.yaml")]
+shipped = st.sampled_from([file.read_text(encoding="utf-8") for file in FILES])
+own = st.lists(lines, max_size=4).map(
+    lambda given: "\n".join(["/**:", "  ros__parameters:", "    k_m: 300.0", *given])
+)
+pieces = values | st.sampled_from(
+    ["\n", ": ", "  ", "#", "- ", "|", ">", "<<: ", "? ", "\0", "\t"]
+)
 
+
+@fuzz
+@given(mutated(own, pieces) | mutated(shipped, pieces) | nested)
+def test_any_damage_to_a_file_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     file = tmp_path / "mine.yaml"
-    file.write_text(yaml.safe_dump(tree))
-    try:
-        read_parameter_file(file)
-    except ParameterError as error:
-        assert len(str(error).splitlines()) == 1
+    file.write_bytes(text.encode())
+
+    def read() -> None:
+        found = read_parameter_file(file)
+        for executable in NODES:
+            node_parameters(executable, found[executable])
+
+    accepted(read)
+
+
+@pytest.mark.parametrize("value", ["1_000", "0x10", "\u0661\u0662", ".nan", "1:30", "0300"])
+def test_what_is_no_plain_decimal_is_no_number(tmp_path: Path, value: str) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"coupler: {{ros__parameters: {{k_m: {value}}}}}", encoding="utf-8")
+    found = read_parameter_file(file)["coupler"]
+    with pytest.raises(ParameterError, match=rf"k_m = '{value}': must be from 0"):
+        node_parameters("coupler", found)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        "a: &a [*a]",
+        '"a\\nb": {}',
+        '/**: {ros__parameters: {"\\e[2J": 1}}',
+        "x" * 2**23,
+    ],
+    ids=["nesting", "alias", "newline", "escape", "size"],
+)
+def test_what_is_hostile_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    assert not accepted(lambda: read_parameter_file(file))
