@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from haptic_accel.core.parameters import ParameterError
@@ -29,7 +30,7 @@ def storage_files(folder: Path) -> list[Path]:
 
 def is_bag(folder: Path) -> bool:
     """Return whether a folder holds a bag."""
-    return (folder / METADATA).is_file() or bool(storage_files(folder))
+    return os.path.isfile(folder / METADATA) or bool(storage_files(folder))
 
 
 def find_bags(path: Path) -> list[Path]:
@@ -45,7 +46,7 @@ def find_bags(path: Path) -> list[Path]:
     ParameterError
         There is nothing, or no bag below it.
     """
-    if not path.exists():
+    if not os.path.exists(path):
         raise ParameterError(f"{path}: no such file or folder")
     if not path.is_dir() or is_bag(path):
         return [path]

@@ -6,6 +6,7 @@ result names what is missing.
 
 from __future__ import annotations
 
+import os
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
@@ -180,7 +181,7 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     """
     path = Path(path)
     bag = Bag(path)
-    metadata = _metadata(bag) if path.is_dir() else Metadata(())
+    metadata = _metadata(bag) if os.path.isdir(path) else Metadata(())
     try:
         sources = _sources(bag, metadata)
     except OSError as error:
@@ -215,9 +216,9 @@ def _metadata(bag: Bag) -> Metadata:
 def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
     """Return the files that hold messages, in order, or a folder that rosbags reads as a whole."""
     path = bag.path
-    if not path.is_dir():
+    if not os.path.isdir(path):
         path.stat()
-        if not (is_storage(path) and path.is_file()):
+        if not (is_storage(path) and os.path.isfile(path)):
             raise ParameterError(f"{path}: must be a bag's folder, or a .mcap or .db3 file")
         return [path]
     # Those of a recording that was cut off are not all in the metadata.
@@ -225,7 +226,7 @@ def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
     if not found:
         raise ParameterError(f"{path}: {MUST_BE}")
     named = [path / file.name for file in metadata.files]
-    missing = [f"{file.name} is missing" for file in named if not file.is_file()]
+    missing = [f"{file.name} is missing" for file in named if not os.path.isfile(file)]
     if metadata.compression_mode and not missing:
         return [path]
     bag.problems.extend(missing)

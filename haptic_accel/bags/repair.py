@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -95,7 +96,7 @@ def repair(path: Path) -> Repair:
     OSError
         Something cannot be written.
     """
-    if not path.is_dir():
+    if not os.path.isdir(path):
         raise ParameterError(f"{path}: must be the folder of a bag")
     files = storage_files(path)
     if not files:

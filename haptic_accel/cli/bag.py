@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime
@@ -94,7 +95,7 @@ def _contents(path: Path) -> tuple[list[Path], Metadata]:
     ParameterError
         It is not a bag, or has no metadata.
     """
-    if not path.is_dir():
+    if not os.path.isdir(path):
         raise ParameterError(f"{path}: must be the folder of a bag")
     files = storage_files(path)
     try:
@@ -109,7 +110,7 @@ def _problems(path: Path, files: Sequence[Path], metadata: Metadata) -> Iterator
     for entry in metadata.files:
         file = path / entry.name
         try:
-            if not file.exists():
+            if not os.path.exists(file):
                 yield f"{file.name}: is missing"
             elif file.suffix == MCAP and (found := inspect(file).messages) != entry.messages:
                 yield f"{file.name}: has {found} messages, not {entry.messages}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
@@ -242,7 +243,7 @@ def _read(
     recorded: Recorded = {}
     ages = []
     for grip, path in places:
-        if path.is_dir():
+        if os.path.isdir(path):
             bag = read_bag(path)
             trials = _trials(bag, arguments)
             ages.append(force_age(bag))

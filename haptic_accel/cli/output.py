@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,7 @@ def check_writable(file: Path) -> None:
     ParameterError
         The file cannot be opened; with the reason.
     """
-    new = not file.exists()
+    new = not os.path.exists(file)
     try:
         file.open("a", encoding="utf-8").close()
     except OSError as error:

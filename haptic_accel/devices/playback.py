@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -124,7 +125,7 @@ def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> tra
 
         found = bag_track(read_bag(Path(parameters.file)), arm)
     else:
-        if not Path(parameters.file).exists():
+        if not os.path.exists(parameters.file):
             raise ParameterError(f"{parameters.file}: no such bag or file")
         samples = read_recording(parameters.file, parameters.rate, rate, parameters.column)
         found = track.at_rest(samples, rate)
@@ -133,7 +134,7 @@ def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> tra
 
 def is_bag(file: str) -> bool:
     """Return True for the path of a bag, False for that of a CSV or WAV file or of nothing."""
-    return Path(file).is_dir() or is_storage(Path(file))
+    return os.path.isdir(file) or is_storage(Path(file))
 
 
 def bag_track(bag: Bag, arm: ArmTopics) -> track.Track:

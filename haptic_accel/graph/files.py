@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,7 @@ def preset_file(kind: str, name: str) -> Path:
     known = {path.stem: path for path in sorted((config_folder() / f"{kind}s").glob("*.yaml"))}
     if name in known:
         return known[name]
-    if name.endswith(".yaml") and Path(name).is_file():
+    if name.endswith(".yaml") and os.path.isfile(name):
         return Path(name).absolute()
     raise ParameterError(f"{kind} = {name!r}: must be one of {', '.join(known)}, or a .yaml file")
 

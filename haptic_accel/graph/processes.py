@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -260,7 +261,7 @@ def _check_replay(arguments: GraphArguments, options: Values) -> None:
 
 def _check_bag(arguments: Arguments) -> None:
     """Refuse a bag that would be written over."""
-    if arguments.bag and Path(arguments.bag).exists():
+    if arguments.bag and os.path.exists(arguments.bag):
         raise ParameterError(f"bag = '{arguments.bag}': must be a new folder")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -130,7 +131,7 @@ def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
     parsed = parse_words(own, ReplayArguments)
     if not parsed.bag:
         raise ParameterError("bag = '': must be a bag, or a CSV or WAV file")
-    if not Path(parsed.bag).exists():
+    if not os.path.exists(parsed.bag):
         raise ParameterError(f"bag = '{parsed.bag}': no such bag or file")
     graph, keys = parse_arguments(rest), given_keys(rest)
     return parsed, {name: getattr(graph, name) for name in schema(GraphArguments) if name in keys}

@@ -1,20 +1,32 @@
 from __future__ import annotations
 
+import io
 import itertools
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
 from typing import Any
 
 import click
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from fuzzing import ODD_TEXTS, fuzz
 from haptic_accel import __version__
+from haptic_accel.analysis.metrics import Shift
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.cli.main import command_line
+from haptic_accel.cli.options import Words
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, Faults
+from haptic_accel.graph.arguments import parse_arguments
+from haptic_accel.graph.processes import graph, identification_graph
+from haptic_accel.graph.replay import replay_arguments
 from verbs import refusal, status_of
 
 
@@ -89,6 +101,111 @@ def test_every_verb_explains_itself_and_its_options(
         assert text
         assert text.strip().endswith(".")
         assert re.match(r"(?!Of|What|How|Whether|Who|Where|By how)[A-Z]", text), text
+
+
+CHECKS: dict[str, Callable[..., object]] = {
+    "teleop": lambda arguments, **_: graph(arguments),
+    "identify": lambda arguments, **_: identification_graph(arguments),
+    "experiment": lambda words, **_: graph(parse_arguments(words)),
+    "design": lambda words, **_: graph(parse_arguments(words)),
+    "latency": lambda words, **_: graph(parse_arguments(words)),
+    "replay": lambda words, **_: replay_arguments(words),
+    "analyze": lambda shift, **_: Shift.read(shift),
+    "serial": lambda arguments, **_: Faults(arguments.faults, SERIAL_FAULTS, 1.0, 0),
+    "can": lambda arguments, **_: Faults(arguments.faults, CAN_FAULTS, 1.0, 0),
+}
+"""What verbs do to check their arguments before anything is started."""
+
+argument_values = st.sampled_from(
+    [
+        *(text for text in ODD_TEXTS if "\0" not in text),  # which no argument can have
+        *(
+            "1",
+            "0",
+            "-1",
+            "2.5",
+            "1e5",
+            "1e999",
+            "9" * 400,
+            "true",
+            "False",
+            "stop@1e3",
+            "stop@nan",
+        ),
+        *("paper", "text", "dynamic", "recording", "replay", "simulated", "auto", "1,2", "a:=b"),
+        *(
+            ".",
+            "..",
+            "/dev/null",
+            "/",
+            "no.yaml",
+            "x" * 300 + ".yaml",
+            "x" * 5000,
+            "a\nb",
+            "\udcff",
+        ),
+        *("mine.yaml", "mine.csv", "mine.yaml/x.yaml"),
+    ]
+)
+
+
+@st.composite
+def command_lines(draw: st.DrawFn) -> tuple[str, ...]:
+    """Draw words of the right form, with any value, and others."""
+    verb = draw(st.sampled_from(VERBS))
+    command = command_of(verb)
+    keys = [key for each in command.params if isinstance(each, Words) for key in names(each)]
+    flags = [flag for each in command.params for flag in each.opts if flag.startswith("-")]
+    forms = [st.builds("{}={}".format, st.sampled_from(flags), argument_values)] if flags else []
+    forms += (
+        [st.builds("{}:={}".format, st.sampled_from(keys), argument_values)] * 5 if keys else []
+    )
+    forms += [argument_values, st.sampled_from([*flags, "--", "-", ":=", "status"])]
+    words = draw(st.lists(st.one_of(forms), max_size=4))
+    return *verb, *words
+
+
+def names(words: Words) -> list[str]:
+    return [name for name, _, _ in words.describe()]
+
+
+VERBS = [verb for verb in every_verb() if not isinstance(command_of(verb), LazyGroup)]
+
+
+@fuzz
+@given(command_lines())
+def test_any_arguments_are_taken_or_refused_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, here: Path, line: tuple[str, ...]
+) -> None:
+    (here / "mine.yaml").write_text("coupler: {ros__parameters: {k_m: 1}}")
+    (here / "mine.csv").write_text("a\n1\n")
+    for verb in VERBS:
+        check = CHECKS.get(verb[-1], lambda **_: None)
+        monkeypatch.setattr(
+            command_of(verb), "callback", lambda check=check, **given: check(**given) and 0
+        )
+    written, shown = io.StringIO(), io.StringIO()
+    with redirect_stderr(written), redirect_stdout(shown):
+        status = status_of(*line)
+    assert status == (2 if written.getvalue() else 0)
+    assert len(written.getvalue().splitlines()) <= 1, written.getvalue()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "teleop rig:={}.yaml",
+        "teleop config:={}",
+        "replay bag:={}",
+        "analyze {}",
+        "bag info {}",
+        "bag info here --json {}",
+        "bag repair {}",
+        "identify --from {} --lockstep",
+    ],
+)
+def test_a_name_longer_than_a_file_can_have_is_refused(words: str) -> None:
+    refusal(*words.format("x" * 300).split())
 
 
 @pytest.mark.parametrize(
