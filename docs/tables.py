@@ -11,7 +11,7 @@ from pathlib import Path
 
 from haptic_accel.core.parameters import Checked
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.graph.words import described
+from haptic_accel.graph.words import described, group
 
 FOLDER = Path(__file__).parent
 
@@ -21,11 +21,14 @@ PLACE = re.compile(r"(<!-- arguments: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def table(kind: type[Checked]) -> str:
-    """Return the arguments of a dataclass as a table in Markdown."""
-    rows = [
-        f"| `{name}` | {f'`{default}`' if default else ''} | {text.replace('|', chr(92) + '|')} |"
-        for name, default, text in described(kind)
-    ]
+    """Return the arguments of a dataclass, under headings, as a table in Markdown."""
+    rows, above = [], ""
+    for name, default, text in described(kind):
+        if (heading := group(kind, name)) != above:
+            rows.append(f"| **{heading}** | | |")
+            above = heading
+        shown = f"`{default}`" if default else ""
+        rows.append(f"| `{name}` | {shown} | {text.replace('|', chr(92) + '|')} |")
     return "\n".join(["| argument | default | meaning |", "|---|---|---|", *rows, ""])
 
 

@@ -13,7 +13,7 @@ ZSTD_FAST = "zstd_fast"
 
 @dataclass(frozen=True)
 class RecordingOptions(Checked):
-    """Form of a bag, and topics recorded besides the graph's own."""
+    """Form of a bag, and further topics in it."""
 
     storage_preset_profile: str = parameter(
         NONE, "zstd_fast compresses the chunks of the MCAP file", choices=(NONE, ZSTD_FAST)

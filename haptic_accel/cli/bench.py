@@ -93,6 +93,7 @@ class Usage:
 @verb(
     "haptic-accel bench latency rig:=ideal --rate 2000",
     "haptic-accel bench latency composed:=true --rates 500,1000,2000,4000 --seconds 5",
+    "haptic-accel bench latency --seconds 60 --json latency.json",
 )
 @words(GraphArguments)
 @click.option("--rate", default=1000.0, help="Sampling rate, Hz.")

@@ -67,6 +67,7 @@ class CalibrateArguments(PortParameters):
 @verb(
     "haptic-accel calibrate port:=/dev/ttyACM0",
     "haptic-accel calibrate port:=/dev/ttyACM0 side:=slave",
+    "haptic-accel calibrate usb_serial:=NUMBER side:=slave axis:=z",
     name="calibrate",
 )
 @arguments(CalibrateArguments)

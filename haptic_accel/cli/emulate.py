@@ -135,7 +135,12 @@ class EmulateCanArguments(EmulationArguments):
     fault_arm: str = parameter(SLAVE, "arm with the faults", choices=SIDES)
 
 
-@verb("haptic-accel emulate serial duration:=60", name="serial")
+@verb(
+    "haptic-accel emulate serial",
+    "haptic-accel emulate serial folder:=boards surface:=text duration:=60",
+    "haptic-accel emulate serial faults:=garbage,stall@2 fault_board:=slave",
+    name="serial",
+)
 @arguments(EmulateSerialArguments)
 def emulate_serial(arguments: EmulateSerialArguments) -> None:
     """Emulate the boards of handle and tool on pseudo-terminals until Ctrl-C."""
@@ -163,7 +168,12 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     _run([lines], arguments.duration, lambda: arms.coupled, "the hand begins to explore")
 
 
-@verb("haptic-accel emulate can kinematics:=stage", name="can")
+@verb(
+    "haptic-accel emulate can",
+    "haptic-accel emulate can kinematics:=stage folder:=arms",
+    "haptic-accel emulate can faults:=estimates@2",
+    name="can",
+)
 @arguments(EmulateCanArguments)
 def emulate_can(arguments: EmulateCanArguments) -> None:
     """Emulate master and slave arms of ODrives on CAN until Ctrl-C.

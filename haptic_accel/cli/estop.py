@@ -41,7 +41,11 @@ class StopArguments(Checked):
     namespace: str = parameter("", "namespace of the graph")
 
 
-@verb("haptic-accel estop", "haptic-accel estop release:=true")
+@verb(
+    "haptic-accel estop",
+    "haptic-accel estop release:=true",
+    "haptic-accel estop namespace:=left",
+)
 @arguments(StopArguments)
 def estop(arguments: StopArguments) -> None:
     """Remove all forces from both devices at once; they refuse new ones until release:=true."""

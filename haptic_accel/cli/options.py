@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -13,7 +14,7 @@ from haptic_accel.cli.lazy import write_examples
 from haptic_accel.cli.output import check_writable
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.parameters import Checked, schema, suggestion
-from haptic_accel.graph.words import described, parse_words
+from haptic_accel.graph.words import described, group, parse_words
 
 F = TypeVar("F", bound=Callable[..., Any])
 Describe: TypeAlias = Callable[[], Sequence[tuple[str, str, str]]]
@@ -40,6 +41,18 @@ class Words(click.Argument):
         super().__init__(declarations, nargs=-1, **settings)
         self.kinds = kinds
         self.describe = describe or (lambda: [line for kind in kinds for line in described(kind)])
+
+    def write(self, formatter: click.HelpFormatter) -> None:
+        """Write what every key means, under the headings of their groups if there are several."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for name, default, text in self.describe():
+            kind = next(kind for kind in self.kinds if name in schema(kind))
+            lines = groups.setdefault(group(kind, name), [])
+            lines.append((name, f"{text} (default: {default or 'empty'})"))
+        with formatter.section("Arguments, each as key:=value"):
+            for heading, lines in groups.items():
+                with formatter.section(heading) if len(groups) > 1 else nullcontext():
+                    formatter.write_dl(lines)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Complete keys, the values of those that have choices, and otherwise files."""
@@ -94,12 +107,7 @@ class Verb(click.Command):
         """Write the words and the examples."""
         for parameter in self.params:
             if isinstance(parameter, Words):
-                lines = [
-                    (name, f"{text} (default: {default or 'empty'})")
-                    for name, default, text in parameter.describe()
-                ]
-                with formatter.section("Arguments, each as key:=value"):
-                    formatter.write_dl(lines)
+                parameter.write(formatter)
         write_examples(formatter, self.examples)
 
 

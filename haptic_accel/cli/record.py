@@ -29,7 +29,11 @@ class RecordArguments(Checked):
     namespace: str = parameter("", "namespace of the graph")
 
 
-@verb("haptic-accel record pause", "haptic-accel record status")
+@verb(
+    "haptic-accel record status",
+    "haptic-accel record pause",
+    "haptic-accel record stop namespace:=left",
+)
 @click.argument("action", type=one_of(ACTIONS), metavar="|".join(ACTIONS))
 @arguments(RecordArguments)
 def record(action: str, arguments: RecordArguments) -> None:

@@ -16,12 +16,16 @@ from haptic_accel.graph.supervisor import Supervisor
 
 @dataclass(frozen=True)
 class ScopeArguments(ScopeNodeParameters):
-    """Arguments of the page."""
+    """Graph that the page shows."""
 
     namespace: str = parameter("", "namespace of the graph")
 
 
-@verb("haptic-accel scope", "haptic-accel scope host:=0.0.0.0 control:=true")
+@verb(
+    "haptic-accel scope",
+    "haptic-accel scope port:=9000 control:=true",
+    "haptic-accel scope host:=0.0.0.0",
+)
 @arguments(ScopeArguments)
 def scope(arguments: ScopeArguments) -> None:
     """Serve a page with signals, spectra, errors and states of a running graph until Ctrl-C.

@@ -9,7 +9,7 @@ from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
-from haptic_accel.core.parameters import like, parameter, schema
+from haptic_accel.core.parameters import Checked, like, parameter, schema
 from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.devices.playback import ReplayParameters
 from haptic_accel.graph import node_parameters as nodes
@@ -32,8 +32,8 @@ PLAYED_TOPICS = "topics"
 
 
 @dataclass(frozen=True)
-class GraphArguments(RecordingOptions):
-    """Arguments of the graph."""
+class ConditionArguments(Checked):
+    """Controller, and what is simulated."""
 
     controller: str = parameter("dynamic", "acceleration controller", choices=tuple(CONTROLLERS))
     rig: str = parameter("paper", "virtual rig: ideal, paper, or a .yaml file")
@@ -53,6 +53,13 @@ class GraphArguments(RecordingOptions):
     recording_column: str = parameter(
         "", "column of a CSV recording; empty for acceleration, accel, acc or a"
     )
+    seed: int = like(nodes.DeviceNodeParameters, "seed")
+
+
+@dataclass(frozen=True)
+class DeviceArguments(Checked):
+    """Devices, and the recording that they play."""
+
     master: str = parameter(SIMULATED, "master device", choices=tuple(MASTERS))
     slave: str = parameter(
         SIMULATED,
@@ -65,27 +72,51 @@ class GraphArguments(RecordingOptions):
     replay_speed: float = like(ReplayParameters, "speed")
     replay_loop: bool = like(ReplayParameters, "loop")
     replay_start: float = like(ReplayParameters, "start")
+
+
+@dataclass(frozen=True)
+class RunArguments(Checked):
+    """Graph: its rate, duration, processes and parameter file."""
+
     rate: float = like(nodes.SampledParameters, "rate")
     latency: int = like(nodes.DeviceNodeParameters, "latency")
     duration: float = parameter(
         0.0, "time from engaging to the end; 0 = until stopped", unit="s", low=0.0, high=1e6
     )
-    record: bool = parameter(True, "record every topic")
-    bag: str = parameter("", "folder of the bag; empty for bags/<date and time>")
     composed: bool = parameter(
         False, "run all nodes but the recorder in one process: quicker, less robust"
     )
+    config: str = parameter("", "ROS parameter file, applied over config/teleop.yaml")
+
+
+@dataclass(frozen=True)
+class PageArguments(Checked):
+    """Live page."""
+
     scope: bool = parameter(False, "serve a page that shows the graph while it runs")
     scope_host: str = like(nodes.ScopeNodeParameters, "host")
     scope_port: int = like(nodes.ScopeNodeParameters, "port")
     scope_control: bool = like(nodes.ScopeNodeParameters, "control")
-    config: str = parameter("", "ROS parameter file, applied over config/teleop.yaml")
-    seed: int = like(nodes.DeviceNodeParameters, "seed")
+
+
+@dataclass(frozen=True)
+class BagArguments(RecordingOptions):
+    """Recording."""
+
+    record: bool = parameter(True, "record every topic")
+    bag: str = parameter("", "folder of the bag; empty for bags/<date and time>")
+
+
+@dataclass(frozen=True)
+class GraphArguments(
+    ConditionArguments, DeviceArguments, RunArguments, PageArguments, BagArguments
+):
+    """Arguments of the graph."""
 
 
 @dataclass(frozen=True)
 class IdentifyArguments(SweepParameters, RecordingOptions):
-    """Arguments of an identification: the excitation, and the graph that runs."""
+    """Identification: its trials, and the graph that runs."""
 
     trials: int = like(nodes.IdentifierNodeParameters, "trials")
     rig: str = like(GraphArguments, "rig")

@@ -165,7 +165,7 @@ class RecorderNodeParameters(RecordingOptions):
 
 @dataclass(frozen=True)
 class ScopeNodeParameters(Checked):
-    """Parameters of the node `scope`."""
+    """Live page: its address, and whether it controls the graph."""
 
     host: str = parameter(
         "127.0.0.1",

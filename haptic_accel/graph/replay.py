@@ -28,7 +28,7 @@ REPLAYED = ("replay", "replay_speed", "replay_loop", "replay_start", "rate", "ba
 
 @dataclass(frozen=True)
 class ReplayArguments(Checked):
-    """Arguments of the replay itself."""
+    """Replay: what is played, and how."""
 
     bag: str = parameter("", "bag, or CSV or WAV file, to play")
     rate: float = like(ReplayParameters, "speed")

@@ -6,9 +6,9 @@ Imports nothing heavy, so that an emergency stop starts at once.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from inspect import get_annotations
 from typing import Any, TypeVar
 
-from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.decimals import read_decimal, read_whole
 from haptic_accel.core.parameters import Checked, ParameterError, schema, shown, suggestion
 
@@ -69,15 +69,29 @@ def _value(text: str, default: Any) -> Any:
 
 
 def described(kind: type[Checked]) -> list[tuple[str, str, str]]:
-    """Return name, default and description of every argument, for help texts."""
+    """Return name, default and description of every argument, for help texts, group by group.
+
+    A group are the arguments that one class declares: those of a dataclass itself come first,
+    then those it inherits, base by base.
+    """
     lines = []
-    recording = schema(RecordingOptions)
-    # Options of the recording are needed least often: last.
     for name, (default, specification) in sorted(
-        schema(kind).items(), key=lambda item: item[0] in recording
+        schema(kind).items(), key=lambda item: kind.__mro__.index(_owner(kind, item[0]))
     ):
         shown = str(default).lower() if isinstance(default, bool) else f"{default}"
         unit = f" [{specification.unit}]" if specification.unit else ""
         allowed = f"; one of {', '.join(specification.choices)}" if specification.choices else ""
         lines.append((name, shown, specification.text + unit + allowed))
     return lines
+
+
+def group(kind: type[Checked], name: str) -> str:
+    """Return the heading of an argument's group: the summary of the class that declares it."""
+    summary = (_owner(kind, name).__doc__ or "").partition("\n")[0]
+    return summary.rstrip(".")
+
+
+def _owner(kind: type[Checked], name: str) -> type:
+    """Return the class, a dataclass itself or a base of it, that declares an argument."""
+    field = name.partition(".")[0]
+    return next((base for base in kind.__mro__ if field in get_annotations(base)), kind)

@@ -21,7 +21,7 @@ from haptic_accel.analysis.metrics import Shift
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.cli.main import command_line
-from haptic_accel.cli.options import Words
+from haptic_accel.cli.options import Verb, Words
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, Faults
 from haptic_accel.graph.arguments import parse_arguments
@@ -36,11 +36,54 @@ def test_help_lists_every_argument_with_default_and_unit(
 ) -> None:
     assert status_of(verb, "--help") == 0
     # A description may go on in the next line.
-    text = re.sub(r"\n {4,}", " ", capsys.readouterr().out)
+    text = re.sub(r"\n {6,}", " ", capsys.readouterr().out)
     names = ["controller", "surface", "master", "slave", "rate", "duration", "record"]
     for name in [*names, "bag", "config", "seed"]:
-        assert re.search(rf"^  {name} .*\(default: ", text, re.MULTILINE), text
+        assert re.search(rf"^    {name} .*\(default: ", text, re.MULTILINE), text
     assert "[Hz] (default: 1000.0)" in text
+
+
+@pytest.mark.parametrize(
+    ("verb", "groups"),
+    [
+        (
+            "teleop",
+            {
+                "Controller, and what is simulated": ["controller", "surface", "seed"],
+                "Devices, and the recording that they play": ["master", "slave", "replay"],
+                "Live page": ["scope", "scope_port"],
+                "Recording": ["record", "bag"],
+            },
+        ),
+        (
+            "replay",
+            {
+                "Replay: what is played, and how": ["bag", "rate", "output"],
+                "Form of a bag, and further topics in it": ["regex"],
+            },
+        ),
+        ("scope", {"Graph that the page shows": ["namespace"]}),
+    ],
+)
+def test_help_has_the_arguments_in_groups(
+    verb: str, groups: dict[str, list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status_of(verb, "--help") == 0
+    _, arguments = capsys.readouterr().out.split("Arguments, each as key:=value:\n")
+    sections = re.split(r"^  (\S.*):$", arguments, flags=re.MULTILINE)
+    found = dict(zip(sections[1::2], sections[2::2], strict=True))
+    for heading, names in groups.items():
+        assert set(re.findall(r"^    (\w+)", found[heading], re.MULTILINE)) >= set(names)
+
+
+@pytest.mark.parametrize("width", [60, 90])
+def test_help_is_as_wide_as_the_terminal(
+    width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    assert status_of("teleop", "--help") == 0
+    text, _ = capsys.readouterr().out.split("Examples:")
+    assert width - 10 < max(map(len, text.splitlines())) <= width
 
 
 @pytest.mark.parametrize(
@@ -96,6 +139,8 @@ def test_every_verb_explains_itself_and_its_options(
     assert status_of(*verb, "--help") == 0
     assert f"Usage: haptic-accel {' '.join(verb)} " in capsys.readouterr().out
     command = command_of(verb)
+    if isinstance(command, Verb) and any(isinstance(each, Words) for each in command.params):
+        assert len(command.examples) == 3
     texts = [option.help for option in command.params if isinstance(option, click.Option)]
     for text in [command.help, *texts]:
         assert text

@@ -24,9 +24,10 @@ DROPPED_REPEATS = 1
 
 @dataclass(frozen=True)
 class SweepParameters(Checked):
-    """The paper's excitation: frequency grows exponentially, amplitude linearly, in time.
+    """The paper's excitation, a sweep.
 
-    The amplitude is small where the actuator travels far.
+    Frequency grows exponentially, amplitude linearly, in time. The amplitude is small where the
+    actuator travels far.
     """
 
     start_frequency: float = parameter(10.0, "frequency at the start (paper)", "Hz", 0.1, 100e3)
