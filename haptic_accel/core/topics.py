@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # an emergency stop must not wait for numpy
@@ -71,6 +71,10 @@ TOOL_ACCELERATION = Topic("slave/tool/acceleration", _ACCEL, TOOL_FRAME, "slave"
 DESIRED_ACCELERATION = Topic("compensator/desired_acceleration", _ACCEL, HANDLE_FRAME, "slave")
 DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
 EMERGENCY_STOP = Topic("estop", _BOOL, "", "", reliable=True, latched=True)
+STOPS = (EMERGENCY_STOP, replace(EMERGENCY_STOP, reliable=False, latched=False))
+"""Emergency stop as its receivers subscribe to it: to what was latched before they came, and to
+whoever publishes it with less, such as ``ros2 topic pub``."""
+
 MASTER_STOPPED = Topic("master/stopped", _BOOL, "", "", reliable=True, latched=True)
 SLAVE_STOPPED = Topic("slave/stopped", _BOOL, "", "", reliable=True, latched=True)
 

@@ -99,7 +99,8 @@ class Coupler(GraphNode):
         if self.parameters.compensated:
             self._first_force = self.inbox(topics.ACTUATOR_FORCE)
         self._publish_stop = self.publisher(topics.EMERGENCY_STOP).publish
-        self.listen_state(topics.EMERGENCY_STOP, self._on_stop)
+        for topic in topics.STOPS:
+            self.listen_state(topic, self._on_stop)
         for arm, signals in ARM_TOPICS.items():
             self.listen_state(signals.stopped, partial(self._engagement.arm_stopped, arm))
         self.create_service(SetBool, topics.EMERGENCY_STOP.name, self._serve_stop)

@@ -196,7 +196,7 @@ class DeviceNode(ManagedNode):
                 self._allowed_actuator_force,
                 late_at_device=(lambda: self.device.late) if self._kind.AHEAD else None,
             )
-        self._stops = self.inbox(topics.EMERGENCY_STOP)
+        self._stops = [self.inbox(topic) for topic in topics.STOPS]
         self.create_service(Trigger, "~/arm", self._serve_arm)
         self.create_timer(NEWS_PERIOD, self._log_news)
         if p.autostart:
@@ -390,8 +390,9 @@ class DeviceNode(ManagedNode):
         """Serve a tick whose time has come, or what the last one still needs."""
         if not self._settled:
             self._settle()
-        for stop in self._stops.take_states():
-            self._stop(stop)
+        for stops in self._stops:
+            for stop in stops.take_states():
+                self._stop(stop)
         if not self._sampling:
             return steady_now() + NEWS_PERIOD
         tick = self.rate_keeper.due()

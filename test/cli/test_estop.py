@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from std_msgs.msg import Bool
@@ -17,7 +18,7 @@ from haptic_accel.core.topics import (
 )
 from haptic_accel.nodes.interface import quality
 from observing import Observer
-from running import Command
+from running import Command, wait_until
 from verbs import refusal
 
 Start = Callable[..., Command]
@@ -64,6 +65,23 @@ def test_a_stop_from_a_terminal_lets_no_force_through_until_it_is_released(
     )
     assert graph.end(signal.SIGINT) == 0, graph.text
     assert graph.text.count("emergency stop: no force until it is released") == 2, graph.text
+
+
+@pytest.mark.parametrize("reliable", [True, False])
+def test_whoever_publishes_a_stop_is_heard(
+    haptic_accel: Start, observer: Observer, reliable: bool
+) -> None:
+    graph = haptic_accel("teleop", "record:=false", "rate:=200")
+    graph.wait_for("engaged")
+    # As `ros2 topic pub --once` does: nothing latched, gone soon after.
+    volatile = replace(EMERGENCY_STOP, reliable=reliable, latched=False)
+    publisher = observer.node.create_publisher(Bool, volatile.name, quality(volatile))
+    wait_until(lambda: publisher.get_subscription_count() >= 3, "devices and coupler found")
+    publisher.publish(Bool(data=True))
+    graph.wait_for("let go: emergency stop")
+    for topic in (MASTER_STOPPED, SLAVE_STOPPED):
+        observer.wait_for_state(topic, True)
+    assert graph.end(signal.SIGINT) == 0, graph.text
 
 
 def test_a_device_that_is_stopped_alone_stops_all(start: Start, observer: Observer) -> None:
