@@ -134,6 +134,7 @@ class DeviceClock:
         else:
             variance, covariance = np.cov(points, rowvar=False)[0].tolist()
             low, high = (MICROSECOND * (1 + sign * LARGEST_DRIFT) for sign in (-1, 1))
-            slope = min(max(covariance / variance, low), high)
+            # A clock that stands still has no slope.
+            slope = min(max(covariance / variance, low), high) if variance else slope
         clock, time = points.mean(axis=0).tolist()
         return Line(last[0] + clock, last[1] + time, slope)

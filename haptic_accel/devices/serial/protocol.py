@@ -251,7 +251,7 @@ class Identity(Message, kind=FrameType.IDENTITY, layout="<BBBBHff16s"):
     full_scale_current : float
         Current of `FULL_SCALE` counts, A; 0 where there is no actuator.
     serial_number : str
-        At most 16 ASCII characters.
+        At most 16 printable ASCII characters.
     """
 
     firmware: tuple[int, int, int]
@@ -279,6 +279,8 @@ class Identity(Message, kind=FrameType.IDENTITY, layout="<BBBBHff16s"):
         if not 0 < acceleration < float("inf") or not 0 <= current < float("inf"):
             raise ValueError("full scales must be finite and positive")
         text = number.rstrip(b"\0").decode("ascii")
+        if not text.isprintable():
+            raise ValueError("the serial number must be printable")
         return cls(tuple(firmware), axes, rate, acceleration, current, text)
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.devices.serial.clock import DeviceClock, unwrapped
@@ -80,6 +81,27 @@ def test_a_stall_of_the_link_is_no_jump() -> None:
             arrival = 1.08
         clock.add(index * 1000, arrival)
         assert clock.time(index * 1000) == pytest.approx(index * 1e-3, abs=1e-3)
+
+
+instants = st.tuples(st.integers(0, 2**32), st.floats(0, 1e-3)) | st.tuples(
+    st.just(0), st.sampled_from([0.0, 1e-9, 1e-4])
+)
+
+
+@settings(max_examples=40)
+@given(st.lists(st.tuples(instants, st.integers(1, 99)), max_size=6))
+@example([((0, 0.0), 2000)])
+def test_whatever_a_device_says_its_clock_is_a_number(
+    stretches: list[tuple[tuple[int, float], int]],
+) -> None:
+    clock, stamp, now = DeviceClock(), 0, 0.0
+    for (step, interval), frames in stretches:
+        for _ in range(frames):
+            stamp, now = unwrapped((stamp + step) % CLOCKS, stamp), now + interval
+            clock.add(stamp, now)
+    assert math.isfinite(clock.time(stamp))
+    assert math.isfinite(clock.device_time(now))
+    assert 0.99e6 < clock.device_duration(1.0) < 1.01e6
 
 
 @settings(max_examples=40)

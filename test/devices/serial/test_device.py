@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import re
@@ -16,23 +17,41 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from fuzzing import fuzz, mutated
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError, Sample
 from haptic_accel.devices.interface import LATER
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster, SerialSlave
+from haptic_accel.devices.serial.link import ARMED
 from haptic_accel.devices.serial.protocol import (
+    DELIMITER,
     FULL_SCALE,
     VERSION,
+    ArmRequest,
+    Configuration,
+    Configure,
     Decoder,
+    Encoder,
+    Error,
+    ErrorCode,
     Frame,
+    Identify,
     Identity,
+    Message,
+    Samples,
+    SetCurrent,
     State,
+    Status,
     encode,
+    read_message,
 )
 from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG
+from haptic_accel.emulators.pseudo_terminal import PseudoTerminal
 from running import PATIENCE, wait_until
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")
@@ -293,6 +312,118 @@ def test_a_killed_driver_leaves_no_current(bench: Make) -> None:
 
 
 # What goes wrong on the way
+
+
+class HostileBoard:
+    """A board that connects as it should, and then says anything.
+
+    Parameters
+    ----------
+    link : Path
+        Symbolic link to make to its port.
+    """
+
+    def __init__(self, link: Path) -> None:
+        self._port = PseudoTerminal(link)
+        self._writing = threading.Lock()
+        self._marks = itertools.count(1)
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._answer)
+        self._thread.start()
+
+    def say_last(self, wire: bytes, state: State, device: SerialDevice) -> None:
+        """Send any bytes and then a state, and wait until that has arrived."""
+        mark = next(self._marks)
+        self._write(wire + DELIMITER)
+
+        def arrived() -> bool:
+            self._write(Encoder().encode(status_of(state, mark), 0))
+            self._ending.wait(2e-4)
+            return device.status().get("board_damaged") == mark
+
+        assert any(arrived() for _ in range(20_000)), device.problem
+
+    def end(self) -> None:
+        """Unplug it for good."""
+        self._ending.set()
+        self._thread.join()
+        self._port.unplug()
+
+    def _answer(self) -> None:
+        decoder, encoder = Decoder(), Encoder()
+        answer: Message
+        while not self._ending.wait(1e-3):
+            self._write(encoder.encode(Error(ErrorCode.VALUE, 0, 0), 0))  # is there still
+            for frame in decoder.feed(self._port.read() or b""):
+                match read_message(frame):
+                    case Identify():
+                        answer = HANDLE
+                    case Configure() as wanted:
+                        answer = Configuration(*vars(wanted).values())
+                    case ArmRequest():
+                        answer = status_of(State.ARMED, 0)
+                    case _:
+                        continue
+                self._write(encoder.encode(answer, 0))
+
+    def _write(self, data: bytes) -> None:
+        with self._writing:
+            self._port.write(data)
+
+
+@pytest.fixture
+def hostile(tmp_path: Path) -> Iterator[tuple[HostileBoard, SerialDevice]]:
+    """Give a hostile board, and a driver that is connected to it."""
+    board = HostileBoard(tmp_path / "port")
+    device = built(SerialMaster, port=str(tmp_path / "port"))
+    device.open()
+    yield board, device
+    device.close()
+    board.end()
+
+
+def status_of(state: State, mark: int) -> Status:
+    """Return a status that its count of damaged frames tells from others."""
+    return Status(state, 0, 0, mark, 0, 0, 0, 0, 0, 0)
+
+
+byte = st.integers(0, 255)
+count = st.integers(0, 2**32 - 1)
+counts16 = st.integers(-FULL_SCALE - 1, FULL_SCALE)
+said = st.one_of(
+    st.builds(Samples, count, st.just(0b100), st.tuples(counts16, counts16)),
+    st.builds(Samples, st.integers(0, 99), st.sampled_from([0b100, 0b10]), st.tuples(counts16)),
+    st.builds(Status, st.sampled_from(State), counts16, *[count] * 8),
+    st.builds(Error, st.sampled_from(ErrorCode), byte, byte),
+    st.builds(Configuration, st.integers(0, 2**16 - 1), byte, byte),
+    st.just(replace(HANDLE, full_scale_current=1e-40, serial_number="other")),
+    st.sampled_from([ArmRequest(), SetCurrent(7)]),
+)
+said_frames = st.builds(
+    lambda message, version, sequence, clock: encode(
+        Frame(version, message.TYPE, sequence, clock, message.pack())
+    ),
+    said,
+    st.sampled_from([VERSION, VERSION, VERSION, 1]),
+    st.integers(0, 2**16 - 1),
+    count,
+)
+said_wire = mutated(st.lists(said_frames, max_size=6).map(b"".join), st.binary(max_size=300))
+
+
+@fuzz
+@given(said_wire, st.sampled_from(State), st.floats())
+def test_whatever_a_board_sends_is_borne(
+    hostile: tuple[HostileBoard, SerialDevice], wire: bytes, state: State, force: float
+) -> None:
+    board, device = hostile
+    board.say_last(wire, state, device)
+    refused = device.status()["set_points_refused"]
+    device.write(time.monotonic() + 0.01, actuator_force=force)
+    assert state in ARMED or device.status()["set_points_refused"] == refused + 1
+    sample = device.read(tick())
+    assert not isinstance(sample, Sample) or math.isfinite(sample.acceleration)
+    assert device.problem.isprintable()
 
 
 def test_damage_is_counted_and_borne(bench: Make, connect: Make) -> None:

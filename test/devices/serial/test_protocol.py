@@ -9,12 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fuzzing import fuzz, mutated
 from haptic_accel.devices.serial.protocol import (
     CRC_START,
     DELIMITER,
     FULL_SCALE,
     LONGEST_ENCODED,
     LONGEST_PAYLOAD,
+    MESSAGES,
     SEQUENCES,
     VERSION,
     Align,
@@ -150,21 +152,36 @@ def test_a_changed_byte_is_noticed(frame: Frame, data: st.DataObject) -> None:
     assert frame not in found
 
 
-@few
-@given(st.binary(max_size=2000))
-def test_any_bytes_are_taken(data: bytes) -> None:
-    for frame in Decoder().feed(data):
+sent_frames = st.builds(
+    lambda message, sequence: encode(Frame(VERSION, message.TYPE, sequence, 0, message.pack())),
+    messages,
+    word,
+)
+
+
+@fuzz
+@given(mutated(st.lists(sent_frames, max_size=4).map(b"".join), st.binary(max_size=300)), frames)
+def test_any_damage_is_borne(wire: bytes, last: Frame) -> None:
+    decoder = Decoder()
+    found = [*decoder.feed(wire + DELIMITER), *decoder.feed(encode(last))]
+    assert found[-1] == last
+    assert decoder.received == len(found)
+    for frame in found:
         try:
             read_message(frame)
         except PayloadError as error:
-            assert "\n" not in str(error)
+            assert str(error).isprintable()
 
 
-@few
-@given(byte, byte, st.binary(max_size=LONGEST_PAYLOAD))
+@fuzz
+@given(st.sampled_from([VERSION, VERSION, 1]), st.sampled_from(FrameType) | byte, st.data())
 def test_any_payload_means_something_or_is_refused(
-    version: int, kind: int, payload: bytes
+    version: int, kind: int, data: st.DataObject
 ) -> None:
+    layout = MESSAGES[kind].LAYOUT.size if kind in MESSAGES else 0
+    payload = data.draw(
+        st.binary(min_size=layout, max_size=layout) | st.binary(max_size=LONGEST_PAYLOAD)
+    )
     frame = Frame(version, kind, 0, 0, payload)
     try:
         message = read_message(frame)
@@ -174,6 +191,14 @@ def test_any_payload_means_something_or_is_refused(
     assert kind == message.TYPE
     # What says the same in other bytes is no identity: its text may be padded anyhow.
     assert kind == FrameType.IDENTITY or message.pack() == payload
+    assert not isinstance(message, Identity) or message.serial_number.isprintable()
+
+
+@pytest.mark.parametrize("number", ["a\nb", "\x1b[2J", "a\0b"])
+def test_a_serial_number_that_cannot_be_printed_is_refused(number: str) -> None:
+    identity = Identity((2, 0, 0), 1, 1000, 49.0, 0.0, number)
+    with pytest.raises(PayloadError, match="serial number"):
+        read_message(Frame(VERSION, FrameType.IDENTITY, 0, 0, identity.pack()))
 
 
 @pytest.mark.parametrize(
