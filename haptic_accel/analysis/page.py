@@ -50,6 +50,15 @@ _UNITS = {"travel": MILLI}  # of signals over time, where it is not SI
 
 
 @dataclass(frozen=True)
+class Beside:
+    """Table of errors as the page and a terminal show it: its caption, headings, and rows."""
+
+    caption: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
 class Setting:
     """Text of a page besides the metrics.
 
@@ -63,12 +72,15 @@ class Setting:
         Arguments of what was run, shown as a table.
     pictures : mapping of str to str
         Captions of picture files beside the page, by file name.
+    beside : Beside, optional
+        Errors of the same trials elsewhere.
     """
 
     title: str = "Haptic display of tool contact: analysis"
     notes: Sequence[str] = ()
     settings: Mapping[str, str] = field(default_factory=dict)
     pictures: Mapping[str, str] = field(default_factory=dict)
+    beside: Beside | None = None
 
 
 def write_page(

@@ -16,7 +16,7 @@ from rich.console import Console
 
 from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.metrics import AnalysedTrial, granted
-from haptic_accel.analysis.page import Setting
+from haptic_accel.analysis.page import Beside, Setting
 from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
 from haptic_accel.cli import options
@@ -217,9 +217,6 @@ def _report(
     expected = {} if lockstep else _in_lockstep(done)
     beside = _beside_lockstep(analysis, expected)
     notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, AVERAGE_NOTE]
-    notes += (
-        [f"{LOCKSTEP_TITLE}: {'; '.join(': '.join(row) for row in beside)}."] if beside else []
-    )
     notes += [RIG_NOTES[arguments.rig]] if arguments.rig in RIG_NOTES else []
     seeds = list(dict.fromkeys(given.seed for given in done.values()))
     defaults = asdict(GraphArguments())
@@ -235,6 +232,7 @@ def _report(
             "Haptic display of tool contact: the paper's experiment",
             [*notes, *warnings],
             {**settings, "all others": "defaults"},
+            beside=beside,
         ),
         files={
             f"signals_{trial.name}.csv": signal_table(trial.segment)
@@ -256,7 +254,7 @@ def _report(
         }
         write_json(defined(content), json_file)
     if beside:
-        print_table(("controller", "live (lockstep)"), beside, title=LOCKSTEP_TITLE)
+        print_table(beside.headings, beside.rows, title=beside.caption)
     print_analysis(analysis, None, *warnings, f"report: {page}")
     return {trial.segment.bag for trial in analysis.trials} == set(done)
 
@@ -273,16 +271,17 @@ def _in_lockstep(done: Mapping[Path, GraphArguments]) -> dict[Path, float]:
     return errors
 
 
-def _beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> list[tuple[str, str]]:
-    """Return, by controller, the errors of each surface live and, in brackets, in lockstep."""
-    rows: dict[str, list[str]] = {}
+def _beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> Beside | None:
+    """Return the errors of each controller and surface live and, in brackets, in lockstep."""
+    cells: dict[str, dict[str, str]] = {}
     for trial in analysis.trials:
         if trial.segment.bag in expected:
-            rows.setdefault(trial.controller, []).append(
-                f"{trial.surface} {number(trial.metrics['nrmse_percent'], 1)}"
-                f" ({expected[trial.segment.bag]:.1f})"
-            )
-    return [(controller, ", ".join(cells)) for controller, cells in rows.items()]
+            live = number(trial.metrics["nrmse_percent"], 1)
+            cell = f"{live} ({expected[trial.segment.bag]:.1f})"
+            cells.setdefault(trial.controller, {})[trial.surface] = cell
+    surfaces = list(dict.fromkeys(surface for row in cells.values() for surface in row))
+    rows = [(name, *(row.get(each, "") for each in surfaces)) for name, row in cells.items()]
+    return Beside(LOCKSTEP_TITLE, ("controller", *surfaces), rows) if rows else None
 
 
 def _metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:

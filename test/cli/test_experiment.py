@@ -140,7 +140,9 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
     assert set(condition) == KEYS | live
     # The paper's text under constant gain had 80.6 %.
     assert 50 < condition["lockstep_nrmse_percent"] < 100
-    assert "live (lockstep)" in command.text
+    cell = f"{condition['nrmse_percent']:.1f} ({condition['lockstep_nrmse_percent']:.1f})"
+    assert cell in command.text
+    assert f"<td>{cell}</td>" in (tmp_path / "report" / "index.html").read_text()
     for counts in condition["missed_deadlines"].values():
         assert 0 <= counts["missed"] <= counts["due"]
     assert set(condition["age_us"]) == {"p50", "p99", "max"}
