@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fuzzing import fuzz, mutated
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.devices.can.arm import REPEAT_PERIOD, DrivenArm, State
 from haptic_accel.devices.can.parameters import CanParameters
@@ -23,6 +24,7 @@ from haptic_accel.devices.can.protocol import (
     SetState,
     SetTorque,
     parse_order,
+    parse_report,
 )
 
 STEP = 1e-3  # s
@@ -353,25 +355,54 @@ def test_when_the_bus_is_back_the_first_thing_is_to_let_go() -> None:
 
 # Whatever comes
 
-frames = st.lists(
-    st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans()),
-    max_size=30,
+heartbeats = st.builds(
+    lambda node, error, state: Heartbeat(node, error, state).frame(),
+    st.integers(0, 3),
+    st.sampled_from([0, 0, 0, 0, DRV_FAULT, 2**32 - 1]),
+    st.sampled_from([CLOSED, CLOSED, CLOSED, CLOSED, IDLE, 255]),
+)
+estimates = st.builds(
+    lambda node, turns, speed: Estimates(node, turns, speed).frame(),
+    st.integers(0, 3),
+    st.floats(width=32),
+    st.floats(width=32),
+)
+changed = st.builds(
+    lambda frame, data: frame._replace(data=data[:8]),
+    heartbeats | estimates,
+    mutated(estimates.map(lambda frame: frame.data), st.binary(max_size=3)),
+)
+anything = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans())
+passing = st.sampled_from([0.0, 1e-4, 1e-3, 1e-3, 0.06, 0.4])
+traffic = st.lists(
+    st.tuples(st.one_of(heartbeats, estimates, changed, anything), passing, force), max_size=20
 )
 
 
-@given(frames, force)
-@settings(max_examples=25)
-def test_no_frames_lead_to_an_exception_or_a_torque_beyond_its_limit(
-    noise: list[Frame], x: float
+@fuzz
+@given(traffic, st.sampled_from(["stage", "planar", "arm"]), st.sampled_from(["auto", "manual"]))
+def test_no_frames_lead_to_an_exception_or_an_unlawful_torque(
+    came: list[tuple[Frame, float, float]], kinematics: str, rearm: str
 ) -> None:
-    bench = Bench().armed()
-    for frame in noise:
+    limited = {"joint1__torque_limit": 0.2, "joint2__torque_limit": 0.0}
+    bench = Bench(kinematics=kinematics, rearm=rearm, **limited).armed()
+    for frame, seconds, newtons in came:
+        bench.now += seconds
+        bench.sent.clear()
         bench.arm.take(frame, bench.now)
-        sent = bench.push(x, x, x)
+        bench.arm.update(bench.now)
+        bench.arm.apply((newtons, newtons, -newtons), bench.now)
         sample = bench.arm.read(bench.now)
         assert sample is None or all(map(math.isfinite, (*sample.position, *sample.velocity)))
-        limit = bench.parameters.joint1.torque_limit * (1 + 1e-6)
-        assert all(abs(torque) <= limit for torque in sent)
+        assert bench.arm.fault.isprintable()
+        assert bench.arm.state is State.ARMED or not any(torques(bench.sent))
+        for order in map(parse_order, bench.sent):
+            if isinstance(order, SetTorque):
+                joint = [*bench.parameters.joints.values()][bench.arm.nodes.index(order.node)]
+                assert abs(order.torque) <= joint.torque_limit * (1 + 1e-6)
+        report = parse_report(frame)
+        if isinstance(report, Heartbeat) and report.node in bench.arm.nodes and report.error:
+            assert bench.arm.state is not State.ARMED
 
 
 def test_without_estimates_there_is_no_sample_which_is_counted() -> None:

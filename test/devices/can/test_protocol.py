@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fuzzing import fuzz
 from haptic_accel.devices.can.protocol import (
     ERRORS,
     HIGHEST_ID,
@@ -35,7 +36,10 @@ from haptic_accel.devices.can.protocol import (
 nodes = st.integers(0, HIGHEST_NODE)
 singles = st.floats(width=32, allow_nan=False, allow_infinity=False)
 words = st.integers(0, 2**32 - 1)
-frames = st.builds(Frame, st.integers(0, HIGHEST_ID), st.binary(max_size=8), remote=st.booleans())
+ids = st.integers(0, HIGHEST_ID) | st.builds(
+    lambda node, command: node << 5 | command, nodes, st.sampled_from(Command)
+)
+frames = st.builds(Frame, ids, st.binary(max_size=8), remote=st.booleans())
 
 
 def test_bytes_are_those_of_the_firmware() -> None:
@@ -75,6 +79,7 @@ def test_orders_come_back(node: int, state: AxisState) -> None:
     assert asked == EstimatesRequest(node)
 
 
+@fuzz
 @given(frames)
 def test_no_frame_is_too_strange(frame: Frame) -> None:
     for found in (parse_report(frame), parse_order(frame)):
