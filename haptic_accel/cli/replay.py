@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -21,7 +22,12 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import PLAYED, SLAVE, SLAVE_SIGNALS
 from haptic_accel.core.track import Track, played_at
 from haptic_accel.core.trial import Trial
-from haptic_accel.devices.playback import ReplayParameters, read_track, start_offset
+from haptic_accel.devices.playback import (
+    NothingRecordedError,
+    ReplayParameters,
+    read_track,
+    start_offset,
+)
 from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, SIMULATED, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import graph
@@ -64,16 +70,15 @@ def replay(
     acceleration alone. Other arguments default to those stored in the bag; the result is
     recorded as a new bag. The simulated user holds and moves the handle, which the coupler
     draws to the recorded path. rate is the speed, as in `ros2 bag play`; the sampling rate is
-    that of the bag. With --lockstep any number of bags may be given.
+    that of the bag. With --lockstep any number of bags may be given; those in which nothing was
+    recorded are named and skipped.
     """
     names = [word for word in words if ":=" not in word]
     bags = [f"bag:={name}" for name in names]
     arguments = [word for word in words if ":=" in word]
     if lockstep:
         each = [[bag, *arguments] for bag in bags] or [arguments]
-        # All that can be wrong is found before anything runs.
-        plan = [_in_lockstep(replay_arguments(given)) for given in each]
-        _play(plan, controllers, json_file, out)
+        _play(_planned(each), controllers, json_file, out)
         return
     for option, given in (("controllers", controllers), ("json", json_file), ("out", out)):
         if given:
@@ -87,7 +92,7 @@ def replay(
         print(f"as in the bag: {shown}", flush=True)
     if asked.graph.slave == PLAYED_TOPICS:
         print(f"in another terminal, once it is ready: {play_command(asked)}", flush=True)
-    run_shown(processes)
+    run_shown(processes, expected=_expected(asked) if sys.stdout.isatty() else 0.0)
 
 
 def _play(
@@ -134,6 +139,32 @@ def play_command(asked: Replay) -> str:
     return shlex.join(words)
 
 
+def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
+    """Return the replays that words ask for: all that can be wrong is found before any runs.
+
+    Among several bags, those in which nothing was recorded are named and left out.
+    """
+    plan: list[Replay] = []
+    empty: list[NothingRecordedError] = []
+    for words in each:
+        try:
+            plan.append(_in_lockstep(replay_arguments(words)))
+        except NothingRecordedError as error:
+            empty.append(error)
+    if not plan:
+        raise empty[0]
+    for none in empty:
+        print(f"skipped: {none}", file=sys.stderr)
+    return plan
+
+
+def _expected(asked: Replay) -> float:
+    """Return the time that a replay takes, s; 0 where that is not known."""
+    if asked.own.loop or asked.graph.slave != REPLAY:
+        return asked.graph.duration
+    return _track(asked).seconds
+
+
 def _in_lockstep(asked: Replay) -> Replay:
     """Return a replay without the bag that was read, and with the simulated handle.
 
@@ -154,12 +185,15 @@ def _in_lockstep(asked: Replay) -> Replay:
 
 
 def _track(asked: Replay) -> Track:
-    """Return what is played, at the rate of the graph."""
+    """Return what is played of the slave, at the rate of the graph."""
     own, played, rate = asked.own, asked.graph, asked.graph.rate
     parameters = ReplayParameters(
         own.bag, rate=played.recording_rate, column=played.recording_column, start=own.start
     )
-    return played_at(read_track(parameters, SLAVE, rate), rate, own.rate)
+    track = read_track(parameters, SLAVE, rate)
+    if own.duration:
+        track = track.part(slice(round(own.duration * track.rate)))
+    return played_at(track, rate, own.rate)
 
 
 def _metrics(bag: str, trial: Trial, track: Track) -> Metrics:

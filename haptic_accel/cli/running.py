@@ -7,6 +7,7 @@ import shlex
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
@@ -28,6 +29,9 @@ STOP_KEY = b" "
 
 SUMMARY = re.compile(r"([^\[].*): \d+ messages, \d+ dropped")
 """The recorder's summary of a bag that is whole: `BagFiles.summary`."""
+
+ENGAGED = "[coupler]: engaged"
+"""End of the line by which the coupler tells that the arms are coupled."""
 
 STOPPED_BY_KEY = (
     "space: emergency stop, no force until you type in another terminal:"
@@ -74,7 +78,9 @@ def run_to_end(supervisor: Supervisor, stop: Callable[[], bool], interrupted: st
     _conclude(outcome)
 
 
-def run_shown(processes: Sequence[Process], *, endless: bool = False) -> None:
+def run_shown(
+    processes: Sequence[Process], *, endless: bool = False, expected: float = 0.0
+) -> None:
     """Run a graph until its end or a signal, and print its output.
 
     Parameters
@@ -82,6 +88,8 @@ def run_shown(processes: Sequence[Process], *, endless: bool = False) -> None:
     processes : sequence of Process
     endless : bool
         Whether the graph is not meant to end by itself.
+    expected : float
+        Time from engaging to the end, s, for a progress bar in a terminal; 0 for none.
 
     Raises
     ------
@@ -90,17 +98,32 @@ def run_shown(processes: Sequence[Process], *, endless: bool = False) -> None:
     StoppedError
         It failed, which has been shown.
     """
-    supervisor = Supervisor(
-        processes, on_line=lambda name, line: print(f"[{name}] {line}", flush=True)
-    )
+    progress = progress_bar(Console())
+    progress.disable = not (expected and progress.console.is_terminal)
+    bar = progress.add_task("waiting for the arms", total=expected)
+    engaged: list[float] = []
+
+    def show(name: str, line: str) -> None:
+        print(f"[{name}] {line}\n", end="", flush=True)  # in one piece, from several threads
+        if not engaged and line.endswith(ENGAGED):
+            engaged.append(time.monotonic())
+            progress.update(bar, description="replaying")
+
+    supervisor = Supervisor(processes, on_line=show)
 
     def stop_forces() -> None:
         supervisor.stop_forces()
         print(STOPPED_BY_KEY, flush=True)
 
+    def stopped() -> bool:
+        if engaged:
+            progress.update(bar, completed=min(time.monotonic() - engaged[0], expected))
+        return stop()
+
     with sole_graph(), stop_on_signal() as stop, on_key(STOP_KEY, stop_forces) as keys:
         _print_hints(processes, keys)
-        outcome = supervisor.run(stop)
+        with progress:
+            outcome = supervisor.run(stopped)
     for line in outcome.last_lines.get(RECORDER, ()):
         if summary := SUMMARY.fullmatch(line):
             print(f"next: haptic-accel analyze {shlex.quote(summary[1])}")

@@ -27,6 +27,10 @@ LONGEST_START = 1e6
 """Maximum time to skip, s."""
 
 
+class NothingRecordedError(ParameterError):
+    """A bag has no message of what was to be played."""
+
+
 @dataclass(frozen=True)
 class ReplayParameters(Checked):
     """Recording to play, and way to play it."""
@@ -165,7 +169,7 @@ def bag_rate(bag: Bag, arm: ArmTopics = SLAVE) -> float:
     """
     acceleration = _stamped(bag, arm.acceleration)
     if acceleration is None:
-        raise ParameterError(f"{bag.path}: has no message of {arm.acceleration.name}")
+        raise NothingRecordedError(f"{bag.path}: has no message of {arm.acceleration.name}")
     arguments = bag.facts.get("arguments")
     stated = arguments.get("rate") if isinstance(arguments, dict) else None
     try:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.parameters import Checked, ParameterError, checked, like, parameter, schema
 from haptic_accel.core.topics import MASTER, SLAVE
+from haptic_accel.core.track import SHORTEST
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices.playback import ReplayParameters, bag_rate, is_bag
 from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, GraphArguments, parse_arguments
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 INHERITED = ("controller", "rig", "grip", "surface", "master", "config", "seed")
 """Arguments of the graph that are as they were when the bag was recorded, unless given."""
 
-REPLAYED = ("replay", "replay_speed", "replay_loop", "replay_start", "rate", "bag")
+REPLAYED = ("replay", "replay_speed", "replay_loop", "replay_start", "rate", "duration", "bag")
 """Arguments of the graph that the arguments of the replay stand for."""
 
 
@@ -34,6 +35,13 @@ class ReplayArguments(Checked):
     rate: float = like(ReplayParameters, "speed")
     loop: bool = like(ReplayParameters, "loop")
     start: float = like(ReplayParameters, "start")
+    duration: float = parameter(
+        0.0,
+        "time of the recording to replay; 0 for all of it, or with loop:=true until stopped",
+        unit="s",
+        low=0.0,
+        high=1e5,
+    )
     sampling_rate: float = parameter(
         0.0,
         f"sampling rate; 0 for that of the bag, or {DEFAULT_RATE:g} Hz with a CSV or WAV file",
@@ -100,6 +108,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
         "replay_loop": own.loop,
         "replay_start": own.start,
         "rate": _sampling_rate(own, values["slave"], bag),
+        "duration": own.duration / own.rate,
         "bag": own.output,
     }
     return Replay(own, GraphArguments(**values), inherited, bag)
@@ -133,6 +142,10 @@ def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
         raise ParameterError("bag = '': must be a bag, or a CSV or WAV file")
     if not os.path.exists(parsed.bag):
         raise ParameterError(f"bag = '{parsed.bag}': no such bag or file")
+    if 0 < parsed.duration < SHORTEST:
+        raise ParameterError(
+            f"duration = {parsed.duration:g}: must be 0, or {SHORTEST:g} s at least"
+        )
     graph, keys = parse_arguments(rest), given_keys(rest)
     return parsed, {name: getattr(graph, name) for name in schema(GraphArguments) if name in keys}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -93,6 +94,45 @@ def test_bags_of_the_same_name_are_not_written_over_each_other(tmp_path: Path) -
     assert not (tmp_path / "out").exists()
 
 
+def test_bags_in_which_nothing_was_recorded_are_named_and_skipped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    empty = write_bag(tmp_path / "empty", {topics.TOOL_ACCELERATION: np.zeros((0, 3))}, 1000.0)
+    other = write_bag(tmp_path / "other", {topics.MASTER_POSITION: np.zeros((300, 3))}, 1000.0)
+    words = [empty, DATA / "text", other, DATA / "plywood", "--lockstep"]
+    assert status_of("replay", *words, "--json", tmp_path / "metrics.json") == 0
+    skipped = capsys.readouterr().err.splitlines()
+    assert skipped == [
+        f"skipped: {bag}: has no message of slave/tool/acceleration" for bag in (empty, other)
+    ]
+    played = json.loads((tmp_path / "metrics.json").read_text())["conditions"]
+    assert [Path(each["bag"]).name for each in played] == ["text", "plywood"]
+    assert refusal("replay", empty, other, "--lockstep").startswith(f"{empty}: has no message of")
+
+
+def test_a_part_of_a_bag_is_played(tmp_path: Path) -> None:
+    track = read_track(ReplayParameters(str(DATA / "text")), topics.SLAVE, 1000.0)
+    words = ["start:=0.3", "duration:=0.6", "--lockstep", "--controllers", "none"]
+    assert status_of("replay", DATA / "text", *words, "--out", tmp_path / "out") == 0
+    played = read_bag(tmp_path / "out" / "text_none").signals[topics.TOOL_ACCELERATION.name]
+    # After the latency of one sample and the first force it plays.
+    assert np.array_equal(played.values[2:, 2], track.acceleration[300:900])
+
+
+def test_a_terminal_shows_how_far_a_replay_is(
+    start: Callable[..., Command], tmp_path: Path
+) -> None:
+    in_terminal = "import pty, sys; sys.exit(pty.spawn([sys.executable, *sys.argv[1:]]) >> 8)"
+    words = ["-m", "haptic_accel.cli.main", "replay", DATA / "text", "rate:=0.5", "output:=bag"]
+    command = start("-c", in_terminal, *words)
+    command.wait_for("waiting for the arms.* 0 %")
+    assert command.end() == 0, command.text
+    shares = [int(share) for share in re.findall(r"replaying.*? (\d+) %", command.text)]
+    assert shares == sorted(shares)
+    assert shares[-1] == 100
+    assert read_bag(tmp_path / "bag").problems == []
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [
@@ -106,6 +146,7 @@ def test_bags_of_the_same_name_are_not_written_over_each_other(tmp_path: Path) -
             "speed: no such argument (did you mean seed?); there are bag",
         ),
         (["{text}", "replay_speed:=2"], "replay_speed: no such argument"),
+        (["{text}", "duration:=0.1"], "duration = 0.1: must be 0, or 0.2 s at least"),
         (["{text}", "start:=1"], "start = 1: must leave 0.2 s of 1.1 s"),
         (["{text}", "sampling_rate:=20"], "sampling_rate = 20.0: must be from 50"),
         (["{text}", "slave:=simulated"], "slave = 'simulated': must be replay"),

@@ -33,6 +33,11 @@ def test_rate_is_the_speed_and_sampling_rate_the_graph_s() -> None:
     assert (asked.graph.replay_speed, asked.graph.rate) == (0.5, 2000.0)
 
 
+def test_duration_is_of_the_recording_and_the_graph_s_of_the_clock() -> None:
+    assert replay_arguments([BAG, "rate:=0.5", "duration:=0.6"]).graph.duration == 1.2
+    assert replay_arguments([BAG, "rate:=0.5"]).graph.duration == 0.0
+
+
 def test_a_bag_whose_arguments_are_no_longer_there_says_so(tmp_path: Path) -> None:
     bag = shutil.copytree(DATA / "text", tmp_path / "old")
     description = bag / "metadata.yaml"
