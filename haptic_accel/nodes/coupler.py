@@ -203,7 +203,7 @@ class Coupler(GraphNode):
             return  # that took a while: engaging waits for the next call
         decision = self._engagement.step(time.monotonic(), self._listeners())
         if decision.latch:
-            self._latch(True)
+            self._latch(self._engagement.stopped)
         if decision.warning:
             self.get_logger().warning(decision.warning)
         if decision.release:

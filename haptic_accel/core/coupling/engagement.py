@@ -63,7 +63,7 @@ class Decision:
     engage, release : bool
         Couple the arms where they are; uncouple them and take their forces off.
     latch : bool
-        Publish the emergency stop again on behalf of its sender, who may end.
+        Publish the emergency stop, or its release, again on behalf of its sender, who may end.
     finished : bool
         The duration is over; stays true.
     warning : str
@@ -107,17 +107,14 @@ class Engagement:
         self.compensated = not parameters.compensated
         self._received = dict.fromkeys(ARMS, -math.inf)
         self._wanted = True
-        self._stopped_since = self._differing_since = math.inf
+        self.stopped = False
+        self._stop_changed = now
+        self._differing_since = math.inf
         self._arms_stopped: dict[str, bool] = {}
-        self._latched = False
+        self._latched: bool | None = False
         self._first_engaged = math.inf
         self._released = -math.inf
         self._warned = now
-
-    @property
-    def stopped(self) -> bool:
-        """The emergency stop is not released."""
-        return self._stopped_since < math.inf
 
     def position_received(self, arm: str, now: float) -> None:
         """Note a position of an arm, one of `ARMS`."""
@@ -131,7 +128,7 @@ class Engagement:
         """Follow the emergency stop or its release; return whether that is new."""
         if stop == self.stopped:
             return False
-        self._stopped_since = now if stop else math.inf
+        self.stopped, self._stop_changed = stop, now
         return True
 
     def arm_stopped(self, arm: str, stopped: bool) -> None:
@@ -222,13 +219,13 @@ class Engagement:
             return ""
         self._differing_since = math.inf
         self.stop(True, now)
-        self._latched = False
+        self._latched = None
         stopped = " and ".join(name for name, state in states.items() if state)
         return f"{STOPPED}: only {stopped} stopped; all are stopped again"
 
     def _must_latch(self, now: float) -> bool:
         # Not at once: the message may be the caller's own, which it is about to note.
-        return not self._latched and now - self._stopped_since > STEP_PERIOD
+        return self._latched is not self.stopped and now - self._stop_changed > STEP_PERIOD
 
     def _is_over(self, now: float) -> bool:
         return 0 < self._parameters.duration <= now - self._first_engaged

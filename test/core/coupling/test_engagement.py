@@ -163,6 +163,17 @@ def test_a_stop_of_another_is_latched_once_its_own_time_is_over() -> None:
     assert not run.step().latch
 
 
+def test_a_release_by_another_replaces_the_stop_that_was_latched() -> None:
+    run = Run()
+    run.engagement.stop(True, run.now)
+    run.engagement.latch(True)
+    run.engagement.stop(False, run.now)
+    assert not run.step(0.0).latch
+    assert run.step(1.1 * STEP_PERIOD).latch
+    run.engagement.latch(False)
+    assert not run.step().latch
+
+
 def test_a_stop_that_the_caller_published_is_not_published_again() -> None:
     run = Run()
     run.engagement.latch(True)
