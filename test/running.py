@@ -7,6 +7,7 @@ import fcntl
 import os
 import random
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -208,3 +209,14 @@ def wait_until(condition: Callable[[], bool], what: str) -> None:
     while not condition():
         assert time.monotonic() < deadline, f"still not: {what}"
         moment.wait(0.05)
+
+
+def limit_size(process: int, file: Path) -> None:
+    """Let a process write its file a little longer than it is now."""
+    while True:
+        size = file.stat().st_size
+        limit = (size + 100_000, resource.RLIM_INFINITY)
+        resource.prlimit(process, resource.RLIMIT_FSIZE, limit)
+        # A chunk that came in between may have left no room for an index, as no disk does.
+        if file.stat().st_size == size:
+            return

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import shutil
 import signal
 from collections.abc import Callable
@@ -23,7 +22,7 @@ from haptic_accel.bags.repair import repair
 from haptic_accel.core.topics import TOPICS
 from observing import Observer
 from reading import with_mcap, with_rosbags
-from running import Command, nodes_of, wait_until
+from running import Command, limit_size, nodes_of, wait_until
 
 Start = Callable[..., Command]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -40,17 +39,6 @@ def asked(observer: Observer, verb: str) -> str:
 
 def counts(metadata: Metadata) -> dict[str, int]:
     return {topic.name: topic.messages for topic in metadata.topics}
-
-
-def limit_size(process: int, file: Path) -> None:
-    """Let a process write its file a little longer than it is now."""
-    while True:
-        size = file.stat().st_size
-        limit = (size + 100_000, resource.RLIM_INFINITY)
-        resource.prlimit(process, resource.RLIMIT_FSIZE, limit)
-        # A chunk that came in between may have left no room for an index, as no disk does.
-        if file.stat().st_size == size:
-            return
 
 
 def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(

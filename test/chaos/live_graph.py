@@ -1,0 +1,173 @@
+"""A graph whose processes are started, hurt and started anew one by one."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from pathlib import Path
+
+from chaos.device_trace import DeviceTrace, Held
+from chaos.traced_node import ACTUATOR, ARM, CLOCK, CLOCK_FILE
+from haptic_accel.core.process import CUT_SHORT, DONE
+from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.processes import RECORDER, graph
+from haptic_accel.nodes.interface import message_type, quality
+from observing import Observer
+from running import PATIENCE, Command
+
+RATE = 200.0
+"""Samples per second, Hz: few enough for a machine that is busy with other things, too."""
+
+FLOWING = 10
+"""Forces of each kind after which forces count as flowing."""
+
+LOOK_PERIOD = 0.02
+"""Interval between looks at the graph, s."""
+
+Force = tuple[str, int]
+"""A device and a kind of force."""
+
+FORCES: tuple[Force, ...] = (
+    ("master_device", ARM),
+    ("slave_device", ARM),
+    ("master_device", ACTUATOR),
+)
+
+
+class LiveGraph:
+    """The graph with traced devices; whatever looks at it fails where a promise is broken.
+
+    Attributes
+    ----------
+    nodes : dict
+        Running processes by executable.
+    stopped : dict
+        What each device said last about the emergency stop.
+    lead : int
+        Time by which the clock was set, ns.
+    """
+
+    def __init__(self, folder: Path, observer: Observer, controller: str) -> None:
+        self.folder = folder
+        self.observer = observer
+        self.nodes: dict[str, Command] = {}
+        self.stopped: dict[str, bool] = {}
+        self.lead = 0
+        arguments = GraphArguments(
+            rate=RATE, surface="text", controller=controller, bag=str(folder / "bag")
+        )
+        self._processes = {process.executable: process for process in graph(arguments)}
+        self._bags = 0
+        self._traces = {name: DeviceTrace(folder / name, RATE) for name, _ in FORCES}
+        for topic, device in ((MASTER_STOPPED, "master_device"), (SLAVE_STOPPED, "slave_device")):
+            observer.node.create_subscription(
+                message_type(topic),
+                topic.name,
+                lambda message, device=device: self.stopped.update({device: message.data}),
+                quality(topic),
+            )
+        (folder / CLOCK_FILE).write_bytes(CLOCK.pack(0))
+        for executable in self._processes:
+            self.start(executable)
+
+    @property
+    def bag(self) -> Path:
+        """File that the recorder writes."""
+        return self.folder / f"bag{self._bags}" / f"bag{self._bags}_0.mcap"
+
+    @property
+    def now(self) -> int:
+        """Time by the nodes' clock, ns."""
+        return time.time_ns() + self.lead
+
+    def start(self, executable: str) -> None:
+        """Start a process of the graph."""
+        process = self._processes[executable]
+        if executable == RECORDER:
+            self._bags += 1
+            given = {**process.parameters[RECORDER], "bag": str(self.bag.parent)}
+            process = replace(process, parameters={RECORDER: given})
+        traced = str(Path(__file__).with_name("traced_node.py"))
+        words = [traced, executable, str(self.folder), *process.ros_arguments]
+        self.nodes[executable] = Command(words, self.folder)
+
+    def end(self, executable: str, number: signal.Signals, *expected: int) -> None:
+        """End a process of the graph with a signal; without a traceback, and as expected."""
+        node = self.nodes.pop(executable)
+        status = node.end(number)
+        self.stopped.pop(executable, None)
+        assert status in expected, f"{status}: {node.text}"
+        assert "Traceback" not in node.text, node.text
+
+    def end_all(self) -> None:
+        """End all processes in order, the one that records last."""
+        for executable in sorted(self.nodes, key=RECORDER.__eq__):
+            self.end(executable, signal.SIGINT, DONE, *CUT_SHORT)
+
+    def kill_all(self) -> None:
+        """Leave nothing behind."""
+        for node in self.nodes.values():
+            node.process.kill()
+            node.end()
+
+    def set_clock(self, lead: int) -> None:
+        """Set the clock of all nodes ahead of the system's by so many ns."""
+        self.lead = lead
+        with (self.folder / CLOCK_FILE).open("r+b") as file:
+            file.write(CLOCK.pack(lead))
+
+    def look(self, seconds: float = LOOK_PERIOD) -> None:
+        """Hold everything known against what is promised for every moment."""
+        self.observer.executor.spin_once(timeout_sec=seconds)
+        for trace in self._traces.values():
+            trace.follow()
+        for name, node in self.nodes.items():
+            assert node.process.poll() is None, f"{name} has ended:\n{node.text}"
+
+    def within(self, seconds: float, condition: Callable[[], bool]) -> bool:
+        """Return whether a condition comes to hold within a time."""
+        deadline = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > deadline:
+                return False
+            self.look()
+        return True
+
+    def wait_for(self, condition: Callable[[], bool], what: str) -> None:
+        """Wait until a condition holds, as is promised."""
+        if not self.within(PATIENCE, condition):
+            said = (line for node in self.nodes.values() for line in node.lines[-5:])
+            raise AssertionError("\n".join((f"not in {PATIENCE:g} s: {what}", *said)))
+
+    def pause(self, seconds: float) -> None:
+        """Let the graph run for a time."""
+        self.within(seconds, lambda: False)
+
+    def flow(self) -> Callable[[], bool]:
+        """Return a condition that holds once every force was given again and again from now."""
+        given = [self._held(force).times for force in FORCES]
+        enough = [len(times) + FLOWING for times in given]
+        return lambda: all(len(times) >= n for times, n in zip(given, enough, strict=True))
+
+    def expect_no_force(self, since: float, forces: Collection[Force] = FORCES) -> None:
+        """Hold against the traces that no force was given since a steady time, s."""
+        self.look()
+        for force in forces:
+            late = [f"{given - since:.3f}" for given in self._held(force).times if given >= since]
+            assert not late, f"{force} given so many s later: {', '.join(late[:10])}"
+
+    def wait_without(self, forces: Collection[Force]) -> None:
+        """Wait until forces are zero."""
+        self.wait_for(lambda: not any(self._held(f).force for f in forces), f"no {forces}")
+
+    def forget(self) -> None:
+        """Forget the forces that were given."""
+        for force in FORCES:
+            self._held(force).times.clear()
+
+    def _held(self, force: Force) -> Held:
+        device, kind = force
+        return self._traces[device].held[kind]
