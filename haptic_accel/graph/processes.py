@@ -153,13 +153,22 @@ def _checked_options(values: Values) -> Values:
 
 
 def graph_parameters(arguments: Arguments) -> Values:
-    """Return the values that files and arguments give each node, by dotted name."""
+    """Return the values that files and arguments give each node, by dotted name.
+
+    Raises
+    ------
+    ParameterError
+        A file is not usable, or gives what the arguments set in another way.
+    """
     values: Values = {executable: {} for executable in NODES}
+    set_here = _own_parameters(arguments)
     for path in _files(arguments):
         content = read_parameter_file(path)
+        if path != _defaults_file():
+            _check_given(path, content, set_here)
         for executable in NODES:
             values[executable] |= content[executable]
-    for executable, own in _own_parameters(arguments).items():
+    for executable, own in set_here.items():
         values[executable] |= own
     if arguments.master == names.SIMULATED:
         # A simulated handle needs no bench to measure its sensor on.
@@ -168,6 +177,26 @@ def graph_parameters(arguments: Arguments) -> Values:
         known = {f"accelerometer.{name}": value for name, value in sensor.items()}
         values["identifier"] = known | values["identifier"]
     return values
+
+
+def _check_given(path: Path, content: Values, set_here: Values) -> None:
+    """Refuse a file whose values the arguments would replace: nobody would notice."""
+    for node, own in set_here.items():
+        for name, value in content[node].items():
+            if own.get(name, value) != value:
+                raise ParameterError(
+                    f"{path}: {name} of {node} = {value}: the graph's arguments make it"
+                    f" {own[name]}; leave it out{_or_set(node, name, value)}"
+                )
+
+
+def _or_set(node: str, name: str, value: Any) -> str:
+    """Return the advice to set the argument for a node's parameter, if there is one."""
+    argument = f"{SCOPE}_{name}" if node == SCOPE else name
+    if name == "device":
+        argument = node.partition("_")[0]
+    known = argument in schema(GraphArguments) | schema(IdentifyArguments)
+    return f", or set {argument}:={value}" if known else ""
 
 
 def rig_parameters(values: Values) -> RigParameters:
@@ -186,12 +215,17 @@ def rig_parameters(values: Values) -> RigParameters:
 
 def _files(arguments: Arguments) -> list[Path]:
     """Return the parameter files in the order in which they count."""
-    paths = [config_folder() / "teleop.yaml", preset_file("rig", arguments.rig)]
+    paths = [_defaults_file(), preset_file("rig", arguments.rig)]
     if isinstance(arguments, GraphArguments):
         paths.append(preset_file("surface", arguments.surface))
     if arguments.config:
         paths.append(Path(arguments.config).absolute())
     return paths
+
+
+def _defaults_file() -> Path:
+    """Return the parameter file that all others come after."""
+    return config_folder() / "teleop.yaml"
 
 
 def _own_parameters(arguments: Arguments) -> Values:

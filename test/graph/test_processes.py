@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -80,17 +81,70 @@ def test_no_recorder_when_not_recording() -> None:
     assert len(executables) == 4
 
 
-def test_arguments_go_over_the_users_file_and_that_over_the_defaults(tmp_path: Path) -> None:
+def test_the_users_file_goes_over_the_defaults(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text(
         "coupler: {ros__parameters: {k_m: 300.0}}\n"
-        "compensator: {ros__parameters: {rate: 2000.0, actuator: {peak_force: 1.0}}}"
+        "compensator: {ros__parameters: {rate: 500, actuator: {peak_force: 1.0}}}"
     )
     values = graph_parameters(GraphArguments(config=str(mine), rate=500.0))
     assert values["coupler"]["k_m"] == 300.0
     assert values["coupler"]["k_sl"] == 250.0
     assert values["compensator"]["rate"] == 500.0
     assert values["compensator"]["actuator.peak_force"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("node", "given", "arguments", "line"),
+    [
+        (
+            "compensator",
+            "rate: 500",
+            {},
+            "rate of compensator = 500: the graph's arguments make it 1000.0;"
+            " leave it out, or set rate:=500",
+        ),
+        ("/**", "rate: 1000.0", {"rate": 500.0}, "leave it out, or set rate:=1000.0"),
+        (
+            "/**",
+            "latency: 4",
+            {},
+            "latency of master_device = 4: the graph's arguments make it 1;"
+            " leave it out, or set latency:=4",
+        ),
+        ("slave_device", "device: can", {}, "leave it out, or set slave:=can"),
+        ("compensator", "controller: none", {}, "leave it out, or set controller:=none"),
+        ("scope", "port: 9000", {"scope": True}, "leave it out, or set scope_port:=9000"),
+        ("coupler", "compensated: false", {}, "the graph's arguments make it True; leave it out"),
+        ("master_device", "simulated.grip.posture: hook", {"grip": "pinch"}, "leave it out"),
+    ],
+)
+def test_a_file_that_arguments_would_override_is_refused(
+    tmp_path: Path, node: str, given: str, arguments: dict[str, Any], line: str
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(f"{node}: {{ros__parameters: {{{given}}}}}")
+    with pytest.raises(ParameterError) as refused:
+        graph(GraphArguments(config=str(mine), **arguments))
+    assert str(refused.value).startswith(f"{mine}: ")
+    assert str(refused.value).endswith(line)
+
+
+@pytest.mark.parametrize(
+    ("node", "given"),
+    [
+        ("scope", "port: 9000"),  # no page is asked for
+        ("identifier", "rate: 500"),  # nor an identification
+        ("master_device", "simulated.grip.posture: hook"),
+        ("recorder", "max_bag_duration: 60.0"),
+    ],
+)
+def test_what_no_argument_sets_a_file_may_give(tmp_path: Path, node: str, given: str) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(f"{node}: {{ros__parameters: {{{given}}}}}")
+    name, value = given.split(": ")
+    values = graph_parameters(GraphArguments(config=str(mine)))
+    assert str(values[node][name]) == value
 
 
 def test_the_rig_is_made_of_the_same_parameters(tmp_path: Path) -> None:
