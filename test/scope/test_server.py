@@ -5,16 +5,22 @@ from __future__ import annotations
 import asyncio
 import base64
 import json
+import logging
 import socket
 import threading
+import time
 from collections.abc import Awaitable, Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import aiohttp
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from yarl import URL
 
+from fuzzing import fuzz, mutated
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope import server as served
 from haptic_accel.scope.access import Access
@@ -550,3 +556,164 @@ def test_a_stopped_server_says_goodbye_and_frees_its_port(
     again = ScopeServer(source, Access("127.0.0.1"), "127.0.0.1", url.port or 0)
     again.start()
     again.stop()
+
+
+# Whatever comes
+
+LIVE = (
+    "GET /live HTTP/1.1",
+    "Host: {host}",
+    "Origin: http://{host}",
+    f"Authorization: Bearer {TOKEN}",
+    "Connection: Upgrade",
+    "Upgrade: websocket",
+    "Sec-WebSocket-Version: 13",
+    "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==",
+)
+FIELDS = (
+    *LIVE[1:],
+    f"Cookie: haptic_accel_scope_{{port}}={TOKEN}",
+    "Host: evil.example",
+    "Host: {host}:99999",
+    "Origin: null",
+    "Authorization: Bearer wrong",
+    "Authorization: Bearer \udcff",
+    "Content-Type: application/json",
+    "Content-Length: 30",
+    "Content-Length: -1",
+    "Transfer-Encoding: chunked",
+    "Transfer-Encoding: gzip, chunked",
+    "Content-Encoding: deflate",
+    "Expect: 100-continue",
+    "Expect: more",
+    "Range: bytes=0-",
+    "Sec-WebSocket-Version: 99",
+    "Sec-WebSocket-Key: \u20ac",
+    "Sec-WebSocket-Extensions: permessage-deflate; server_max_window_bits=99",
+    "Cookie: a=\x01; \udc80",
+    "X: " + "x" * 9000,
+)
+METHODS = (*("GET", "POST") * 5, "HEAD", "OPTIONS", "CONNECT", "get", "G\x00T", "PRI")
+TARGETS = (
+    "/",
+    "/live",
+    "/command",
+    "/scope.js",
+    f"/?token={TOKEN}",
+    "/?token=x",
+    "*",
+    "//",
+    "/%00",
+)
+BODIES = (
+    '{"action":"estop","value":true}',
+    '{"action":"absent"}',
+    "3\r\n{}\n\r\n0\r\n\r\n",
+    "[" * 999,
+)
+
+
+@st.composite
+def requests(draw: st.DrawFn) -> bytes:
+    """Draw a request of whatever fields, for any host in place of {host}."""
+    line = " ".join(
+        draw(st.sampled_from(part))
+        for part in (METHODS, TARGETS, [*["HTTP/1.1"] * 9, "HTTP/1.0", "HTTP/9.9"])
+    )
+    fields = draw(st.sampled_from([LIVE[1:4], LIVE[1:4], LIVE[1:3], LIVE[1:], ()]))
+    more = draw(st.lists(st.sampled_from(FIELDS), max_size=2))
+    body = draw(st.sampled_from(BODIES))
+    length = draw(
+        st.sampled_from(
+            [f"Content-Length: {len(body)}\r\nContent-Type: application/json"] * 4 + ["X: 1"]
+        )
+    )
+    return "\r\n".join((line, *fields, *more, length, "", body)).encode("utf-8", "surrogateescape")
+
+
+pieces = st.sampled_from(
+    [b"\r\n", b"\n", b"\0", b":", b" ", b"\xff", b"%", b"\r\n\r\n", b"0", b"{"]
+)
+
+
+def ours(record: logging.LogRecord) -> bool:
+    """Return whether a message says more than that a client has left before its answer."""
+    return not (record.exc_info and isinstance(record.exc_info[1], ConnectionError))
+
+
+Controlled = tuple[ScopeServer, Acting, URL]
+
+
+@pytest.fixture
+def controlled(started: Started) -> Controlled:
+    """Start a server that takes commands with a token."""
+    acting = Acting()
+    server, url = started(acting, token=TOKEN)
+    return server, acting, url
+
+
+@fuzz
+@given(requests() | mutated(requests(), pieces))
+def test_no_request_is_the_servers_fault_or_gets_past_the_token(
+    controlled: Controlled,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    wire: bytes,
+) -> None:
+    monkeypatch.setattr(served, "REQUEST_TIME", 0.02)
+    _, acting, url = controlled
+    wire = wire.replace(b"{host}", url.authority.encode()).replace(
+        b"{port}", str(url.port).encode()
+    )
+    with connected(url, wire) as opened, opened.makefile("rb") as answer:
+        first = []
+        with suppress(ConnectionError):
+            first = answer.readline().split()
+    code = int(first[1]) if first else 400
+    assert code < 500 or (code == 503 and b"absent" in wire)
+    assert code in (100, *range(400, 600)) or TOKEN.encode() in wire
+    if acting.done:
+        assert TOKEN.encode() in wire
+        assert f"Origin: {url.origin()}".encode() in wire
+        acting.done.clear()
+    assert [record for record in caplog.records if ours(record)] == []
+    caplog.clear()
+
+
+def frame(opcode: int, payload: bytes, told: int, masked: bool) -> bytes:
+    """Return a WebSocket frame (RFC 6455) that tells any length; the mask is zero."""
+    mask = 0x80 * masked
+    if told < 126:
+        head = bytes([opcode, mask | told])
+    elif told < 2**16:
+        head = bytes([opcode, mask | 126]) + told.to_bytes(2, "big")
+    else:
+        head = bytes([opcode, mask | 127]) + told.to_bytes(8, "big")
+    return head + bytes(4 * masked) + payload
+
+
+@st.composite
+def websocket_frames(draw: st.DrawFn) -> bytes:
+    """Draw a frame of any kind, most with the right length."""
+    opcode = draw(st.sampled_from([0x81, 0x82, 0x88, 0x89, 0x8A, 0x01, 0x80, 0xF1, 0x8B, 0xC1]))
+    payload = draw(st.sampled_from([b"", b"x", b"\x03\xe8", b"\xff\xfe", b"x" * 200, b"x" * 5000]))
+    lies = st.sampled_from([0, 125, 126, 2**16 - 1, 2**31, 2**63, 2**64 - 1])
+    told = draw(st.one_of(*[st.just(len(payload))] * 4, lies))
+    return frame(opcode, payload, told, masked=draw(st.sampled_from([True] * 5 + [False])))
+
+
+@fuzz
+@given(mutated(st.lists(websocket_frames(), min_size=1, max_size=4).map(b"".join), pieces))
+def test_a_page_that_sends_anything_is_forgotten_when_it_leaves(
+    controlled: Controlled, caplog: pytest.LogCaptureFixture, wire: bytes
+) -> None:
+    server, acting, url = controlled
+    asked = "\r\n".join((*LIVE, "", "")).replace("{host}", url.authority).encode()
+    with connected(url, asked) as opened:
+        assert opened.recv(12) == b"HTTP/1.1 101"
+        opened.sendall(wire + frame(0x88, b"", 0, masked=True))
+    while server.clients:
+        time.sleep(1e-3)
+    assert acting.done == []
+    assert [record for record in caplog.records if ours(record)] == []
+    caplog.clear()
