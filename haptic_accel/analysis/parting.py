@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from haptic_accel.bags.delivery import count
 from haptic_accel.bags.reading import Bag, Diagnosis, read_bag
 from haptic_accel.bags.trial_bag import trial_vectors
 from haptic_accel.core import topics
@@ -168,9 +169,8 @@ def _grown(before: Mapping[str, str], report: Diagnosis) -> list[str]:
     """Return reasons for the counts of a node that have grown until a report."""
     return [
         f"{text} ({report.node}, {name})"
-        for name, value in report.values.items()
+        for name in report.values
         for end, text in CAUSES.items()
         if (name == end or name.endswith(f" {end}"))
-        and value.isdecimal()
-        and int(value) > int(before.get(name, 0))
+        and count(report.values, name) > count(before, name)
     ]

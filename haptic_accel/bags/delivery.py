@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 
 from haptic_accel.bags.reading import Bag, Diagnosis, read_bag
 from haptic_accel.core import topics
+from haptic_accel.core.decimals import read_decimal, read_whole
 from haptic_accel.core.evaluation.histogram import QUANTILES
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, places
@@ -30,7 +32,7 @@ LABELS = (*QUANTILES, "max")
 """Labels of durations in diagnostics."""
 
 _ARMS = ("master", "slave")
-_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_NUMBER = re.compile(r"[0-9]+(?:\.[0-9]+)?")
 
 
 @dataclass(frozen=True)
@@ -149,9 +151,20 @@ def read_delivery(bag: Path, rate: float) -> Delivery:
 
 
 def durations(values: Mapping[str, str], name: str) -> dict[str, float]:
-    """Return quantiles, in us, that a node reported; those that it did not are left out."""
-    found = {label: values.get(f"{name} {label} (us)") for label in LABELS}
-    return {label: float(value) for label, value in found.items() if value is not None}
+    """Return quantiles, in us, that a node reported; what is no number is left out."""
+    found = {}
+    for label in LABELS:
+        with suppress(ValueError):
+            found[label] = read_decimal(values.get(f"{name} {label} (us)", ""))
+    return found
+
+
+def count(values: Mapping[str, str], name: str) -> int:
+    """Return a count that a node reported, or 0 if it is no number."""
+    try:
+        return read_whole(values.get(name, ""))
+    except ValueError:
+        return 0
 
 
 def _report(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
@@ -163,6 +176,5 @@ def _report(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
 
 def _deadlines(values: Mapping[str, str], command: str) -> dict[str, int]:
     """Return the counts of a kind of command; nothing where it has no due time."""
-    due = int(values.get(f"{command} due", 0))
-    missed = int(values.get(f"{command} deadlines missed", 0))
+    due, missed = count(values, f"{command} due"), count(values, f"{command} deadlines missed")
     return {"due": due, "missed": missed} if due else {}
