@@ -120,7 +120,7 @@ class Scope(GraphNode):
             name: RemoteParameters(self, name, wanted, self._update_settings)
             for name, wanted in WANTED.items()
         }
-        self._signals: list[Subscription] = []
+        self._signals: dict[str, Subscription] = {}
         self._reported = (time.monotonic(), 0, 0)
         self._commands = Commands(self, self._stopped) if p.control else None
         reports, take = topics.DIAGNOSTICS, self._take_diagnostics
@@ -191,18 +191,19 @@ class Scope(GraphNode):
         }
 
     def _subscribe_for_clients(self) -> None:
-        """Receive the signals while a page is connected."""
-        windows = self.windows
-        if self._server.clients and not self._signals:
-            self._signals = [
-                self._follow(topics.DESIRED_ACCELERATION, windows.desired.put),
-                self._follow(topics.HANDLE_ACCELERATION, windows.handle.put),
-                self._follow(topics.ACTUATOR_FORCE, self._take_force),
-            ]
-        elif not self._server.clients and self._signals:
-            for subscription in self._signals:
-                self.destroy_subscription(subscription)
-            self._signals = []
+        """Receive the signals that connected pages show."""
+        windows, shown = self.windows, self._server.shown
+        sources: dict[str, tuple[Topic, Callable[[int, float], None]]] = {
+            "desired": (topics.DESIRED_ACCELERATION, windows.desired.put),
+            "actual": (topics.HANDLE_ACCELERATION, windows.handle.put),
+            "force": (topics.ACTUATOR_FORCE, self._take_force),
+            "arm_force": (topics.SLAVE_ARM_FORCE, windows.arm_force.put),
+            "position": (topics.SLAVE_POSITION, windows.position.put),
+        }
+        for name in self._signals.keys() - shown:
+            self.destroy_subscription(self._signals.pop(name))
+        for name in (sources.keys() & shown) - self._signals.keys():
+            self._signals[name] = self._follow(*sources[name])
 
     def _follow(self, topic: Topic, take: Callable[[int, float], None]) -> Subscription:
         """Subscribe to a signal; the callback gets stamps and the component along the axis."""

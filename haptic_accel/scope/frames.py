@@ -10,6 +10,7 @@ of the cloud (float32 each).
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -19,10 +20,16 @@ from haptic_accel.scope.windows import LONGEST_WINDOW, Metrics, Ring, Windows
 SAMPLES, PLOTS = 1, 2
 """Kinds of frames."""
 
-TRACES = ("desired", "actual", "force", "travel")
-"""Signals of a frame of samples, in this order: m/s^2, m/s^2, N, m."""
+ALWAYS = ("desired", "actual", "force", "travel")
+"""Signals that every page receives: m/s^2, m/s^2, N, m."""
 
-_SAMPLES_HEADER = struct.Struct("<5I4xd")
+CHOSEN = ("arm_force", "position")
+"""Signals that a page receives if it asks for them, N and m: each costs the nodes a subscriber."""
+
+TRACES = (*ALWAYS, *CHOSEN)
+"""Signals of a frame of samples, in this order."""
+
+_SAMPLES_HEADER = struct.Struct("<7I4xd")
 _PLOTS_HEADER = struct.Struct("<3I")
 
 _LARGEST = float(np.finfo(np.float32).max)
@@ -35,11 +42,21 @@ class Cursor:
     ----------
     windows : Windows
         Signals to send.
+
+    Attributes
+    ----------
+    shown : frozenset of str
+        Signals that the page receives.
     """
 
     def __init__(self, windows: Windows) -> None:
         self._windows = windows
         self._sent = dict.fromkeys(TRACES, 0)
+        self.shown = frozenset(ALWAYS)
+
+    def choose(self, names: Iterable[str]) -> None:
+        """Send these of `CHOSEN` too, from their next sample on, and no others."""
+        self.shown = frozenset((*ALWAYS, *names))
 
     def frame(self) -> bytes | None:
         """Return the samples since the last frame, at most the longest window; None if none."""
@@ -47,7 +64,8 @@ class Cursor:
         parts = []
         for name in TRACES:
             ring: Ring = getattr(self._windows, name)
-            self._sent[name], stamps, values = ring.since(self._sent[name])
+            sent = self._sent[name] if name in self.shown else ring.count
+            self._sent[name], stamps, values = ring.since(sent)
             recent = stamps >= ring.newest - int(LONGEST_WINDOW * NANOSECONDS)
             parts.append((stamps[recent], values[recent]))
         if not any(len(stamps) for stamps, _ in parts):

@@ -23,7 +23,7 @@ from aiohttp.typedefs import Handler
 
 from haptic_accel.pages import asset, template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
-from haptic_accel.scope.frames import Cursor, plots_frame
+from haptic_accel.scope.frames import CHOSEN, Cursor, plots_frame
 from haptic_accel.scope.windows import Windows
 
 FRAME_RATE = 60.0
@@ -120,8 +120,9 @@ class Traffic:
 
 
 def _is_own(record: logging.LogRecord) -> bool:
-    """Return true unless a message is about a malformed request, which is answered with 400."""
-    return not (record.exc_info and isinstance(record.exc_info[1], http.HttpProcessingError))
+    """Return true unless a message is about a malformed request, or a client that has left."""
+    fault = (record.exc_info or (None, None))[1]
+    return not isinstance(fault, http.HttpProcessingError | ConnectionError)
 
 
 _LOG.addFilter(_is_own)
@@ -155,7 +156,7 @@ class ScopeServer:
         self._act = act
         self._pages = _pages(source.choices(), control=act is not None)
         self._version = hashlib.sha256(b"".join(b for b, _ in self._pages.values())).hexdigest()
-        self._clients: set[web.WebSocketResponse] = set()
+        self._clients: dict[web.WebSocketResponse, Cursor] = {}
         self._silent: dict[asyncio.BaseProtocol, asyncio.TimerHandle] = {}
         self._update: tuple[str, bytes] = ("", b"")
         self._updated = float("-inf")
@@ -167,6 +168,11 @@ class ScopeServer:
     def clients(self) -> int:
         """Number of connected pages."""
         return len(self._clients)
+
+    @property
+    def shown(self) -> set[str]:
+        """Names of the signals that any page receives."""
+        return {name for cursor in list(self._clients.values()) for name in cursor.shown}
 
     def start(self) -> str:
         """Listen; return the address of the page.
@@ -303,7 +309,7 @@ class ScopeServer:
         # A form of a foreign page cannot send this type without asking first.
         if request.content_type != "application/json":
             return _message(415, "Content-Type: must be application/json")
-        command = await _json(request)
+        command = _parsed(await _body(request))
         if not isinstance(command, dict) or not isinstance(command.get("action"), str):
             return _message(400, "command: must be a JSON object with an action")
         value = command.get("value")
@@ -323,23 +329,26 @@ class ScopeServer:
             heartbeat=HEARTBEAT, compress=False, max_msg_size=LONGEST_COMMAND
         )
         await page.prepare(request)
-        self._clients.add(page)
-        sending = asyncio.create_task(self._send(page))
+        cursor = self._clients[page] = Cursor(self._source.windows)
+        sending = asyncio.create_task(self._send(page, cursor))
         try:
-            async for _ in page:  # pages send nothing; this ends when they disconnect
-                pass
+            async for message in page:  # ends when the page disconnects
+                names = _parsed(message.data)
+                if not (isinstance(names, list) and all(name in CHOSEN for name in names)):
+                    await page.close(code=WSCloseCode.UNSUPPORTED_DATA)
+                    break
+                cursor.choose(names)
         finally:
             sending.cancel()
-            self._clients.discard(page)
+            del self._clients[page]
         return page
 
-    async def _send(self, page: web.WebSocketResponse) -> None:
+    async def _send(self, page: web.WebSocketResponse, cursor: Cursor) -> None:
         """Send what is new, no more often than a screen shows it.
 
         Only this task waits for a slow page: no frames are made for it meanwhile, so that
         nothing queues up, and it continues with the newest samples.
         """
-        cursor = Cursor(self._source.windows)
         loop = asyncio.get_running_loop()
         sent = float("-inf")
         try:
@@ -382,12 +391,19 @@ class _Refusal(asyncio.Protocol):
         transport.close()
 
 
-async def _json(request: web.Request) -> Any:
-    """Return the content of a request; None if it is no JSON, or does not arrive in time."""
+async def _body(request: web.Request) -> bytes:
+    """Return the body of a request; nothing if it does not arrive whole and in time."""
     try:
-        # UTF-8, whatever charset the request names.
-        return json.loads(await asyncio.wait_for(request.read(), REQUEST_TIME))
-    except (ValueError, RecursionError, web.RequestPayloadError, OSError, asyncio.TimeoutError):
+        return await asyncio.wait_for(request.read(), REQUEST_TIME)
+    except (web.RequestPayloadError, OSError, asyncio.TimeoutError):
+        return b""
+
+
+def _parsed(text: Any) -> Any:
+    """Return the value of a JSON text, in UTF-8 if it is bytes; None if it is none."""
+    try:
+        return json.loads(text)
+    except (TypeError, ValueError, RecursionError):
         return None
 
 

@@ -172,6 +172,9 @@ class Windows:
     desired, handle, force, age : Ring
         Received signals: desired acceleration, measured handle acceleration (m/s^2), actuator
         force (N) and its age on arrival (s).
+    arm_force, position : Ring
+        Received signals, if a page asks for them: force of the slave's arm on the tool (N) and the
+        tool's position (m).
     actual, travel : Ring
         Signals derived by `advance`: handle acceleration without gravity and hand motion
         (m/s^2), and position of the actuator's moving mass between its stops (m).
@@ -182,6 +185,7 @@ class Windows:
     def __init__(self) -> None:
         self.desired, self.handle, self.force, self.age = Ring(), Ring(), Ring(), Ring()
         self.actual, self.travel = Ring(), Ring()
+        self.arm_force, self.position = Ring(), Ring()
         self.settings = GraphSettings()
         self._derivation: Derivation | None = None
         self._derived = 0

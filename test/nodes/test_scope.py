@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import socket
@@ -162,6 +163,57 @@ def test_curves_move(shared: Shared, tmp_path: Path) -> None:
     assert picture.stat().st_size > 20_000
 
 
+def test_further_signals_are_drawn_where_chosen_and_remembered(shared: Shared) -> None:
+    page = shared.page
+    assert not page.locator("#forces").is_visible()
+    further = ("arm_force", "position")
+    for name in further:
+        page.locator(f"#show-{name}").check()
+    arrive = "hapticScope.samples().arm_force > 200 && hapticScope.samples().position > 200"
+    shared.wait(arrive, "further signals arrive")
+    page.reload()
+    shared.wait(f"hapticScope.state !== null && {arrive}", "they arrive again")
+    for name in further:
+        assert page.locator(f"#show-{name}").is_checked()
+        page.locator(f"#show-{name}").uncheck()
+    assert not page.locator("#forces").is_visible()
+    count = int(page.evaluate("hapticScope.samples().actual"))
+    shared.wait(f"hapticScope.samples().actual > {count} + 2000", "a full window")
+
+
+def test_what_is_held_can_be_read_and_zoomed(shared: Shared) -> None:
+    page, reading = shared.page, shared.page.locator("#reading")
+    page.locator("#hold").click()
+    box = page.locator("#time .u-over").bounding_box()
+    assert box
+
+    def point(part: float) -> None:
+        page.mouse.move(box["x"] + part * box["width"], box["y"] + box["height"] / 2, steps=4)
+
+    point(0.5)
+    text = reading.inner_text()
+    value = r"(-?\d+\.\d+|–)"  # a dash where the busy machine lost samples
+    assert re.fullmatch(rf"-[01]\.\d+ s: desired {value} m/s², actual {value} m/s²", text)
+    assert float(text.split()[0]) == pytest.approx(-1.0, abs=0.01)
+    shared.wait(f"hapticScope.newest() > {page.evaluate('hapticScope.newest()')}", "new samples")
+    point(0.25)
+    assert reading.inner_text() != text
+    point(0.5)
+    assert reading.inner_text() == text
+    page.mouse.down()
+    point(0.75)
+    page.mouse.up()
+    shared.wait("hapticScope.view()[0] > -1.02 && hapticScope.view()[1] < -0.48", "half a second")
+    page.locator("#hold").focus()
+    before = reading.inner_text()
+    page.keyboard.press("ArrowLeft")
+    assert float(reading.inner_text().split()[0]) < float(before.split()[0])
+    page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    shared.wait("String(hapticScope.view()) === '-2,0'", "the whole window")
+    page.locator("#hold").click()
+    assert not reading.is_visible()
+
+
 def test_a_controller_chosen_on_the_page_takes_over_in_the_graph(
     shared: Shared, watcher: Observer
 ) -> None:
@@ -247,11 +299,16 @@ def test_the_page_fits_and_the_stop_is_always_in_sight(
 
 
 def test_everything_has_a_name_for_who_does_not_see_it(shared: Shared) -> None:
-    nameless = """() => [...document.querySelectorAll('button, select, [role=img], [role=meter]')]
+    nameless = """() => [...document.querySelectorAll(
+        'button, select, input, [role=img], [role=meter]')]
       .filter((e) => !(e.textContent.trim() || e.ariaLabel || e.getAttribute('aria-labelledby')
                        || e.closest('label')))
       .map((e) => e.outerHTML)"""
     assert shared.page.evaluate(nameless) == []
+    drawn = (
+        "[...document.querySelectorAll('canvas')].filter((e) => !e.closest('[role=img]')).length"
+    )
+    assert shared.page.evaluate(drawn) == 0
     assert shared.page.locator("[aria-live]").count() == 1  # figures that change are not read out
     # Every state is a word.
     states = shared.page.locator("#nodes .state").all_inner_texts()

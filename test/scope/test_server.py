@@ -513,6 +513,38 @@ def test_more_connections_than_allowed_are_closed(
         one.close()
 
 
+def test_a_page_asks_for_further_signals(started: Started) -> None:
+    server, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+            await live.send_json(["position"])
+            await asyncio.to_thread(wait_until, lambda: "position" in server.shown, "asked for")
+            assert "arm_force" not in server.shown
+
+    visit(use)
+    wait_until(lambda: server.shown == set(), "nothing is shown to nobody")
+
+
+@pytest.mark.parametrize(
+    "sent", ["", "{}", '["travels"]', "[[]]", '"position"', "[" * 4000, b"\xff"]
+)
+def test_a_page_that_asks_for_anything_else_is_disconnected(
+    started: Started, caplog: pytest.LogCaptureFixture, sent: str | bytes
+) -> None:
+    _, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+            await (live.send_bytes(sent) if isinstance(sent, bytes) else live.send_str(sent))
+            while (message := await live.receive(20)).type is not aiohttp.WSMsgType.CLOSE:
+                pass
+            assert message.data == aiohttp.WSCloseCode.UNSUPPORTED_DATA
+
+    visit(use)
+    assert caplog.records == []
+
+
 def test_a_page_that_sends_too_much_is_disconnected(started: Started) -> None:
     server, url = started()
 

@@ -276,10 +276,10 @@ def test_nothing_heard_gives_nothing_said() -> None:
 
 def read_frame(frame: bytes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Read a frame of samples as the page does: times in s since 1970, and values."""
-    kind, *counts = struct.unpack_from("<5I", frame)
+    kind, *counts = struct.unpack_from("<7I", frame)
     assert kind == SAMPLES
-    (origin,) = struct.unpack_from("<d", frame, 24)
-    blocks = np.frombuffer(frame, "<f4", offset=32)
+    (origin,) = struct.unpack_from("<d", frame, 32)
+    blocks = np.frombuffer(frame, "<f4", offset=40)
     found, at = {}, 0
     for name, count in zip(TRACES, counts, strict=True):
         times = origin + blocks[at : at + count].astype(float)
@@ -316,3 +316,17 @@ def test_who_comes_late_gets_the_longest_window_and_no_more() -> None:
 def test_two_pages_get_the_same_samples() -> None:
     made, _, _ = filled(0.5)
     assert Cursor(made).frame() == Cursor(made).frame()
+
+
+def test_a_signal_is_sent_from_when_it_is_chosen_until_it_is_not() -> None:
+    made, _, _ = filled(0.1)
+    for index in range(10):
+        made.position.put(START + index * MILLISECOND, index)
+    cursor = Cursor(made)
+    assert len(read_frame(cursor.frame() or b"")["position"][1]) == 0
+    cursor.choose(["position"])
+    made.position.put(START + 10 * MILLISECOND, 10.0)
+    assert read_frame(cursor.frame() or b"")["position"][1].tolist() == [10.0]
+    cursor.choose([])
+    made.position.put(START + 11 * MILLISECOND, 11.0)
+    assert cursor.frame() is None

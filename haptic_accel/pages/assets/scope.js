@@ -5,7 +5,9 @@
 (() => {
   const SAMPLES = 1;
   const PLOTS = 2;
-  const TRACES = ["desired", "actual", "force", "travel"];
+  const TRACES = ["desired", "actual", "force", "travel", "arm_force", "position"];
+  const ON_DEMAND = ["arm_force", "position"]; // traces that are sent only if they are asked for
+  const REMEMBERED = "haptic_accel scope: signals"; // name under which the browser keeps the choice
   const CAPACITY = 1 << 17; // samples of a trace; at 20 kHz more than the longest window
   const LAG = 0.05; // s behind the newest sample, so that the right edge does not flicker
   const GAP = 0.02; // s without a sample across which no line is drawn
@@ -56,6 +58,11 @@
       }
     }
 
+    copy() {
+      const { times, values, count } = this;
+      return Object.assign(new Trace(), { times: times.slice(), values: values.slice(), count });
+    }
+
     get newest() {
       return this.count ? this.times[(this.count - 1) % CAPACITY] : -Infinity;
     }
@@ -77,11 +84,20 @@
       return low;
     }
 
-    /** Least and greatest value since a time. */
-    extremes(time) {
+    /** Value of the sample nearest to a time; NaN if there is none near it. */
+    near(time) {
+      const after = this.since(time);
+      const [before, next] = [after - 1, after].map((i) => Math.abs(this.times[i % CAPACITY] - time));
+      if (!(Math.min(before, next) < GAP)) return NaN;
+      return this.values[(after - (before < next)) % CAPACITY];
+    }
+
+    /** Least and greatest value from one time to another. */
+    extremes(time, end = Infinity) {
       let least = Infinity;
       let greatest = -Infinity;
       for (let i = this.since(time); i < this.count; i++) {
+        if (this.times[i % CAPACITY] > end) break;
         const value = this.values[i % CAPACITY];
         if (value < least) least = value;
         if (value > greatest) greatest = value;
@@ -124,12 +140,12 @@
       this.since = 0;
     }
 
-    /** Adapt to the largest magnitude shown; return true if the limit changed. */
-    meet(magnitude) {
+    /** Adapt to the largest magnitude shown, to a smaller one after a while; return true if the limit changed. */
+    meet(magnitude, patience = SHRINK) {
       const wanted = Math.max(this.least, roundUp(1.05 * Math.max(magnitude, 1e-9)));
       const now = performance.now() / 1000;
       if (wanted >= this.value) this.since = now;
-      if (wanted > this.value || (wanted < this.value && now - this.since > SHRINK)) {
+      if (wanted > this.value || (wanted < this.value && now - this.since > patience)) {
         this.value = wanted;
         this.since = now;
         return true;
@@ -142,7 +158,7 @@
 
   function colours() {
     const style = getComputedStyle(document.documentElement);
-    const names = ["desired", "actual", "text", "quiet", "grid", "line"];
+    const names = [...TRACES, "quiet", "grid"];
     return Object.fromEntries(names.map((n) => [n, style.getPropertyValue(`--${n}`).trim()]));
   }
 
@@ -205,8 +221,8 @@
       const [beforeX, beforeY] = [x, y];
       x = (time - from) * perSecond;
       y = box.top + (0.5 - trace.values[i % CAPACITY] / (2 * limit)) * box.height;
-      if (x >= columns) break;
       if (time - before <= GAP) markLine(beforeX, beforeY, x, y);
+      if (x >= columns) break;
       before = time;
     }
     const thick = width * devicePixelRatio;
@@ -220,7 +236,7 @@
   /** Widen the bars of the columns that a line from one point to another runs through. */
   function markLine(x0, y0, x1, y1) {
     const slope = x1 > x0 ? (y1 - y0) / (x1 - x0) : 0;
-    for (let column = Math.max(0, Math.floor(x0)); column <= x1; column++) {
+    for (let column = Math.max(0, Math.floor(x0)); column <= x1 && column < lows.length; column++) {
       const enter = column > x0 ? y0 + slope * (column - x0) : y0;
       const leave = column + 1 < x1 ? y0 + slope * (column + 1 - x0) : y1;
       lows[column] = Math.min(lows[column], enter, leave);
@@ -228,43 +244,140 @@
     }
   }
 
-  const timeLimit = new Limit(1);
   let windowLength = Number(byId("window").value);
-  let held = null; // time at the right edge while the plot is held
+  let held = null; // time at the right edge, and the traces as they were, while the plots are held
 
-  const timePlot = plot(
-    "time",
-    {
-      scales: {
-        x: { time: false, range: () => [-windowLength, 0] },
-        y: { range: () => [-timeLimit.value, timeLimit.value] },
-      },
-      series: [{}, {}],
-      axes: [axis("time before now (s)"), axis("m/s²", { size: 52 })],
-    },
-    [[-1, 0], [null, null]],
-  );
+  /** Plot of traces of one unit over time. */
+  class Strip {
+    constructor(id, unit, factor, places, least, names) {
+      Object.assign(this, { holder: byId(id), unit, factor, places, names, limit: new Limit(least) });
+      this.plot = plot(
+        id,
+        {
+          scales: {
+            x: { time: false },
+            y: { range: () => [-1, 1].map((sign) => sign * factor * this.limit.value) },
+          },
+          series: [{}, {}],
+          axes: [axis("time before now (s)"), axis(unit, { size: 52 })],
+          cursor: { y: false, points: { show: false }, sync: { key: "time" } },
+          hooks: { draw: [() => held && this.draw()], setCursor: [readCursor] },
+        },
+        this.wholeWindow(),
+      );
+      // The traces have a canvas of their own: the axes behind it are redrawn rarely.
+      this.sheet = document.createElement("canvas").getContext("2d");
+      this.holder.append(this.sheet.canvas);
+    }
 
-  // The traces have a canvas of their own: the axes behind it are redrawn rarely.
-  const sheet = document.createElement("canvas").getContext("2d");
-  byId("time").append(sheet.canvas);
+    get shown() {
+      return this.names.filter((name) => chosen.has(name));
+    }
 
-  function drawTime() {
-    const to = held ?? clock.now - LAG;
-    const from = to - windowLength;
-    const shown = ["desired", "actual"].flatMap((name) => traces[name].extremes(from));
-    if (timeLimit.meet(Math.max(...shown.map(Math.abs)))) timePlot.setData(timePlot.data);
-    const { width, height } = timePlot.ctx.canvas;
-    if (sheet.canvas.width !== width) sheet.canvas.width = width;
-    if (sheet.canvas.height !== height) sheet.canvas.height = height;
-    sheet.clearRect(0, 0, width, height);
-    const box = timePlot.bbox;
-    clipped(sheet, box, () => {
-      const limit = timeLimit.value;
-      drawTrace(sheet, box, traces.desired, from, to, limit, colour.desired, 2);
-      sheet.globalAlpha = 0.85; // the trace behind shows through
-      drawTrace(sheet, box, traces.actual, from, to, limit, colour.actual, 1.2);
-    });
+    /** Data whose range is the window; the traces themselves are drawn over the plot. */
+    wholeWindow() {
+      return [[-windowLength, 0], [null, null]];
+    }
+
+    reset() {
+      this.plot.setData(this.wholeWindow());
+    }
+
+    draw() {
+      const { plot, sheet, limit, shown } = this;
+      if (!shown.length) return;
+      const source = held?.traces ?? traces;
+      const right = held?.time ?? clock.now - LAG;
+      const [from, to] = [plot.scales.x.min, plot.scales.x.max].map((time) => right + time);
+      const extremes = shown.flatMap((name) => source[name].extremes(from, to));
+      if (limit.meet(Math.max(...extremes.map(Math.abs)), held ? 0 : SHRINK)) {
+        queueMicrotask(() => plot.redraw()); // in the hook that calls this, it would be ignored
+      }
+      const { width, height } = plot.ctx.canvas;
+      if (sheet.canvas.width !== width) sheet.canvas.width = width;
+      if (sheet.canvas.height !== height) sheet.canvas.height = height;
+      sheet.clearRect(0, 0, width, height);
+      clipped(sheet, plot.bbox, () => {
+        for (const name of shown) {
+          // The first is behind, and shows through the second.
+          const first = name === this.names[0];
+          sheet.globalAlpha = first ? 1 : 0.85;
+          drawTrace(sheet, plot.bbox, source[name], from, to, limit.value, colour[name], first ? 2 : 1.2);
+        }
+      });
+    }
+
+    /** Move the cursor by CSS pixels; from the middle if there is none. */
+    moveCursor(step) {
+      if (!this.shown.length) return;
+      const { cursor, over } = this.plot;
+      const left = cursor.left < 0 ? over.clientWidth / 2 : cursor.left + step;
+      this.plot.setCursor({ left: Math.min(Math.max(left, 0), over.clientWidth - 1), top: 0 });
+    }
+
+    /** Values at a time before the right edge, with their names and unit. */
+    read(before) {
+      return this.shown.map((name) => {
+        const value = held.traces[name].near(held.time + before) * this.factor;
+        const words = byId(`show-${name}`).closest("label").textContent.trim();
+        return `${words} ${Number.isNaN(value) ? "–" : value.toFixed(this.places)} ${this.unit}`;
+      });
+    }
+  }
+
+  const chosen = new Set(remembered() ?? ["desired", "actual"]);
+  const strips = [
+    new Strip("time", "m/s²", 1, 2, 1, ["desired", "actual"]),
+    new Strip("forces", "N", 1, 3, 0.1, ["force", "arm_force"]),
+    new Strip("positions", "mm", 1e3, 3, 1e-4, ["travel", "position"]),
+  ];
+
+  function readCursor(u) {
+    if (!held) return;
+    const at = u.cursor.left >= 0 ? u.posToVal(u.cursor.left, "x") : null;
+    const values = at === null ? [] : strips.flatMap((strip) => strip.read(at));
+    const hint = "To read the curves, point at them, or press the left and right arrow keys. "
+      + "Drag to zoom; double-click for the whole window.";
+    setText(byId("reading"), at === null ? hint : `${at.toFixed(4)} s: ${values.join(", ")}`);
+  }
+
+  function setHold(hold) {
+    held = hold ? { time: clock.now - LAG, traces: Object.fromEntries(TRACES.map((name) => [name, traces[name].copy()])) } : null;
+    byId("hold").setAttribute("aria-pressed", String(hold));
+    byId("reading").hidden = !hold;
+    for (const { holder, plot } of strips) {
+      holder.classList.toggle("held", hold);
+      plot.setCursor({ left: -10, top: -10 });
+    }
+    for (const strip of strips) strip.reset();
+  }
+
+  /** Names of the signals that were shown last; null if the browser keeps nothing. */
+  function remembered() {
+    try {
+      return localStorage.getItem(REMEMBERED)?.split(" ");
+    } catch {
+      return null;
+    }
+  }
+
+  function choose(name, wanted) {
+    if (wanted) chosen.add(name);
+    else chosen.delete(name);
+    showSignals();
+    askForSignals();
+    try {
+      localStorage.setItem(REMEMBERED, [...chosen].join(" "));
+    } catch {
+      // the choice lasts as long as the page
+    }
+  }
+
+  function showSignals() {
+    for (const { holder, shown, plot } of strips) {
+      holder.hidden = !shown.length;
+      if (held) plot.redraw();
+    }
   }
 
   let spectraTop = 1;
@@ -391,8 +504,6 @@
     setText(byId("travel-peak"), digits(numbers.peak_travel, 2, 1e3));
   }
 
-  const WORDS = { OK: "OK", warning: "warning", error: "error", silent: "silent", absent: "absent" };
-
   function showNodes(rows) {
     const list = byId("nodes");
     for (const row of rows) {
@@ -410,7 +521,7 @@
       const [who, badge, say] = item.children;
       const before = badge.dataset.state;
       setText(who, row.name);
-      setState(badge, row.state, WORDS[row.state]);
+      setState(badge, row.state, row.state);
       setText(say, row.message);
       // The emergency stop has its own display.
       const news = before && before !== row.state && row.state !== "OK";
@@ -550,8 +661,9 @@
   function takeSamples(buffer) {
     const view = new DataView(buffer);
     const counts = TRACES.map((_, index) => view.getUint32(4 + 4 * index, true));
-    const origin = view.getFloat64(24, true);
-    let place = 32;
+    let place = 8 * Math.ceil((1 + TRACES.length) / 2);
+    const origin = view.getFloat64(place, true);
+    place += 8;
     const block = (count) => {
       const values = new Float32Array(buffer, place, count);
       place += 4 * count;
@@ -581,13 +693,21 @@
   }
 
   let retry = FIRST_RETRY;
+  let socket = null;
+
+  function askForSignals() {
+    if (socket?.readyState !== WebSocket.OPEN) return;
+    socket.send(JSON.stringify(ON_DEMAND.filter((name) => chosen.has(name))));
+  }
 
   function connect() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/live`);
+    socket = new WebSocket(`${scheme}://${location.host}/live`);
     socket.binaryType = "arraybuffer";
     socket.addEventListener("open", () => {
       retry = FIRST_RETRY;
+      for (const trace of Object.values(traces)) trace.count = 0; // the last seconds come again
+      askForSignals();
     });
     socket.addEventListener("message", ({ data }) => {
       if (typeof data === "string") showState(JSON.parse(data));
@@ -684,7 +804,7 @@
     if (clock.offset === null) return;
     drawnAt = moment;
     if (held === null) {
-      drawTime();
+      for (const strip of strips) strip.draw();
       drawGauges();
       counters.drawn++;
     }
@@ -692,15 +812,23 @@
 
   byId("window").addEventListener("change", ({ target }) => {
     windowLength = Number(target.value);
-    timePlot.setData(timePlot.data);
+    for (const strip of strips) strip.reset();
   });
-  byId("hold").addEventListener("click", ({ target }) => {
-    held = held === null ? clock.now - LAG : null;
-    target.setAttribute("aria-pressed", String(held !== null));
+  byId("hold").addEventListener("click", () => setHold(held === null));
+  byId("hold").addEventListener("keydown", ({ key }) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[key];
+    if (held && step) for (const strip of strips) strip.moveCursor(step);
   });
+  for (const name of TRACES) {
+    const box = byId(`show-${name}`);
+    box.checked = chosen.has(name);
+    box.style.accentColor = `var(--${name})`;
+    box.addEventListener("change", () => choose(name, box.checked));
+  }
+  showSignals();
   dark.addEventListener("change", () => {
     colour = colours();
-    for (const one of [timePlot, spectraPlot, cloudPlot]) one.redraw();
+    for (const one of [...strips.map((strip) => strip.plot), spectraPlot, cloudPlot]) one.redraw();
   });
   setInterval(describe, DESCRIBE);
   if (control) listenToControls();
@@ -715,5 +843,6 @@
     },
     samples: () => Object.fromEntries(TRACES.map((name) => [name, traces[name].count])),
     newest: () => traces.actual.newest,
+    view: () => [strips[0].plot.scales.x.min, strips[0].plot.scales.x.max],
   };
 })();
