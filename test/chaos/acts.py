@@ -46,7 +46,7 @@ STATES = (EMERGENCY_STOP, topics.MASTER_STOPPED, topics.SLAVE_STOPPED)
 CUT_OFF = (b"", b"\0", bytes([0, 1, 0, 0]))
 MALFORMED = (*CUT_OFF, bytes([0, 1, 0, 0]) + bytes(8) + b"\xff" * 104, bytes([0, 7]) + bytes(126))
 HUGE_FRAME = "x" * 60_000
-VALUES = (math.nan, math.inf, -math.inf, 1e308, -1e9, 0.0, 0.3)
+VALUES = (math.nan, -math.inf, 1e308, -1e9, 10.0, 0.3)
 LEADS = tuple(sign * lead for sign in (-1, 1) for lead in (0.005, 0.05, 0.15, 1.0, 3600.0))
 """Leads of wrong stamps, s."""
 
@@ -56,8 +56,8 @@ LATEST = 2**31 * 10**9 - 1
 LONGEST_STEP = 24 * 3600 * 10**9
 """Largest lead of the clock, ns."""
 
-BURST = 100
-"""Messages of a flood between two looks at the graph, which take a few ms."""
+FEW, BURST = 10, 100
+"""Messages, and those of a flood, between two looks at the graph, which take up to 20 ms."""
 
 ATTEMPTS = 12
 """Requests that may be needed. A call of the service is lost to a coupler that was killed just
@@ -103,11 +103,11 @@ class Acts:
             *(partial(self._join, leave) for leave in (signal.SIGINT, signal.SIGKILL)),
             self._send_garbage,
             self._flood,
+            *(partial(self._send_rival_force, topic) for topic in RECEIVERS),
             self._set_clock,
         ]
         self.kinds = [
             *self._surprises,
-            *(partial(self._send_rival_force, topic) for topic in RECEIVERS),
             *(partial(self._stop, way) for way in ("topic", "service", "signal")),
             *(partial(self._fail_recorder, by) for by in (self._remove_bag, self._fill_disk)),
         ]
@@ -149,7 +149,7 @@ class Acts:
         self._tell(f"garbage on {', '.join(topic.name for topic in disturbed)}")
         with self._publishing(*disturbed) as senders:
             for _ in range(30):
-                for topic, send in self._random.choices(senders, k=10):
+                for topic, send in self._random.choices(senders, k=FEW):
                     cut = topic in STATES
                     send(self._random.choice(CUT_OFF) if cut else self._garbage(topic))
                 self._graph.look()
@@ -159,12 +159,15 @@ class Acts:
         device, _ = RECEIVERS[topic]
         lines = self._graph.nodes[device].lines
         so_far = len(lines)
-        good = StampedVector(topic)
+        strong = StampedVector(topic)
         with self._publishing(topic) as ((_, send),):
 
             def refused() -> bool:
-                send(self._garbage(topic))
-                send(good.pack(self._graph.now, (0.3, 0.0, 0.3)))
+                for _ in range(FEW):
+                    bad = self._garbage(topic)
+                    send(
+                        self._random.choice((bad, strong.pack(self._graph.now, (10.0, 0.0, 10.0))))
+                    )
                 return any("no force while" in line for line in lines[so_far:])
 
             self._graph.wait_for(refused, "its refusal")
@@ -196,7 +199,8 @@ class Acts:
         self._graph.stopped.clear()
         self._request(way, True, self._both_stopped, ATTEMPTS if way == "service" else 1)
         since, self._stopped = time.monotonic(), True
-        self._random.choice(self._surprises)()
+        for surprise in self._random.sample(self._surprises, 2):
+            surprise()
         self._graph.pause(self._random.uniform(0.0, 1.0))
         self._graph.wait_for(self._both_stopped, "both are stopped")
         self._graph.expect_no_force(since)
@@ -235,10 +239,10 @@ class Acts:
 
     def _fail_recorder(self, damage: Callable[[], str]) -> None:
         """Let the recorder fail, which no force needs to know, and start it anew."""
-        self._graph.wait_for(self._graph.bag.exists, "a recording")
+        recorder = self._graph.nodes["recorder"]
+        recorder.wait_for("recording to")
         reason = damage()
         self._tell(f"the recorder fails: {reason}")
-        recorder = self._graph.nodes["recorder"]
         self._graph.wait_for(lambda: reason in recorder.text, f"the recorder says: {reason}")
         self._graph.wait_for(self._graph.flow(), "forces go on")
         self._graph.end("recorder", signal.SIGINT, 1)
