@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from itertools import takewhile
 from pathlib import Path
 
+from haptic_accel.core.decimals import read_whole
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import EMERGENCY
 from haptic_accel.core.topics import SIGNALS
@@ -46,9 +47,13 @@ def own_domain() -> int:
         It is no number of a domain.
     """
     text = os.environ.get(DOMAIN) or "0"
-    if not text.isdecimal() or int(text) > HIGHEST_DOMAIN:
+    try:
+        number = read_whole(text)
+    except ValueError:
+        number = -1
+    if not 0 <= number <= HIGHEST_DOMAIN:
         raise ParameterError(f"{DOMAIN} = {text!r}: must be from 0 to {HIGHEST_DOMAIN}")
-    return int(text)
+    return number
 
 
 def claim_signal(domain: int, topic: str) -> socket.socket:

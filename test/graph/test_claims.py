@@ -91,7 +91,7 @@ def test_a_graph_is_alone_in_its_domain(domain: int) -> None:
         pass
 
 
-@pytest.mark.parametrize("text", ["233", "-1", "one"])
+@pytest.mark.parametrize("text", ["233", "-1", "one", "\uff11", "9" * 5000])
 def test_a_domain_that_cannot_be_is_named(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
     with pytest.raises(ParameterError, match=f"ROS_DOMAIN_ID = '{text}': must be from 0 to 232"):
