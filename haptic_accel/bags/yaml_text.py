@@ -18,13 +18,11 @@ DEEPEST = 32
 # With libyaml, where PyYAML has it, ten times as fast.
 _FASTEST: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
+_FLOAT = "tag:yaml.org,2002:float"
 _NUMBERS = {
     # Not 010: that is eight for ROS.
     "tag:yaml.org,2002:int": (read_whole, r"[-+]?(0|[1-9][0-9]*)"),
-    "tag:yaml.org,2002:float": (
-        read_decimal,
-        r"[-+]?([0-9]+\.[0-9]*([eE][-+]?[0-9]+)?|\.[0-9]+([eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+)",
-    ),
+    _FLOAT: (read_decimal, r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+][0-9]+)?"),
 }
 """Reader and form of numbers by tag. YAML 1.1 has others, with underscores or to the base 60."""
 
@@ -38,15 +36,33 @@ class _Loader(_FASTEST):  # type: ignore[misc]
     }
 
 
+_FIRST = list("-+.0123456789")
+"""First characters of numbers."""
+
 for _tag, (_read, _form) in _NUMBERS.items():
-    _Loader.add_implicit_resolver(_tag, re.compile(f"(?:{_form})$"), list("-+.0123456789"))
+    _Loader.add_implicit_resolver(_tag, re.compile(f"(?:{_form})$"), _FIRST)
     _Loader.add_constructor(
         _tag, lambda loader, node, read=_read: read(loader.construct_scalar(node))
     )
 
 
-def load_yaml(text: str) -> Any:
+class _ExponentLoader(_Loader):
+    """Loader for which 1e5 is a number, too, as for ROS; in YAML 1.1 it is text."""
+
+
+_ExponentLoader.add_implicit_resolver(
+    _FLOAT, re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$"), _FIRST
+)
+
+
+def load_yaml(text: str, *, exponents: bool = False) -> Any:
     """Return the content of a YAML text.
+
+    Parameters
+    ----------
+    text : str
+    exponents : bool
+        True if a number may have an exponent without a decimal point, as in ROS parameter files.
 
     Raises
     ------
@@ -58,7 +74,7 @@ def load_yaml(text: str) -> Any:
         raise ValueError(f"it has {len(text)} characters, and may have {LARGEST}")
     try:
         _check(text)
-        return yaml.load(text, _Loader)
+        return yaml.load(text, _ExponentLoader if exponents else _Loader)
     except (yaml.YAMLError, LookupError, TypeError, AttributeError, OverflowError) as error:
         # What its constructors raise for values such as `!!binary ä` is not documented.
         raise ValueError(" ".join(str(error).split())) from None

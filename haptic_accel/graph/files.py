@@ -87,7 +87,7 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
     what = f"config = '{path}'"
     try:
         with path.open(encoding="utf-8") as file:
-            content = load_yaml(file.read(LARGEST + 1))
+            content = load_yaml(file.read(LARGEST + 1), exponents=True)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not text"
         raise ParameterError(f"{what}: must be a readable parameter file: {reason}") from None

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pytest
+import yaml
 
 from haptic_accel.bags.yaml_text import LARGEST, load_yaml, texts_of
 
@@ -38,11 +39,17 @@ def test_only_plain_decimals_are_numbers(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "number"), [("1e5", 1e5), ("-12", -12), ("+.5", 0.5), ("5.", 5.0), ("0", 0)]
+    ("text", "number"),
+    [("1e5", 1e5), ("2.5e3", 2500.0), ("-12", -12), ("+.5", 0.5), ("5.", 5.0), ("0", 0)],
 )
-def test_a_decimal_may_have_an_exponent(text: str, number: float) -> None:
-    found = load_yaml(text)
+def test_a_decimal_may_have_an_exponent_if_told_so(text: str, number: float) -> None:
+    found = load_yaml(text, exponents=True)
     assert (found, type(found)) == (number, type(number))
+
+
+@pytest.mark.parametrize("text", ["1e5", "12345e10", "2.5e3"])
+def test_what_yaml_takes_for_text_stays_text_in_metadata(text: str) -> None:
+    assert load_yaml(yaml.safe_dump(text)) == load_yaml(text) == text
 
 
 def test_a_number_to_the_base_60_costs_no_time() -> None:
