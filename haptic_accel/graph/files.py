@@ -112,7 +112,15 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
 def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the ROS parameter file with the values of each node, nested or by dotted name."""
     content = {node: {"ros__parameters": dict(values)} for node, values in nodes.items()}
-    return str(yaml.safe_dump(content, sort_keys=False))
+    return str(yaml.dump(content, Dumper=_Plain, sort_keys=False))
+
+
+class _Plain(yaml.SafeDumper):
+    """Writes values that several places share once for each, as nothing here reads aliases."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Return True."""
+        return True
 
 
 def _flat(section: Any, what: str, prefix: str = "") -> dict[str, Any]:

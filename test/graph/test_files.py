@@ -12,10 +12,23 @@ from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.files import (
     config_folder,
+    parameter_text,
     preset_file,
     read_parameter_file,
 )
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
+
+
+def test_values_that_nodes_share_are_read_back(tmp_path: Path) -> None:
+    file, handle = tmp_path / "handle.yaml", {"m_h": 0.2}
+    nodes = {
+        "master_device": {"simulated": {"handle": handle}},
+        "compensator": {"plant": {"handle": handle}},
+    }
+    file.write_text(parameter_text(nodes))
+    values = read_parameter_file(file)
+    assert values["master_device"] == {"simulated.handle.m_h": 0.2}
+    assert values["compensator"] == {"plant.handle.m_h": 0.2}
 
 
 @pytest.mark.parametrize("rig", ["ideal", "paper"])
