@@ -31,6 +31,8 @@ class CoupledRigs:
         self.master = MasterRig(rig.master, RATE)
         self.slave = SlaveRig(rig.slave, RATE)
         self.engagement = Engagement(EngagementParameters(listeners=0), 0.0)
+        for arm in ARMS:
+            self.engagement.arm_stopped(arm, False)
         self._coupling = PositionPositionCoupling(rig.coupling)
         self._tick = 0
         self.engaged_at: list[int] = []
