@@ -35,6 +35,9 @@ LARGEST = 1.0e6
 MOST_BYTES = 500_000_000
 """Maximum size of a file."""
 
+BLOCK = 1 << 20
+"""Bytes that are looked at in one go."""
+
 
 def read_recording(
     path: str | os.PathLike[str],
@@ -143,6 +146,7 @@ def _read_csv(name: str, path: str | os.PathLike[str], column: str | None) -> Fl
     import pandas as pd
 
     try:
+        _check_text(path)
         with Path(path).open(encoding="utf-8-sig") as file:
             blank, header = 0, file.readline()
             while header.isspace():
@@ -181,6 +185,14 @@ def _read_csv(name: str, path: str | os.PathLike[str], column: str | None) -> Fl
             f"must be a number from {-LARGEST:g} to {LARGEST:g} m/s^2"
         )
     return values
+
+
+def _check_text(path: str | os.PathLike[str]) -> None:
+    """Raise UnicodeError for a file with a NUL, at which pandas 2.1 ends a number unnoticed."""
+    with Path(path).open("rb") as file:
+        while block := file.read(BLOCK):
+            if b"\0" in block:
+                raise UnicodeError
 
 
 def _found(name: str, kind: str, wanted: Sequence[str], titles: Sequence[str]) -> str:

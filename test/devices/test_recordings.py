@@ -384,7 +384,9 @@ def test_huge_file_is_refused_unread(tmp_path: Path) -> None:
     assert "more than 500000000" in refusal(tmp_path / "a.csv", 1000.0, 1000.0)
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00a", b"\x89PNG\r\n"])
+@pytest.mark.parametrize(
+    "content", [b"\xff\xfe\x00a", b"\x89PNG\r\n", b"accel\n" + b"1\n" * 20 + b"1\0\n"]
+)
 def test_binary_file_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.csv").write_bytes(content)
     assert "is not text" in refusal(tmp_path / "a.csv", 1000.0, 1000.0)
@@ -453,7 +455,7 @@ def test_any_damage_to_a_csv(tmp_path: Path, text: str, encoding: str) -> None:
 
 
 @fuzz
-@given(st.lists(cells, min_size=10, max_size=12))
+@given(st.lists(cells.filter(lambda text: "\0" not in text), min_size=10, max_size=12))
 def test_numbers_are_read_exactly_and_what_is_none_is_refused_with_its_line(
     tmp_path: Path, texts: list[str]
 ) -> None:
