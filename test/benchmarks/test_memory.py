@@ -22,7 +22,8 @@ def test_memory_stays_flat_with_recording(start: Start, tmp_path: Path, domain: 
     assert figures["seconds"] == 12.0
     assert set(figures["growth_mb"]) == set(figures["resident_mb"]) == NODES
     assert max(figures["growth_mb"].values()) <= 5.0
-    assert figures["descriptors_growth"] == dict.fromkeys(NODES, 0)
+    assert set(figures["descriptors_growth"]) == NODES
+    assert max(figures["descriptors_growth"].values()) <= 0  # fewer as they end
     for sizes in figures["resident_mb"].values():
         assert len(sizes) == len(figures["moments_s"]) >= 6
         assert min(sizes) > 10.0
