@@ -94,7 +94,6 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     topics = {f"/{topic.name}" for topic in TOPICS}
     expected = topics | {"/parameter_events", "/named", "/found/wanted"}
     assert set(counts(metadata)) == expected
-    assert counts(metadata)["/named"] == 0  # came while the recording was paused
     (named,) = (topic for topic in metadata.topics if topic.name == "/named")
     assert [qos.durability for qos in named.offered_qos_profiles] == [
         QosDurability.TRANSIENT_LOCAL
