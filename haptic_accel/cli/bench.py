@@ -21,7 +21,7 @@ from haptic_accel.bags.delivery import LABELS, Delivery, durations, read_deliver
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, listed_numbers, verb, words
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import run_to_end, stop_on_signal
+from haptic_accel.cli.running import ENGAGED, run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.due_forces import MISSED_SHARE
 from haptic_accel.core.parameters import ParameterError
@@ -70,7 +70,7 @@ class Usage:
         """Take a line of output: couplers print when their arms engage and when a run is over."""
         # A missing process means that its graph failed, which is reported elsewhere.
         with self._lock, suppress(psutil.NoSuchProcess):
-            if line.endswith("engaged"):
+            if line.endswith(ENGAGED):
                 self._engaged.append(supervisor)
                 if len(self._engaged) == self._graphs:
                     started = [item for each in self._engaged for item in each.pids.items()]
