@@ -78,10 +78,10 @@ def described(kind: type[Checked]) -> list[tuple[str, str, str]]:
     for name, (default, specification) in sorted(
         schema(kind).items(), key=lambda item: kind.__mro__.index(_owner(kind, item[0]))
     ):
-        shown = str(default).lower() if isinstance(default, bool) else f"{default}"
+        stated = str(default).lower() if isinstance(default, bool) else f"{default}"
         unit = f" [{specification.unit}]" if specification.unit else ""
         allowed = f"; one of {', '.join(specification.choices)}" if specification.choices else ""
-        lines.append((name, shown, specification.text + unit + allowed))
+        lines.append((name, stated, specification.text + unit + allowed))
     return lines
 
 

@@ -19,7 +19,7 @@ TOKEN_VARIABLE = "HAPTIC_ACCEL_SCOPE_TOKEN"
 machine and of the graph can see those, and bags store them."""
 
 TOKEN_LETTERS = "ASCII letters, digits and - . _ ~"
-"""What a token consists of: what addresses, cookies and headers all carry unchanged (RFC 3986)."""
+"""Letters of a token: those that addresses, cookies and headers all carry unchanged (RFC 3986)."""
 
 LOCALHOST = "localhost"
 

@@ -1,4 +1,4 @@
-"""What befalls a graph. An act leaves nothing in the way of forces, unless they are stopped."""
+"""Acts on a graph. An act leaves nothing in the way of forces, unless they are stopped."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class DeviceTrace:
         self._read = 0
         self._ticked = self._now = 0.0
         self.held = {kind: Held() for kind in PEAKS}
-        """What the device holds, by kind of force."""
+        """Forces that the device holds, by kind."""
 
     def follow(self) -> None:
         """Read what is new."""

@@ -159,7 +159,7 @@ CHECKS: dict[str, Callable[..., object]] = {
     "serial": lambda arguments, **_: Faults(arguments.faults, SERIAL_FAULTS, 1.0, 0),
     "can": lambda arguments, **_: Faults(arguments.faults, CAN_FAULTS, 1.0, 0),
 }
-"""What verbs do to check their arguments before anything is started."""
+"""Checks that verbs make of their arguments before anything is started."""
 
 argument_values = st.sampled_from(
     [

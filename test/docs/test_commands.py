@@ -27,7 +27,7 @@ PAGES = [*sorted(SOURCE.glob("*.md")), *sorted(SOURCE.glob("docs/*.md"))]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`([^`]+)`")
 PLACEHOLDER = re.compile(r"[A-Z]+")
-"""What a sentence has in place of a name that the reader chooses."""
+"""Text that stands in a sentence for a name that the reader chooses."""
 
 OUTSIDE = ("cd", "colcon", "rosdep", "rqt", "source")
 """Other programs in blocks of commands."""

@@ -82,9 +82,8 @@ class Engagement:
 
     The arms engage when both positions are fresh, both devices have said that they are not
     stopped, the compensator has made a force, and every expected subscriber of the arms' forces
-    is there. They are released when an arm falls
-    silent, on request, and by the emergency stop, and are taken again when the reason has gone,
-    after `FREE_TIME` at the earliest.
+    is there. They are released when an arm falls silent, on request, and by the emergency stop,
+    and are taken again when the reason has gone, after `FREE_TIME` at the earliest.
 
     Parameters
     ----------
