@@ -29,7 +29,7 @@ class Topic:
     source : str
         Arm whose samples give its stamps: master or slave.
     reliable : bool
-        Events are reliable, signals are best effort ("sensor data").
+        The graph subscribes to events reliably, to signals at best effort ("sensor data").
     latched : bool
         The last message is kept for later subscribers ("transient local").
     """

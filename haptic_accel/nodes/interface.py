@@ -8,6 +8,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -246,8 +247,7 @@ class GraphNode(SupervisedNode):
 
     def publisher(self, topic: Topic) -> Publisher:
         """Create a topic's publisher."""
-        depth = 1 if topic.latched else SENT
-        return self.create_publisher(message_type(topic), topic.name, quality(topic, depth))
+        return self.create_publisher(message_type(topic), topic.name, offered_quality(topic))
 
     def subscribe_raw(self, topic: Topic, callback: Callable[[bytes], None]) -> Subscription:
         """Subscribe to a topic's messages as they are serialised."""
@@ -411,9 +411,14 @@ def message_type(topic: Topic) -> Any:
 
 
 def quality(topic: Topic, depth: int = DEPTH) -> QoSProfile:
-    """Return a topic's quality of service: signals as sensor data, events reliable."""
+    """Return a subscriber's quality of service: signals as sensor data, events reliable."""
     reliability = ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT
     latched, volatile = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
     return QoSProfile(
         depth=depth, reliability=reliability, durability=latched if topic.latched else volatile
     )
+
+
+def offered_quality(topic: Topic) -> QoSProfile:
+    """Return a publisher's quality of service: reliable, so for subscribers of both kinds."""
+    return quality(replace(topic, reliable=True), 1 if topic.latched else SENT)

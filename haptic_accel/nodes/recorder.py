@@ -18,7 +18,7 @@ from haptic_accel.bags.writing import Put
 from haptic_accel.core.cdr import unpack_stamped_vector, unpack_state
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, TOPICS, VECTORS, Topic
-from haptic_accel.nodes.interface import GraphNode, Inbox, message_type, quality
+from haptic_accel.nodes.interface import GraphNode, Inbox, message_type, offered_quality, quality
 from haptic_accel.nodes.scheduling import RECORDING_PRIORITY, run
 
 TAKING_PERIOD = 0.02
@@ -126,8 +126,9 @@ class Recorder(GraphNode):
         """Subscribe to one of the graph's topics, whose type and quality of service are known."""
         name = self.resolve_topic_name(topic.name)
         self._settled.add(name)
-        profile = quality(topic)
-        offered = _stored(profile)._replace(liveliness=rosbag2.QosLiveliness.AUTOMATIC)
+        offered = _stored(offered_quality(topic))._replace(
+            liveliness=rosbag2.QosLiveliness.AUTOMATIC
+        )
         put = self._session.connect(name, topic.type, [offered], sampled=topic in SIGNALS)
         self._sources.append((self.inbox(topic), put, UNPACKED.get(topic.type, bytes)))
 

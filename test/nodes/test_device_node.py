@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -220,6 +221,16 @@ def test_a_force_whose_sender_has_gone_is_taken_off(bench: Bench) -> None:
     for name, none in STOP.items():
         bench.until(lambda name=name, none=none: bench.wrote(name, none))
     assert "actuator force timed out" in bench.node.status()[0]
+
+
+def test_subscribers_of_either_reliability_get_the_samples(bench: Bench) -> None:
+    received: dict[bool, list[Any]] = {True: [], False: []}
+    for reliable, messages in received.items():
+        topic = replace(topics.MASTER_POSITION, reliable=reliable)
+        bench.other.create_subscription(
+            message_type(topic), topic.name, messages.append, quality(topic)
+        )
+    bench.until(lambda: all(received.values()))
 
 
 def test_a_command_that_a_second_node_publishes_too_is_refused_meanwhile(bench: Bench) -> None:

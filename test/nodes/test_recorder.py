@@ -12,7 +12,7 @@ import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rosbags.interfaces import QosDurability
+from rosbags.interfaces import QosDurability, QosReliability
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -98,6 +98,8 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     assert [qos.durability for qos in named.offered_qos_profiles] == [
         QosDurability.TRANSIENT_LOCAL
     ]
+    for topic in metadata.topics:
+        assert {qos.reliability for qos in topic.offered_qos_profiles} == {QosReliability.RELIABLE}
     bag = read_bag(tmp_path / "bag")
     assert bag.problems == []
     assert bag.facts["arguments"]["surface"] == "vinyl"
