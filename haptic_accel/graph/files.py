@@ -12,7 +12,7 @@ import yaml
 from haptic_accel.bags.yaml_text import LARGEST, load_yaml
 from haptic_accel.core.parameters import ParameterError, checked, shown
 from haptic_accel.graph.folders import config_folder
-from haptic_accel.graph.node_parameters import NODES, node_schema
+from haptic_accel.graph.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
 
 SURFACE = "simulated.surface."
 """Prefix of the slave device's parameters of a surface."""
@@ -101,6 +101,7 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
         if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
             raise ParameterError(f"{what}: {node}: must hold ros__parameters, nothing else")
         flat = _flat(section["ros__parameters"] or {}, f"{what}: {node}")
+        check_clock(flat.pop(USE_SIM_TIME, False))
         for executable in NODES if node in _WILDCARDS else [node.rsplit("/", 1)[-1]]:
             if executable not in NODES:
                 names = ", ".join(NODES)

@@ -33,6 +33,9 @@ from haptic_accel.devices import MASTERS, SLAVES
 SAFETY = "safety"
 """Name of a device node's safety limits among its devices' parameters."""
 
+USE_SIM_TIME = "use_sim_time"
+"""Parameter that ROS gives every node."""
+
 HIGHEST_RATE = 20e3
 """Rate above what any of these nodes can hold, Hz."""
 
@@ -232,6 +235,21 @@ def node_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, di
     if SAFETY in options:
         _check_age(own, options[SAFETY])
     return own, options
+
+
+def check_clock(use_sim_time: object) -> None:
+    """Refuse another clock than this machine's.
+
+    Raises
+    ------
+    ParameterError
+        The value of `USE_SIM_TIME` is not false.
+    """
+    if use_sim_time is not False:
+        raise ParameterError(
+            f"{USE_SIM_TIME} = {use_sim_time}: must be false: samples are stamped, and forces"
+            " timed, by this machine's clock"
+        )
 
 
 def _check_age(device: DeviceNodeParameters, safety: Any) -> None:

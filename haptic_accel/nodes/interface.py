@@ -8,6 +8,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
@@ -19,18 +20,26 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
+from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, Specification, checked
 from haptic_accel.core.succession import Succession
 from haptic_accel.core.topics import DIAGNOSTICS, Topic
 from haptic_accel.graph.claims import claim_signal
-from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
+from haptic_accel.graph.node_parameters import (
+    NODES,
+    USE_SIM_TIME,
+    check_clock,
+    node_parameters,
+    node_schema,
+)
 from haptic_accel.nodes.scheduling import SupervisedNode, scheduling_class
 
 DIAGNOSTICS_PERIOD = 1.0
@@ -42,7 +51,7 @@ DEPTH = 1000
 SENT = 10
 """Number of messages kept by a publisher."""
 
-_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
+_OF_EVERY_NODE = (USE_SIM_TIME, "start_type_description_service")
 """Parameters that rclpy gives every node."""
 
 _LARGEST = sys.float_info.max
@@ -198,6 +207,9 @@ class GraphNode(SupervisedNode):
         self.parameters, self.options = node_parameters(executable, given)
         self._declare(given)
         self.add_on_set_parameters_callback(self._change)
+        for service in self.services:
+            if service.srv_type is SetParameters:
+                service.callback = self._serve_parameters
         self._publish_diagnostics = self.publisher(DIAGNOSTICS).publish
         self.create_timer(DIAGNOSTICS_PERIOD, self.report)
 
@@ -283,16 +295,53 @@ class GraphNode(SupervisedNode):
             A value cannot be applied; nothing has changed.
         """
 
-    def _change(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Apply new values, or refuse them because of the first wrong one."""
-        values = {}
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters, all or none; those that have the value already need not be changeable.
+
+        The type of a value may be another one than its parameter's, as `_as_meant` has it.
+        """
         try:
-            for parameter in parameters:
-                name = parameter.name
-                if name not in self._schema:
-                    raise ParameterError(f"{name}: no such parameter")
-                if name in self._changeable:
-                    values[name] = checked(name, parameter.value, *self._schema[name])
+            new = [each for each in map(self._checked, parameter_list) if not self._holds(each)]
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return super().set_parameters_atomically(new)
+
+    def _serve_parameters(
+        self, request: SetParameters.Request, response: SetParameters.Response
+    ) -> SetParameters.Response:
+        """Set all parameters of a request or none, where rclpy would set those that it can."""
+        given = [Parameter.from_parameter_msg(message) for message in request.parameters]
+        response.results = [self.set_parameters_atomically(given)] * len(given)
+        return response
+
+    def _checked(self, parameter: Parameter) -> Parameter:
+        """Return a parameter with its value in the type that the schema demands."""
+        name, value = parameter.name, parameter.value
+        if name == USE_SIM_TIME:
+            check_clock(value)
+        if name in _OF_EVERY_NODE:
+            return parameter
+        if name not in self._schema:
+            raise ParameterError(f"{name}: {self.get_name()} has no such parameter")
+        default, specification = self._schema[name]
+        value = _as_meant(value, default)
+        return Parameter(name, value=checked(name, value, default, specification))
+
+    def _holds(self, parameter: Parameter) -> bool:
+        """Return whether a parameter has its value already; refuse another one of a fixed one."""
+        value = self.get_parameter(parameter.name).value
+        if parameter.value == value:
+            return True
+        if parameter.name in self._schema and parameter.name not in self._changeable:
+            raise ParameterError(
+                f"{parameter.name} = {parameter.value}: must stay {value} while the node runs"
+            )
+        return False
+
+    def _change(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Apply new, checked values, or refuse them."""
+        values = {each.name: each.value for each in parameters if each.name in self._changeable}
+        try:
             if values:
                 self.change(values)
         except ParameterError as error:
@@ -356,6 +405,7 @@ class GraphNode(SupervisedNode):
 
     def _given(self) -> dict[str, Any]:
         """Return the values of the command line and of files, and undeclare them."""
+        check_clock(self.get_parameter(USE_SIM_TIME).value)
         given = {
             name: parameter.value
             for name, parameter in self.get_parameters_by_prefix("").items()
@@ -383,6 +433,19 @@ class GraphNode(SupervisedNode):
 
 def _ignore(data: bytes) -> None:
     """Do nothing with a message: an inbox takes it."""
+
+
+def _as_meant(value: Any, default: Any) -> Any:
+    """Return a value as its file has it.
+
+    ``ros2 param load`` passes on 9e-06 as text, and the text 0.6 as a number.
+    """
+    if isinstance(value, str) and isinstance(default, float):
+        with suppress(ValueError):
+            return read_decimal(value)
+    if isinstance(value, (int, float)) and isinstance(default, str):
+        return str(value)
+    return value
 
 
 def _descriptor(default: Any, specification: Specification) -> ParameterDescriptor:

@@ -15,6 +15,7 @@ from haptic_accel.graph.files import (
     parameter_text,
     preset_file,
     read_parameter_file,
+    surface_parameters,
 )
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 
@@ -62,6 +63,22 @@ def test_every_surface_has_its_own_name_and_is_allowed(surface: str) -> None:
     values = read_parameter_file(preset_file("surface", surface))
     _, slaves = node_parameters("slave_device", values["slave_device"])
     assert slaves["simulated"].surface.name == surface
+
+
+@pytest.mark.parametrize("surface", ["plywood", "text", "vinyl", "recording"])
+def test_a_surface_file_leaves_nothing_of_the_surface_before(surface: str) -> None:
+    # `ros2 param load` changes what the file names and nothing else.
+    named = read_parameter_file(preset_file("surface", surface))["slave_device"]
+    assert set(named) == set(surface_parameters(surface))
+
+
+def test_a_file_may_give_every_node_the_clock_that_it_has(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("/**: {ros__parameters: {use_sim_time: false, rate: 500.0}}")
+    assert read_parameter_file(file)["coupler"] == {"rate": 500.0}
+    file.write_text("/**: {ros__parameters: {use_sim_time: true}}")
+    with pytest.raises(ParameterError, match="use_sim_time = True: must be false: .* clock"):
+        read_parameter_file(file)
 
 
 def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:

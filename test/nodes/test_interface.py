@@ -6,9 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.serialization import deserialize_message, serialize_message
 
 from haptic_accel.bags.reading import read_bag
@@ -23,9 +28,10 @@ from haptic_accel.core.topics import (
     VECTORS,
     Topic,
 )
+from haptic_accel.graph.files import parameter_text, preset_file, surface_parameters
 from haptic_accel.nodes.interface import message_type, quality
 from observing import Observer
-from running import Command, wait_until
+from running import PATIENCE, Command, wait_until
 
 numbers = st.floats(allow_nan=False)
 frames = st.text(st.characters(codec="ascii", exclude_characters="\0"))
@@ -62,6 +68,102 @@ GARBAGE = (
 )
 
 STATES = (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED)
+
+
+class Node:
+    """A device node of the slave that runs, and a client of its parameters as ros2cli has one."""
+
+    def __init__(self, start: Callable[..., Command], observer: Observer) -> None:
+        self.command = start("-m", "haptic_accel.nodes.slave_device")
+        self._observer = observer
+        self._client = AsyncParameterClient(observer.node, "slave_device")
+        assert self._client.wait_for_services(PATIENCE)
+
+    def load(self, path: Path) -> list[SetParametersResult]:
+        """Set the parameters of a file as `ros2 param load` does, and return what it prints."""
+        return list(self._answer(self._client.load_parameter_file(str(path), True)).results)
+
+    def set(self, name: str, value: object) -> str:
+        """Set a parameter as `ros2 param set` does; return why that is refused."""
+        future = self._client.set_parameters([Parameter(name, value=value)])
+        (result,) = self._answer(future).results
+        assert result.successful is not bool(result.reason)
+        return str(result.reason)
+
+    def values(self) -> dict[str, Any]:
+        """Return all parameters as `ros2 param dump` writes them."""
+        names = self._answer(self._client.list_parameters()).result.names
+        found = self._answer(self._client.get_parameters(names)).values
+        return dict(zip(names, map(parameter_value_to_python, found), strict=True))
+
+    def _answer(self, future: Any) -> Any:
+        self._observer.executor.spin_until_future_complete(future, PATIENCE)
+        return future.result()
+
+
+@pytest.fixture
+def slave(start: Callable[..., Command], observer: Observer) -> Node:
+    """Start a device node of the slave."""
+    return Node(start, observer)
+
+
+def test_a_surface_is_loaded_whole_or_not_at_all(slave: Node, tmp_path: Path) -> None:
+    # rclpy passes 9e-06 on as text, and would set one parameter after the other.
+    for name in ("text", "plywood", "vinyl"):
+        assert all(result.successful for result in slave.load(preset_file("surface", name)))
+        expected = surface_parameters(name)
+        assert {key: slave.values()[key] for key in expected} == expected
+    before = slave.values()
+    file = tmp_path / "mine.yaml"
+    for key in ("slave_device", "/left/slave_device", "/**/slave_device"):
+        for wrong, named in (
+            ({"friction": -1}, "simulated.surface.friction = -1"),
+            ({"stifness": 1}, "simulated.surface.stifness: slave_device has no such parameter"),
+        ):
+            surface = {"name": "mine", "friction": 0.9, **wrong}
+            file.write_text(parameter_text({key: {"simulated": {"surface": surface}}}))
+            results = slave.load(file)
+            assert not any(result.successful for result in results)
+            assert all(named in result.reason for result in results), results
+    assert slave.values() == before
+
+
+def test_what_is_dumped_can_be_loaded(slave: Node, tmp_path: Path) -> None:
+    # Most of it is read-only.
+    file, before = tmp_path / "slave_device.yaml", slave.values()
+    file.write_text(parameter_text({"/slave_device": before}))
+    assert all(result.successful for result in slave.load(file))
+    assert slave.values() == before
+    before["simulated.surface.friction"] = 0.7
+    file.write_text(parameter_text({"/slave_device": before}))
+    assert all(result.successful for result in slave.load(file))
+    assert slave.values() == before
+    file.write_text(parameter_text({"/slave_device": before | {"rate": 500.0}}))
+    reasons = {result.reason for result in slave.load(file)}
+    assert reasons == {"rate = 500.0: must stay 1000.0 while the node runs"}
+
+
+def test_only_this_machines_clock_is_taken(slave: Node, start: Callable[..., Command]) -> None:
+    reason = "use_sim_time = True: must be false: samples are stamped"
+    assert slave.set("use_sim_time", False) == ""
+    assert slave.set("use_sim_time", True).startswith(reason)
+    assert not slave.values()["use_sim_time"]
+    for executable in ("coupler", "scope"):
+        words = ["-m", f"haptic_accel.nodes.{executable}", "--ros-args", "-p"]
+        refused = start(*words, "use_sim_time:=true")
+        assert refused.end() == 2
+        assert refused.text.startswith(f"{executable}: {reason}")
+        assert len(refused.lines) == 1
+
+
+def test_numbers_are_taken_as_they_are_written(slave: Node) -> None:
+    for one in (1, 1.0, "1e0"):
+        assert slave.set("simulated.surface.friction", one) == ""
+        assert slave.values()["simulated.surface.friction"] == 1.0
+    for wrong in (True, "rough", "nan", 3.0):
+        reason = slave.set("simulated.surface.friction", wrong)
+        assert reason.startswith("simulated.surface.friction = ")
+        assert reason.endswith("must be from 0 to 2")
 
 
 def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_on(
