@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
@@ -13,8 +15,13 @@ from std_srvs.srv import SetBool
 from haptic_accel.core import topics
 from haptic_accel.core.coupling.engagement import ARMS, STEP_PERIOD, Engagement
 from haptic_accel.core.coupling.pairing import Motion, Pairing
-from haptic_accel.core.coupling.position_position import PositionPositionCoupling
+from haptic_accel.core.coupling.position_position import (
+    FADE_TIME,
+    CouplingParameters,
+    PositionPositionCoupling,
+)
 from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.parameters import schema
 from haptic_accel.nodes.interface import GraphNode, Inbox, Samples
 from haptic_accel.nodes.scheduling import CATCH_UP, ArrivalKeeper, run
 
@@ -30,14 +37,29 @@ class Motions:
     positions : Samples
     velocities : Samples or None
         None where velocities are not needed, and count as zero.
+
+    Attributes
+    ----------
+    flowing : bool
+        Velocities come, so that positions wait for theirs.
     """
 
     def __init__(self, positions: Samples, velocities: Samples | None) -> None:
         self._arriving = positions
         self._joined = velocities
+        self.flowing = velocities is not None
         self._positions: deque[tuple[int, Vector]] = deque()
         self._velocities: deque[tuple[int, Vector]] = deque()
         self._velocity = ZERO
+
+    def join(self, velocities: Samples) -> None:
+        """Join velocities from when they come."""
+        self._joined = velocities
+
+    @property
+    def joined(self) -> bool:
+        """Velocities are joined as soon as they come."""
+        return self._joined is not None
 
     def take(self) -> Iterator[Motion]:
         """Yield the samples that are complete."""
@@ -46,6 +68,7 @@ class Motions:
         if self._joined:
             for sample in self._joined.take():
                 self._velocities.append(sample)
+                self.flowing = True
         while self._positions:
             stamp, position = self._positions[0]
             while self._velocities and self._velocities[0][0] <= stamp:
@@ -54,7 +77,7 @@ class Motions:
                     break
             else:
                 # A later velocity shows that this one is lost; then the one before stands for it.
-                if self._joined and not self._velocities:
+                if self.flowing and not self._velocities:
                     return
             self._positions.popleft()
             yield Motion(stamp, position, self._velocity)
@@ -75,8 +98,9 @@ class Coupler(GraphNode):
     polls = True
 
     def __init__(self) -> None:
-        super().__init__("coupler")
+        super().__init__("coupler", tuple(schema(CouplingParameters)))
         self._coupling = PositionPositionCoupling(self.parameters)
+        self._changed = False
         self._engagement = Engagement(self.parameters, time.monotonic())
         rate = self.parameters.rate
         self._pairing = Pairing(rate, round(CATCH_UP * rate))
@@ -116,6 +140,15 @@ class Coupler(GraphNode):
         self._pairing.clear()
         for motions in self._motions.values():
             motions.clear()
+
+    def change(self, values: dict[str, Any]) -> None:
+        """Let gains of the coupling become others, as soon as there is what they need."""
+        self.parameters = replace(self.parameters, **values)
+        self._changed = True
+        if self.parameters.damping > 0:
+            for arm, motions in self._motions.items():
+                if not motions.joined:
+                    motions.join(self.samples(ARM_TOPICS[arm].velocity, self.parameters.rate))
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return whether the arms are coupled."""
@@ -193,9 +226,18 @@ class Coupler(GraphNode):
         response.message = refusal or self._missing()
         return response
 
+    def _fade(self) -> None:
+        """Begin to turn the gains into new ones; a damper waits for velocities."""
+        if self.parameters.damping > 0 and not all(m.flowing for m in self._motions.values()):
+            return
+        self._changed = False
+        self._coupling.change(self.parameters, round(FADE_TIME * self.parameters.rate))
+
     def _step(self) -> None:
         """Engage, release, or end, as things are now."""
         self._couple()
+        if self._changed:
+            self._fade()
         if self._first_force and self._first_force.take_vectors():
             self.destroy_subscription(self._first_force.subscription)
             self._first_force = None

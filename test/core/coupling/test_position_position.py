@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -228,6 +229,121 @@ def test_a_position_that_is_not_finite_gives_no_force(bad: float, axis: int) -> 
     x, y, z = position
     assert coupled().forces((x, y, z), ZERO) == (ZERO, ZERO)
     assert coupled().forces(ZERO, (x, y, z)) == (ZERO, ZERO)
+
+
+# Other gains while the arms are coupled
+
+fades = st.integers(1, 400)
+gain_sets = st.builds(
+    CouplingParameters,
+    k_m=st.floats(0.0, 500.0),
+    k_sl=st.floats(0.0, 500.0),
+    damping=gains,
+    scale=st.floats(0.1, 10.0),
+    max_force=st.floats(0.0, 10.0),
+)
+
+
+def ahead(position: Vector, velocity: Vector, time: float) -> Vector:
+    x, y, z = (p + time * v for p, v in zip(position, velocity, strict=True))
+    return x, y, z
+
+
+@given(gain_sets, gain_sets, positions, velocities, velocities, fades)
+def test_forces_change_by_what_motion_and_the_fade_demand(
+    old: CouplingParameters,
+    new: CouplingParameters,
+    master: Vector,
+    master_velocity: Vector,
+    slave_velocity: Vector,
+    samples: int,
+) -> None:
+    period = 0.001
+    coupling = PositionPositionCoupling(old)
+    coupling.engage(ZERO, ZERO)
+    forces = [coupling.forces(master, ZERO, master_velocity, slave_velocity)]
+    coupling.change(new, samples)
+    for sample in range(1, samples + 3):
+        at = ahead(master, master_velocity, period * sample)
+        slave = ahead(ZERO, slave_velocity, period * sample)
+        forces.append(coupling.forces(at, slave, master_velocity, slave_velocity))
+    least, most = sorted((old.scale, new.scale))
+    stiffness = max(old.k_m, new.k_m, old.k_sl, new.k_sl)
+    damping = max(old.damping, new.damping)
+    step = (most / least) ** (1 / samples) - 1  # of the scale, relative
+    slip = math.hypot(*master_velocity) + math.hypot(*slave_velocity) / least
+    lag = math.hypot(*master) + (samples + 2) * period * slip
+    change = (
+        stiffness * period * slip
+        + damping * slip * step
+        + (abs(new.k_m - old.k_m) + abs(new.k_sl - old.k_sl)) / samples * lag
+        + abs(new.damping - old.damping) / samples * slip
+    )
+    scaled = most * (change + step * (stiffness * lag + damping * slip))
+    limit = abs(new.max_force - old.max_force) / samples
+    for before, after in itertools.pairwise(forces):
+        for one, other, bound in zip(before, after, (change, scaled), strict=True):
+            assert math.dist(one, other) <= bound + limit + 1e-9
+
+
+@given(gain_sets, gain_sets, positions, positions, fades)
+def test_what_was_faded_in_holds_from_then_on(
+    old: CouplingParameters,
+    new: CouplingParameters,
+    lag: Vector,
+    moved: Vector,
+    samples: int,
+) -> None:
+    coupling, expected = PositionPositionCoupling(old), PositionPositionCoupling(new)
+    for each in (coupling, expected):
+        each.engage(ZERO, ZERO)
+    coupling.change(new, samples)
+    for _ in range(samples):
+        coupling.forces(lag, ZERO)
+    slave = ahead(ZERO, moved, new.scale)
+    for at in (lag, ahead(lag, moved, 1.0)):
+        forces = coupling.forces(at, slave)
+        for one, other in zip(forces, expected.forces(at, slave), strict=True):
+            assert one == pytest.approx(other, abs=1e-6)
+
+
+@given(st.floats(0.1, 10.0), st.floats(0.1, 10.0), positions, fades)
+def test_another_scale_moves_no_arm_that_follows(
+    old: float, new: float, master: Vector, samples: int
+) -> None:
+    coupling = coupled(scale=old)
+    slave = ahead(ZERO, master, old)
+    coupling.change(CouplingParameters(scale=new), samples)
+    for _ in range(samples + 1):
+        for force in coupling.forces(master, slave):
+            assert force == pytest.approx(ZERO, abs=1e-9)
+
+
+def test_a_change_of_a_change_begins_where_that_was() -> None:
+    coupling = coupled()
+    lag = (0.001, 0.0, 0.0)
+    coupling.change(CouplingParameters(k_m=150.0), 4)
+    felt = [-coupling.forces(lag, ZERO)[0][0] for _ in range(3)]
+    coupling.change(CouplingParameters(k_m=375.0), 2)
+    felt += [-coupling.forces(lag, ZERO)[0][0] for _ in range(4)]
+    assert felt == pytest.approx([0.25, 0.225, 0.2, 0.175, 0.275, 0.375, 0.375])
+
+
+def test_free_arms_are_coupled_with_the_gains_of_then() -> None:
+    coupling = PositionPositionCoupling(CouplingParameters())
+    coupling.change(CouplingParameters(k_m=100.0), 500)
+    coupling.engage(ZERO, ZERO)
+    assert coupling.forces((0.001, 0.0, 0.0), ZERO)[0] == pytest.approx((-0.1, 0.0, 0.0))
+
+
+def test_a_position_that_is_not_finite_spoils_no_change() -> None:
+    coupling = coupled()
+    coupling.change(CouplingParameters(k_m=100.0), 2)
+    for _ in range(5):
+        assert coupling.forces((math.nan, 0.0, 0.0), ZERO) == (ZERO, ZERO)
+    for force in (-0.25, -0.175, -0.1, -0.1):
+        on_master, _ = coupling.forces((0.001, 0.0, 0.0), ZERO)
+        assert on_master == pytest.approx((force, 0.0, 0.0))
 
 
 # What is refused

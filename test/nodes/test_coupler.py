@@ -1,0 +1,52 @@
+"""The coupler in a graph: gains that change while the arms are coupled."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+
+from haptic_accel.bags.reading import read_bag
+from haptic_accel.core.topics import MASTER, SLAVE
+from observing import Observer
+from running import Command
+
+
+def test_gains_fade_in_while_the_arms_are_coupled(
+    haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
+) -> None:
+    graph = haptic_accel("teleop", "bag:=bag", "latency:=2")
+    graph.wait_for("engaged")
+    for values, samples in (
+        ({"scale": 2.0}, 1000),
+        # The damper needs velocities, which nobody has asked for so far.
+        ({"scale": 1, "k_m": 400.0, "k_sl": 300.0, "damping": 2.0}, 3000),
+    ):
+        observer.collect((MASTER.position,), 500)
+        parameters = [Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
+        request = SetParameters.Request(parameters=parameters)
+        (result, *_) = observer.call(SetParameters, "coupler/set_parameters", request).results
+        assert result.successful, result.reason
+        observer.collect((MASTER.arm_force,), samples)
+    assert graph.end(signal.SIGINT) == 0, graph.text
+    found = read_bag(tmp_path / "bag").signals
+    force = found[MASTER.arm_force.name]
+    # Without a fade, 1 N in contact would become 1.6 N from one sample to the next.
+    steps = np.linalg.norm(np.diff(force.values[:-10], axis=0), axis=1)
+    assert steps.max() < 0.2
+    # The gains are those of the forces: f = -k_m lag - b slip, along the actuator.
+    start, rate = int(force.stamps[-1]) - 1_500_000_000, 1000.0
+    measured = MASTER.position, SLAVE.position, MASTER.velocity, SLAVE.velocity
+    (pull, felt), *motion = (
+        found[topic.name].on_grid(start, rate, 1400) for topic in (MASTER.arm_force, *measured)
+    )
+    there = np.logical_and.reduce([felt, *(here for _, here in motion)])
+    m, s, m_velocity, s_velocity = (values[there] for values, _ in motion)
+    columns = np.stack([s - m, s_velocity - m_velocity, np.ones(len(m))], axis=1)
+    (stiffness, damping, _), *_ = np.linalg.lstsq(columns, pull[there], rcond=None)
+    assert (stiffness, damping) == pytest.approx((400.0, 2.0), rel=0.02)
