@@ -16,17 +16,21 @@ class RecordingOptions(Checked):
     """Form of a bag, and further topics in it."""
 
     storage_preset_profile: str = parameter(
-        NONE, "zstd_fast compresses the chunks of the MCAP file", choices=(NONE, ZSTD_FAST)
+        NONE,
+        "preset of the MCAP file's storage; zstd_fast compresses its chunks",
+        choices=(NONE, ZSTD_FAST),
     )
     max_bag_size: int = parameter(
-        0, "file size at which the bag is split, bytes; 0 for one file", low=0
+        0, "file size at which the bag is split; 0 for one file", "bytes", low=0
     )
     max_bag_duration: float = parameter(
         0.0, "duration after which the bag is split; 0 for one file", unit="s", low=0.0, high=1e6
     )
     topics: str = parameter("", "topics to record besides the graph's own, separated by commas")
-    regex: str = parameter("", "regular expression; topics that match it are recorded too")
-    exclude_regex: str = parameter("", "regular expression that excludes topics found by regex")
+    regex: str = parameter("", "regular expression of further topics to record")
+    exclude_regex: str = parameter(
+        "", "regular expression of topics to leave out of those that regex finds"
+    )
     start_paused: bool = parameter(False, "wait for haptic-accel record start before recording")
 
     def __post_init__(self) -> None:

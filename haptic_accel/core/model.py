@@ -39,7 +39,9 @@ class Suspension(Checked):
     m_a: float = actuator_parameter(
         0.018, "moving mass of the actuator", unit="kg", low=0, above=True
     )
-    k_s: float = actuator_parameter(266.0, "centring spring of the actuator", unit="N/m", low=0)
+    k_s: float = actuator_parameter(
+        266.0, "stiffness of the actuator's centring spring", unit="N/m", low=0
+    )
     b_s: float = actuator_parameter(2.0, "damping of the actuator's bearing", unit="N s/m", low=0)
 
 
@@ -101,15 +103,17 @@ class ApproximateModel(Checked):
     Its defaults are the numbers below eq. (3) of the paper.
     """
 
-    zero_1_frequency: float = _frequency(9.0, "first zero pair")
-    zero_1_damping: float = _damping(0.5, "first zero pair")
-    zero_2_frequency: float = _frequency(12.0, "second zero pair")
-    zero_2_damping: float = _damping(0.3, "second zero pair")
-    pole_1_frequency: float = _frequency(15.0, "first pole pair")
-    pole_1_damping: float = _damping(0.35, "first pole pair")
-    pole_2_frequency: float = _frequency(20.0, "second pole pair")
-    pole_2_damping: float = _damping(0.4, "second pole pair")
-    gain: float = parameter(1.0, "gain at zero frequency", unit="m/s^2/N", low=0, above=True)
+    zero_1_frequency: float = _frequency(9.0, "model's first zero pair")
+    zero_1_damping: float = _damping(0.5, "model's first zero pair")
+    zero_2_frequency: float = _frequency(12.0, "model's second zero pair")
+    zero_2_damping: float = _damping(0.3, "model's second zero pair")
+    pole_1_frequency: float = _frequency(15.0, "model's first pole pair")
+    pole_1_damping: float = _damping(0.35, "model's first pole pair")
+    pole_2_frequency: float = _frequency(20.0, "model's second pole pair")
+    pole_2_damping: float = _damping(0.4, "model's second pole pair")
+    gain: float = parameter(
+        1.0, "gain of the model at zero frequency", unit="m/s^2/N", low=0, above=True
+    )
 
     def sections(self) -> list[tuple[FloatArray, FloatArray]]:
         """Return the model's two second-order factors as (numerator, denominator) in s.
@@ -144,19 +148,21 @@ class AccelerometerParameters(Checked):
     """An Analog Devices ADXL320J behind a 16-bit converter, as in the paper."""
 
     range: float = parameter(
-        5 * GRAVITY, "largest acceleration either way (5 g)", unit="m/s^2", low=0, above=True
+        5 * GRAVITY, "range of the accelerometer either way (5 g)", unit="m/s^2", low=0, above=True
     )
     bandwidth: float = parameter(
         500.0, "corner of the accelerometer's first-order low-pass (paper)", "Hz", 1.0, 100e3
     )
     noise_density: float = parameter(
         250e-6 * GRAVITY,
-        "noise density (ADXL320 data sheet: 250 ug/sqrt(Hz))",
+        "noise density of the accelerometer (ADXL320 data sheet: 250 ug/sqrt(Hz))",
         "m/s^2/sqrt(Hz)",
         0,
         1.0,
     )
-    bits: int = parameter(16, "resolution of the converter over the range", low=4, high=32)
+    bits: int = parameter(
+        16, "resolution of the accelerometer's converter over its range", "bit", 4, 32
+    )
 
     @property
     def noise(self) -> float:
@@ -211,12 +217,12 @@ class GripParameters(Checked):
 
     variation: float = parameter(
         0.0,
-        "standard deviation of the logarithm of m_h, k_u and b_u from seed to seed",
+        "standard deviation of the logarithm of the grip's m_h, k_u and b_u from seed to seed",
         low=0,
         high=1.0,
     )
     posture: str = parameter(
-        "average", "posture of the hand; average is Table I", choices=tuple(POSTURES)
+        "average", "posture of the hand on the handle; average is Table I", choices=tuple(POSTURES)
     )
     gravity: float = parameter(0.0, "gravity along the actuator's axis", "m/s^2", -9.81, 9.81)
 

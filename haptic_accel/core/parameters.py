@@ -131,7 +131,7 @@ def checked(name: str, value: Any, default: Any, specification: Specification) -
         Wrong type, not finite, out of range, or not one of the choices.
     """
     found = repr(value) if isinstance(value, str) else value
-    wrong = ParameterError(f"{name} = {found}: must be {_allowed(default, specification)}")
+    wrong = ParameterError(f"{name} = {found}: must be {allowed_values(default, specification)}")
     if isinstance(default, (bool, str)):
         if not isinstance(value, type(default)):
             raise wrong
@@ -148,7 +148,8 @@ def checked(name: str, value: Any, default: Any, specification: Specification) -
     return int(value)
 
 
-def _allowed(default: Any, specification: Specification) -> str:
+def allowed_values(default: Any, specification: Specification) -> str:
+    """Return in words the values that a parameter may have, whose default gives its type."""
     if isinstance(default, bool):
         return "true or false"
     if isinstance(default, str):

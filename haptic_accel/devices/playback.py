@@ -37,7 +37,11 @@ class ReplayParameters(Checked):
 
     file: str = parameter("", "folder or file of a bag, or CSV or WAV file of an acceleration")
     rate: float = parameter(
-        0.0, "rate of a CSV file's samples; others have their own", unit="Hz", low=0.0, high=1e6
+        0.0,
+        "sampling rate of a CSV file; other files have their own",
+        unit="Hz",
+        low=0.0,
+        high=1e6,
     )
     column: str = parameter("", "column of a CSV or channel of a WAV file; empty for the default")
     speed: float = parameter(
@@ -50,7 +54,8 @@ class ReplayParameters(Checked):
     loop: bool = parameter(False, "play over and over, with the end fading into the beginning")
     start: float = parameter(
         0.0,
-        "time to leave out, from where the bag's arms were coupled or the file begins",
+        "time to leave out at the beginning: from where the bag's arms were coupled or the file"
+        " begins",
         unit="s",
         low=0.0,
         high=LONGEST_START,

@@ -76,11 +76,15 @@ class SimulatedMaster(SimulatedDevice):
 class RecordingParameters(Checked):
     """Recorded tool acceleration in place of the simulated one."""
 
-    file: str = parameter("", "CSV or WAV file; empty to simulate the surface's texture")
-    rate: float = parameter(
-        0.0, "rate of the file's samples; a WAV file has its own", unit="Hz", low=0.0, high=1e6
+    file: str = parameter(
+        "", "CSV or WAV file of an acceleration; empty to simulate the surface's texture"
     )
-    column: str = parameter("", "column or channel; empty for the usual names")
+    rate: float = parameter(
+        0.0, "sampling rate of a CSV file; a WAV file has its own", unit="Hz", low=0.0, high=1e6
+    )
+    column: str = parameter(
+        "", "column of a CSV or channel of a WAV file; empty for the usual names"
+    )
 
 
 @dataclass(frozen=True)

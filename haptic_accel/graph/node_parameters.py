@@ -46,7 +46,7 @@ class SampledParameters(Checked):
 
     rate: float = parameter(
         DEFAULT_RATE,
-        "samples per second of devices and compensator (paper: 1 kHz)",
+        "sampling rate of devices, coupler and compensator (paper: 1 kHz)",
         unit="Hz",
         low=50.0,
         high=HIGHEST_RATE,
@@ -59,8 +59,8 @@ class DeviceNodeParameters(SampledParameters):
 
     latency: int = parameter(
         LATENCY,
-        "samples from the one that caused a force to the tick at which it takes effect; 0 for on"
-        " arrival",
+        "number of samples from the one that caused a force to the tick at which it takes"
+        " effect; 0 for on arrival",
         low=0,
         high=HIGHEST_LATENCY,
     )
@@ -76,14 +76,14 @@ class DeviceNodeParameters(SampledParameters):
 class MasterNodeParameters(DeviceNodeParameters):
     """Parameters of the node `master_device`."""
 
-    device: str = parameter("simulated", "name of the device", choices=tuple(MASTERS))
+    device: str = parameter("simulated", "driver of the device", choices=tuple(MASTERS))
 
 
 @dataclass(frozen=True)
 class SlaveNodeParameters(DeviceNodeParameters):
     """Parameters of the node `slave_device`."""
 
-    device: str = parameter("simulated", "name of the device", choices=tuple(SLAVES))
+    device: str = parameter("simulated", "driver of the device", choices=tuple(SLAVES))
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,8 @@ class RestamperNodeParameters(SampledParameters):
     )
     listeners: int = parameter(
         1,
-        "subscribers of acceleration and position to wait for before reporting that all is ready",
+        "number of subscribers of acceleration and position to wait for before reporting that all"
+        " is ready",
         low=0,
         high=100,
     )
@@ -133,7 +134,7 @@ class IdentifierNodeParameters(SweepParameters):
     latency: int = like(DeviceNodeParameters, "latency", IDENTIFICATION_LATENCY)
     timeout: float = like(EngagementParameters, "timeout")
     trials: int = parameter(
-        4, "trials, each of all repeats (paper: four a user)", low=1, high=1000
+        4, "number of trials, each of all repeats (paper: four a user)", low=1, high=1000
     )
     rest: float = parameter(
         1.0,
@@ -144,7 +145,7 @@ class IdentifierNodeParameters(SweepParameters):
     )
     listeners: int = parameter(
         1,
-        "subscribers of the actuator's force to wait for: the device, a recorder",
+        "number of subscribers of the actuator's force to wait for: the device, a recorder",
         low=1,
         high=100,
     )
@@ -157,9 +158,9 @@ class IdentifierNodeParameters(SweepParameters):
 class RecorderNodeParameters(RecordingOptions):
     """Parameters of the node `recorder`."""
 
-    bag: str = parameter("", "folder to write; empty for bags/<date and time>")
+    bag: str = parameter("", "folder of the bag to write; empty for bags/<date and time>")
     queue: int = parameter(
-        100_000, "messages kept waiting for the disk before some are dropped", low=100
+        100_000, "number of messages kept waiting for the disk before some are dropped", low=100
     )
     facts: str = parameter(
         "", "JSON object with the arguments and parameters of the graph, for the bag"

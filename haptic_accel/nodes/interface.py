@@ -29,7 +29,12 @@ from rclpy.subscription import Subscription
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import Vector
-from haptic_accel.core.parameters import ParameterError, Specification, checked
+from haptic_accel.core.parameters import (
+    ParameterError,
+    Specification,
+    allowed_values,
+    checked,
+)
 from haptic_accel.core.succession import Succession
 from haptic_accel.core.topics import DIAGNOSTICS, Topic
 from haptic_accel.graph.claims import claim_signal
@@ -453,7 +458,8 @@ def _descriptor(default: Any, specification: Specification) -> ParameterDescript
     unit = f" [{specification.unit}]" if specification.unit else ""
     low, high = specification.low, specification.high
     descriptor = ParameterDescriptor(
-        description=specification.text + unit, additional_constraints=specification.allowed
+        description=specification.text + unit,
+        additional_constraints=allowed_values(default, specification),
     )
     if low is None and high is None:
         return descriptor

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import re
+
 import pytest
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, allowed_values
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 
 OLDER = {"safety.arm.max_age": 0.2, "safety.actuator.max_age": 0.2}
@@ -18,6 +20,31 @@ def test_every_parameter_is_described_and_its_default_allowed(executable: str) -
             assert specification.admits(default), name
         if specification.choices:
             assert default in specification.choices, name
+
+
+FRAGMENT = re.compile(r"(?i)(of|what|which|how|when|where|if|its?|this|that|those|and|or)\b")
+"""Beginnings of texts that need something before them."""
+
+PURE = re.compile(
+    r"\b(ratio|factor|fraction|coefficient|exponent|deviation|margin|per|logarithm)\b"
+)
+"""Words for what has no unit."""
+
+
+@pytest.mark.parametrize("executable", NODES)
+def test_every_text_stands_alone_with_its_unit_and_what_is_allowed(executable: str) -> None:
+    for name, (default, specification) in node_schema(executable).items():
+        text, allowed = specification.text, allowed_values(default, specification)
+        assert not FRAGMENT.match(text), f"{name}: {text}"
+        assert len(text.split()) >= 3, f"{name}: {text}"
+        assert not text.endswith("."), f"{name}: {text}"
+        if isinstance(default, float):
+            assert specification.unit or PURE.search(text), f"{name}: {text}"
+        if isinstance(default, (bool, str)) and not specification.choices:
+            assert allowed == ("true or false" if isinstance(default, bool) else "text")
+        else:
+            assert re.match("one of|from|at least|above|a whole number, ", allowed), name
+        assert all(choice in allowed for choice in specification.choices), name
 
 
 def test_defaults_are_the_papers() -> None:

@@ -96,6 +96,11 @@ class Node:
         found = self._answer(self._client.get_parameters(names)).values
         return dict(zip(names, map(parameter_value_to_python, found), strict=True))
 
+    def constraints(self, *names: str) -> list[str]:
+        """Return what `ros2 param describe` shows as additional constraints."""
+        future = self._client.describe_parameters(list(names))
+        return [each.additional_constraints for each in self._answer(future).descriptors]
+
     def _answer(self, future: Any) -> Any:
         self._observer.executor.spin_until_future_complete(future, PATIENCE)
         return future.result()
@@ -164,6 +169,17 @@ def test_numbers_are_taken_as_they_are_written(slave: Node) -> None:
         reason = slave.set("simulated.surface.friction", wrong)
         assert reason.startswith("simulated.surface.friction = ")
         assert reason.endswith("must be from 0 to 2")
+
+
+def test_a_parameter_tells_what_it_may_be(slave: Node) -> None:
+    allowed = {
+        "autostart": "true or false",
+        "latency": "a whole number, from 0 to 20",
+        "safety.arm.max_age": "from 0.001 to 10 s",
+        "safety.recovery": "one of automatic, manual",
+        "simulated.surface.name": "text",
+    }
+    assert dict(zip(allowed, slave.constraints(*allowed), strict=True)) == allowed
 
 
 def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_on(

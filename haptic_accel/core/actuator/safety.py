@@ -60,7 +60,7 @@ INACTIVE = "not active"
 
 
 def _timeout(default: float) -> Any:
-    meaning = f"time without a command after which this force is zero; {LEAST_PERIODS:g} periods"
+    meaning = f"time without a command after which the force is zero; {LEAST_PERIODS:g} periods"
     return parameter(default, f"{meaning} at least", "s", 1e-3, 10.0)
 
 
@@ -77,7 +77,7 @@ class ActuatorCommandLimits(Checked):
         10.0,
     )
     slew_rate: float = parameter(
-        0.0, "maximum rate of growth of this force; 0 for no limit", "N/s", 0, 1e6
+        0.0, "maximum rate of growth of the force; 0 for no limit", "N/s", 0, 1e6
     )
 
 

@@ -41,7 +41,9 @@ PLANT = "plant"
 class CompensationParameters(Checked):
     """Choice of the controller, high-pass, and range of the handle's accelerometer."""
 
-    controller: str = parameter("dynamic", "name of the controller", choices=tuple(CONTROLLERS))
+    controller: str = parameter(
+        "dynamic", "controller of the actuator's force", choices=tuple(CONTROLLERS)
+    )
     high_pass_frequency: float = parameter(
         HIGH_PASS_FREQUENCY,
         "corner of the 4th-order Butterworth high-pass (paper)",

@@ -74,12 +74,20 @@ _HALVINGS = 12  # of the share that is kept in the end
 class GripRange(Checked):
     """Grips for which a feedback is to be stable: a box around the handle as identified."""
 
-    mass: float = parameter(0.3, "relative deviation of m_h either way (assumed)", low=0, high=0.9)
+    mass: float = parameter(
+        0.3, "relative deviation of the handle's mass m_h, either way (assumed)", low=0, high=0.9
+    )
     stiffness: float = parameter(
-        2.0, "factor by which k_u may be larger or smaller (assumed)", low=1, high=10
+        2.0,
+        "factor by which the grip's stiffness k_u may be larger or smaller (assumed)",
+        low=1,
+        high=10,
     )
     damping: float = parameter(
-        2.0, "factor by which b_u may be larger or smaller (assumed)", low=1, high=10
+        2.0,
+        "factor by which the grip's damping b_u may be larger or smaller (assumed)",
+        low=1,
+        high=10,
     )
 
     def grips(self, handle: HandleParameters) -> tuple[HandleParameters, ...]:

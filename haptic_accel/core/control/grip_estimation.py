@@ -43,7 +43,7 @@ class AdaptationParameters(Checked):
     """Parameters of the grip estimator."""
 
     memory: float = parameter(
-        0.4, "time constant of forgetting, in excited time", "s", 0.05, 100.0
+        0.4, "time constant of the estimate's forgetting, in excited time", "s", 0.05, 100.0
     )
     least_force: float = parameter(
         0.02,

@@ -41,13 +41,16 @@ DISENGAGED = "let go on request"
 class EngagementParameters(Checked):
     """Conditions for engaging, and for the end."""
 
-    timeout: float = parameter(0.1, "silence after which forces go to zero", "s", 0.005, 10.0)
+    timeout: float = parameter(
+        0.1, "silence of an arm after which forces go to zero", "s", 0.005, 10.0
+    )
     duration: float = parameter(
         0.0, "time from engaging to the end of the graph; 0 for no end", "s", 0.0, 1e6
     )
     listeners: int = parameter(
         1,
-        "subscribers of each arm's force to wait for before engaging: its device, a recorder",
+        "number of subscribers of each arm's force to wait for before engaging: its device, a"
+        " recorder",
         low=0,
         high=100,
     )

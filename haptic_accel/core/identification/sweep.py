@@ -30,13 +30,26 @@ class SweepParameters(Checked):
     actuator travels far.
     """
 
-    start_frequency: float = parameter(10.0, "frequency at the start (paper)", "Hz", 0.1, 100e3)
-    end_frequency: float = parameter(200.0, "frequency at the end (paper)", "Hz", 0.1, 100e3)
-    duration: float = parameter(2.0, "duration of each repeat (paper)", "s", 0.1, 60.0)
-    start_amplitude: float = parameter(0.24, "force at the start (paper)", "N", 0, 100.0)
-    end_amplitude: float = parameter(1.68, "force at the end (paper)", "N", 0, 100.0, above=True)
+    start_frequency: float = parameter(
+        10.0, "frequency of the sweep at its start (paper)", "Hz", 0.1, 100e3
+    )
+    end_frequency: float = parameter(
+        200.0, "frequency of the sweep at its end (paper)", "Hz", 0.1, 100e3
+    )
+    duration: float = parameter(
+        2.0, "duration of each repeat of the sweep (paper)", "s", 0.1, 60.0
+    )
+    start_amplitude: float = parameter(
+        0.24, "amplitude of the sweep's force at its start (paper)", "N", 0, 100.0
+    )
+    end_amplitude: float = parameter(
+        1.68, "amplitude of the sweep's force at its end (paper)", "N", 0, 100.0, above=True
+    )
     repeats: int = parameter(
-        3, "repeats one after the other, of which the first is dropped (paper)", low=3, high=100
+        3,
+        "number of repeats of the sweep in a trial, of which the first is dropped (paper)",
+        low=3,
+        high=100,
     )
 
     def __post_init__(self) -> None:

@@ -17,8 +17,10 @@ TABLE_STEP = 1e-3
 class ExplorationParameters(Checked):
     """Approach, press, strokes back and forth, lift; then again."""
 
-    height: float = parameter(0.010, "height above the surface at rest", "m", 0.0, 0.1)
-    approach_time: float = parameter(0.6, "time of the approach, and of the lift", "s", 0.1, 10.0)
+    height: float = parameter(0.010, "height of the hand above the surface at rest", "m", 0.0, 0.1)
+    approach_time: float = parameter(
+        0.6, "time of the hand's approach to the surface, and of its lift", "s", 0.1, 10.0
+    )
     press_depth: float = parameter(
         0.0047,
         "depth of the hand's set-point below the surface: about 1 N through the coupling's"
@@ -27,11 +29,11 @@ class ExplorationParameters(Checked):
         0.0,
         0.1,
     )
-    stroke_speed: float = parameter(0.1, "speed along the surface", "m/s", 0, 1.0)
-    stroke_length: float = parameter(0.08, "length of one stroke", "m", 0.001, 1.0)
-    turn_time: float = parameter(0.15, "time to turn round between strokes", "s", 0.02, 5.0)
-    strokes: int = parameter(4, "strokes before the tool is lifted", low=1, high=1000)
-    pause: float = parameter(0.2, "rest after each lift", "s", 0.0, 60.0)
+    stroke_speed: float = parameter(0.1, "speed of a stroke along the surface", "m/s", 0, 1.0)
+    stroke_length: float = parameter(0.08, "length of a stroke along the surface", "m", 0.001, 1.0)
+    turn_time: float = parameter(0.15, "time of the turn between two strokes", "s", 0.02, 5.0)
+    strokes: int = parameter(4, "number of strokes before the tool is lifted", low=1, high=1000)
+    pause: float = parameter(0.2, "rest of the hand after each lift", "s", 0.0, 60.0)
 
 
 class Exploration:

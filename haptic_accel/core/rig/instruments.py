@@ -72,8 +72,8 @@ class Accelerometer:
 class ArmParameters(Checked):
     """Limits of an arm's motors and encoders; defaults from the Phantom Omni's data sheet."""
 
-    max_force: float = parameter(3.3, "limit of the motors' force", unit="N", low=0)
-    position_resolution: float = parameter(55e-6, "resolution of the position", "m", 0, 1e-3)
+    max_force: float = parameter(3.3, "limit of the force of the arm's motors", unit="N", low=0)
+    position_resolution: float = parameter(55e-6, "resolution of the arm's position", "m", 0, 1e-3)
 
     def motor_force(self, force: float) -> float:
         """Return a force along one axis limited to that of the motors, N; zero for NaN."""

@@ -48,7 +48,7 @@ ACTUATOR_AND_HANDLE, HAND, HAND_ACCELERATION = slice(Y_A, X_U), slice(X_U, MEASU
 class DriveParameters(Checked):
     """The simulated actuator's converter, amplifier, bearing and travel stops."""
 
-    bits: int = parameter(14, "resolution of the command's converter", low=4, high=32)
+    bits: int = parameter(14, "resolution of the converter of the force", "bit", 4, 32)
     stop_stiffness: float = parameter(
         3e4, "stiffness of the travel stops (assumed: rubber)", "N/m", 0, 1e5
     )

@@ -31,7 +31,7 @@ class ToolParameters(Checked):
 
     mass: float = parameter(
         0.060,
-        "apparent mass: 45 g of a Phantom Omni (its data sheet) and 15 g of tool",
+        "apparent mass of arm and tool: 45 g of a Phantom Omni (its data sheet) and 15 g of tool",
         "kg",
         0.001,
         10.0,

@@ -20,7 +20,7 @@ PROFILE_POINTS = 2**16
 class SurfaceParameters(Checked):
     """A surface as the tool's tip meets it: contact, friction, and two kinds of texture."""
 
-    name: str = parameter("plain", "name shown in results")
+    name: str = parameter("plain", "name of the surface in results")
     stiffness: float = parameter(
         3e6, "contact force over penetration^1.5 (Hertz)", "N/m^1.5", 1e3, 1e8
     )
@@ -31,7 +31,9 @@ class SurfaceParameters(Checked):
         0.0,
         1e3,
     )
-    friction: float = parameter(0.3, "coefficient of sliding friction", low=0.0, high=2.0)
+    friction: float = parameter(
+        0.3, "coefficient of sliding friction on the surface", low=0.0, high=2.0
+    )
     roughness: float = parameter(0.0, "RMS height of the irregular texture", "m", 0.0, 1e-3)
     shortest_wavelength: float = parameter(
         0.4e-3,

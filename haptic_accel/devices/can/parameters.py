@@ -29,9 +29,13 @@ OMNI_FORCE = 3.3
 class StageParameters(Checked):
     """Linear stage with one motor."""
 
-    axis: str = parameter("z", "axis of motion", choices=("x", "y", "z"))
+    axis: str = parameter("z", "axis along which a stage moves", choices=("x", "y", "z"))
     travel: float = parameter(
-        0.04, "travel per turn of the joint: lead or circumference", unit="m", low=1e-5, high=10.0
+        0.04,
+        "travel of a stage per turn of its joint: lead or circumference",
+        unit="m",
+        low=1e-5,
+        high=10.0,
     )
 
 
@@ -40,10 +44,18 @@ class LinkParameters(Checked):
     """Links of an arm."""
 
     upper: float = parameter(
-        OMNI_LINK, "length from shoulder to elbow (Phantom Omni)", unit="m", low=0.01, high=10.0
+        OMNI_LINK,
+        "length of the link from shoulder to elbow (Phantom Omni)",
+        unit="m",
+        low=0.01,
+        high=10.0,
     )
     fore: float = parameter(
-        OMNI_LINK, "length from elbow to tip (Phantom Omni)", unit="m", low=0.01, high=10.0
+        OMNI_LINK,
+        "length of the link from elbow to tip (Phantom Omni)",
+        unit="m",
+        low=0.01,
+        high=10.0,
     )
     elbow: str = parameter(
         "base",
@@ -55,7 +67,7 @@ class LinkParameters(Checked):
 
 def node_parameter(node: int) -> Any:
     """Declare the node id of a joint's axis."""
-    return parameter(node, "node id of its axis (ODrive: 0 to 63)", low=0, high=63)
+    return parameter(node, "node id of the joint's axis (ODrive: 0 to 63)", low=0, high=63)
 
 
 @dataclass(frozen=True)
@@ -67,7 +79,7 @@ class JointParameters(Checked):
         1.0, "turns of the motor per turn of the joint", low=0.01, high=1e4
     )
     direction: int = parameter(
-        1, "1 if the joint turns as its motor does, otherwise -1", low=-1, high=1
+        1, "direction of the joint: 1 if it turns as its motor does, otherwise -1", low=-1, high=1
     )
     offset: float = parameter(
         0.0, "angle of the joint when the motor is at 0 turns", unit="rad", low=-100.0, high=100.0
@@ -140,17 +152,19 @@ class CanParameters(Checked):
     )
     channel: str = parameter(
         "",
-        "channel of the interface: can0, /dev/ttyACM0 ...; empty for python-can's configuration",
+        "channel of the CAN interface: can0, /dev/ttyACM0 ...; empty for python-can's"
+        " configuration",
     )
     bitrate: int = parameter(
         0,
-        "bit rate; 0 for the configuration of python-can or, with socketcan, of the system",
+        "bit rate of the bus; 0 for the configuration of python-can or, with socketcan, of the"
+        " system",
         unit="bit/s",
         low=0,
         high=1_000_000,
     )
     options: str = parameter(
-        "", 'other settings of the interface, as JSON: {"sleep_after_open": 0}'
+        "", 'further settings of the CAN interface, as JSON: {"sleep_after_open": 0}'
     )
     context: str = context_parameter("default")
     firmware: str = parameter(
@@ -192,7 +206,8 @@ class CanParameters(Checked):
     )
     kinematics: str = parameter(
         "arm",
-        "stage: joint1 moves along an axis; planar: joint1 and joint2 are shoulder and elbow;"
+        "kinematics of the arm; stage: joint1 moves along an axis; planar: joint1 and joint2 are"
+        " shoulder and elbow;"
         " arm: joint1 to joint3 are waist, shoulder and elbow",
         choices=KINEMATICS,
     )

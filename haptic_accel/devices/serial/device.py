@@ -40,7 +40,13 @@ class CalibrationParameters(Checked):
     axis: str = parameter(
         "z", "axis of the accelerometer along the actuator", choices=("x", "y", "z")
     )
-    offset: float = parameter(0.0, "counts without acceleration", low=-(2.0**15), high=2.0**15)
+    offset: float = parameter(
+        0.0,
+        "reading of the accelerometer without acceleration",
+        "counts",
+        low=-(2.0**15),
+        high=2.0**15,
+    )
     gain: float = parameter(
         0.0,
         "acceleration per count, negative where it is mounted upside down; 0 for the board's"
@@ -56,7 +62,7 @@ class CalibrationParameters(Checked):
 class PortParameters(Checked):
     """Serial port of a board."""
 
-    port: str = parameter("", "path of the port, such as /dev/ttyACM0")
+    port: str = parameter("", "path of the serial port, such as /dev/ttyACM0")
     usb_serial: str = parameter("", "USB serial number of the board, in place of a path")
     baud: int = parameter(
         BAUD,
@@ -73,12 +79,15 @@ class SerialSlaveParameters(PortParameters):
 
     rate: int = parameter(
         0,
-        "samples per second of the board; 0 for the rate of the graph, at which it samples on the"
-        " graph's grid",
+        "sampling rate of the board; 0 for that of the graph, at which it samples on the graph's"
+        " grid",
+        unit="Hz",
         low=0,
         high=HIGHEST_RATE,
     )
-    samples_per_frame: int = parameter(1, "samples sent together", low=1, high=64)
+    samples_per_frame: int = parameter(
+        1, "number of samples that the board sends together", low=1, high=64
+    )
     calibration: CalibrationParameters = field(default_factory=CalibrationParameters)
 
 

@@ -13,7 +13,7 @@ class ConstantParameters(Checked):
     """Parameters of `ConstantController`."""
 
     mass: float = parameter(
-        0.128, "gain: mass of handle and hand (m_h of Table I)", unit="kg", low=0
+        0.128, "gain of the controller: mass of handle and hand (m_h of Table I)", unit="kg", low=0
     )
 
 

@@ -45,7 +45,7 @@ class FeedbackParameters(InverseParameters):
     )
     margin: float = parameter(
         MARGIN,
-        "smallest distance of the loop from -1 at any grip of the range",
+        "stability margin: smallest distance of the loop from -1 at any grip of the range",
         low=0.05,
         high=0.95,
     )

@@ -27,8 +27,8 @@ class InverseParameters(Checked):
 
     granted_delay: int = parameter(
         1,
-        "samples by which the handle may lag behind the tool beside the latency (the paper's delay"
-        " of 1 ms)",
+        "number of samples by which the handle may lag behind the tool beside the latency (the"
+        " paper's delay of 1 ms)",
         low=0,
         high=LONGEST_GRANTED_DELAY,
     )
@@ -40,7 +40,9 @@ class InverseParameters(Checked):
         0.1,
     )
     texture: TexturePrior = field(default_factory=TexturePrior)
-    memory: float = parameter(MEMORY, "length of the impulse response", "s", 0.05, 0.4)
+    memory: float = parameter(
+        MEMORY, "length of the controller's impulse response", "s", 0.05, 0.4
+    )
 
     def filter(self, loop: Loop) -> InverseFilter:
         """Return the inverse for a loop; takes a fraction of a second.
