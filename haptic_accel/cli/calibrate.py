@@ -74,7 +74,7 @@ class CalibrateArguments(PortParameters):
 def calibrate_board(arguments: CalibrateArguments) -> None:
     """Measure an accelerometer behind a serial board with one axis up, then down.
 
-    Writes its gain and offset as a parameter file for config:=FILE.
+    Writes its gain and offset as a parameter file for params_file:=FILE.
     """
     if bool(arguments.port) == bool(arguments.usb_serial):
         raise ParameterError("port = '': must be given, or usb_serial, and not both")
@@ -96,7 +96,7 @@ def calibrate_board(arguments: CalibrateArguments) -> None:
         f" {found.gain:.6g} +- {found.gain_error:.1g} m/s^2 per count, offset"
         f" {found.offset:.1f} +- {found.offset_error:.1g} counts, noise {found.noise:.3f} m/s^2"
     )
-    print(f"parameters: {path}, for config:={path}")
+    print(f"parameters: {path}, for params_file:={path}")
 
 
 def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
@@ -137,7 +137,7 @@ def _collected(
 
 
 def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Calibration) -> str:
-    """Return a ROS parameter file for ``config:=FILE``: the port and its calibration."""
+    """Return a ROS parameter file for ``params_file:=FILE``: the port and its calibration."""
     port = "port" if arguments.port else "usb_serial"
     values: dict[str, Any] = {
         port: getattr(arguments, port),

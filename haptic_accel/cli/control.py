@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
-from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
+from haptic_accel.core.parameters import ParameterError, parameter, schema
+from haptic_accel.graph.namespaces import NamespaceArguments
 
 if TYPE_CHECKING:
     from haptic_accel.nodes.graph_requests import GraphRequest
@@ -24,7 +25,7 @@ def _switch(text: str) -> Any:
 
 
 @dataclass(frozen=True)
-class ControlArguments(Checked):
+class ControlArguments(NamespaceArguments):
     """Settings that can be changed."""
 
     controller: str = parameter(KEEP, "controller that takes over", choices=(KEEP, *CONTROLLERS))
@@ -36,7 +37,6 @@ class ControlArguments(Checked):
     grip: str = parameter(KEEP, "grip of the simulated hand", choices=(KEEP, *POSTURES))
     arm: bool = parameter(False, "allow forces again where a device refuses them until armed")
     engage: str = _switch("couple the arms")
-    namespace: str = parameter("", "namespace of the graph")
 
 
 @verb(

@@ -34,7 +34,7 @@ DESIGNED = ("inverse", "feedback", "adaptive")
 
 @verb(
     "haptic-accel design controller:=feedback rate:=4000",
-    "haptic-accel design controller:=inverse config:=handle.yaml",
+    "haptic-accel design controller:=inverse params_file:=handle.yaml",
     "haptic-accel design surface:=recording recording:=drag.csv recording_rate:=1000",
 )
 @words(GraphArguments)

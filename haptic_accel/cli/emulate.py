@@ -277,7 +277,7 @@ def _announce(
     print(
         f"emulating two {emulated}; in another terminal:\n"
         f"  haptic-accel teleop master:={device} slave:={device} {words}"
-        f"{shlex.quote(f'config:={config}')}",
+        f"{shlex.quote(f'params_file:={config}')}",
         flush=True,
     )
 

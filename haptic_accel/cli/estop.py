@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from haptic_accel.cli.options import arguments, verb
-from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.parameters import parameter
 from haptic_accel.core.topics import EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.graph.claims import own_domain, stop_senders
+from haptic_accel.graph.namespaces import NamespaceArguments
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -34,11 +35,10 @@ DEVICES = {MASTER_STOPPED: "master_device", SLAVE_STOPPED: "slave_device"}
 
 
 @dataclass(frozen=True)
-class StopArguments(Checked):
+class StopArguments(NamespaceArguments):
     """Arguments of the emergency stop."""
 
     release: bool = parameter(False, "allow forces again")
-    namespace: str = parameter("", "namespace of the graph")
 
 
 @verb(

@@ -131,7 +131,7 @@ def experiment(
     for planned in plan:
         graph(planned)  # everything that can be wrong is found before anything runs
     status, done = DONE, dict[Path, GraphArguments]()
-    with nullcontext() if lockstep else sole_graph():
+    with nullcontext() if lockstep else sole_graph(arguments.namespace):
         folder = results_folder(out)
         try:
             _run(plan, lockstep, folder / "bags", done)

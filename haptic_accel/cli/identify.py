@@ -57,7 +57,7 @@ Recorded = dict[str, list[sweeps.IdentificationTrial]]
 
 @options.verb(
     "haptic-accel identify --lockstep --grips pinch,hook",
-    "haptic-accel identify master:=serial config:=mine.yaml",
+    "haptic-accel identify master:=serial params_file:=mine.yaml",
     "haptic-accel identify --from results/identify/bag",
 )
 @options.arguments(IdentifyArguments)
@@ -104,7 +104,7 @@ def identify(
 ) -> None:
     """Excite the handle with the paper's sweep and fit its model.
 
-    Writes a parameter file for config:=FILE, and the paper's figures 4 and 5.
+    Writes a parameter file for params_file:=FILE, and the paper's figures 4 and 5.
     """
     if len(set(grips)) < len(grips):
         raise ParameterError(f"grips = {', '.join(grips)}: must hold each grip once")
@@ -120,7 +120,7 @@ def identify(
         identification_graph(each)  # everything wrong is found first
     _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
     actuator, sensor = known[ACTUATOR], known["accelerometer"]
-    with nullcontext() if lockstep or sources else sole_graph():
+    with nullcontext() if lockstep or sources else sole_graph(arguments.namespace):
         folder = results_folder(out, "identify_")
         try:
             if lockstep:
@@ -321,7 +321,7 @@ def _notes(found: Identification) -> Iterator[str]:
 
 
 def parameter_file(found: Identification, actuator: ActuatorParameters, age: float = 0.0) -> str:
-    """Return a ROS parameter file that ``config:=FILE`` takes: the handle and its controllers.
+    """Return a ROS parameter file for ``params_file:=FILE``: the handle and its controllers.
 
     Parameters
     ----------
@@ -357,7 +357,7 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
         },
     }
     head = (
-        "# A handle as identified; use with config:=FILE. SI units.\n"
+        "# A handle as identified; use with params_file:=FILE. SI units.\n"
         f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
         f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
         f" {fit.residual:.2f} (1: noise alone).\n"

@@ -10,12 +10,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import rclpy
-from rclpy.exceptions import InvalidNamespaceException
 from rclpy.node import Node
-from rclpy.validate_namespace import validate_namespace
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.core.parameters import ParameterError
 from haptic_accel.nodes.middleware import middleware_defaults
 
 
@@ -25,25 +22,12 @@ class CallError(StoppedError):
 
 @contextmanager
 def connected(namespace: str) -> Iterator[Node]:
-    """Join the graph of a namespace with a node while the context is entered.
-
-    Raises
-    ------
-    ParameterError
-        The namespace is not a valid ROS namespace.
-    """
-    absolute = "/" + namespace.strip("/")
-    try:
-        validate_namespace(absolute)
-    except InvalidNamespaceException:
-        raise ParameterError(
-            f"namespace = {namespace!r}: must be letters, digits and _, with / between"
-        ) from None
+    """Join the graph of a namespace with a node while the context is entered."""
     os.environ.update(middleware_defaults(os.environ))
     rclpy.init(args=[])
     node = rclpy.create_node(
         f"haptic_accel_caller_{os.getpid()}",
-        namespace=absolute,
+        namespace=namespace,
         enable_rosout=False,
         start_parameter_services=False,
     )

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import click
 
 from haptic_accel.cli.options import arguments, one_of, verb
-from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.graph.namespaces import NamespaceArguments
 
 PATIENCE = 30.0
 """Maximum time for an answer, s: a file that is finished is brought to the disk first."""
@@ -22,21 +20,14 @@ ACTIONS = {
 """Actions on a recording, each a service of the recorder."""
 
 
-@dataclass(frozen=True)
-class RecordArguments(Checked):
-    """Graph whose recording is controlled."""
-
-    namespace: str = parameter("", "namespace of the graph")
-
-
 @verb(
     "haptic-accel record status",
     "haptic-accel record pause",
     "haptic-accel record stop namespace:=left",
 )
 @click.argument("action", type=one_of(ACTIONS), metavar="|".join(ACTIONS))
-@arguments(RecordArguments)
-def record(action: str, arguments: RecordArguments) -> None:
+@arguments(NamespaceArguments)
+def record(action: str, arguments: NamespaceArguments) -> None:
     """Control the recording of a running graph."""
     # ROS takes a while to import: wrong words are refused without it.
     from haptic_accel.cli.calling import send

@@ -30,8 +30,8 @@ STOP_KEY = b" "
 SUMMARY = re.compile(r"([^\[].*): \d+ messages, \d+ dropped")
 """The recorder's summary of a bag that is whole: `BagFiles.summary`."""
 
-ENGAGED = "[coupler]: engaged"
-"""End of the line by which the coupler tells that the arms are coupled."""
+ENGAGED = "coupler]: engaged"
+"""End of the line by which the coupler, in any namespace, tells that the arms are coupled."""
 
 STOPPED_BY_KEY = (
     "space: emergency stop, no force until you type in another terminal:"
@@ -94,7 +94,7 @@ def run_shown(
     Raises
     ------
     ParameterError
-        Another graph runs in the ROS domain.
+        Another graph runs in the namespace and ROS domain.
     StoppedError
         It failed, which has been shown.
     """
@@ -120,7 +120,12 @@ def run_shown(
             progress.update(bar, completed=min(time.monotonic() - engaged[0], expected))
         return stop()
 
-    with sole_graph(), stop_on_signal() as stop, on_key(STOP_KEY, stop_forces) as keys:
+    (namespace,) = {process.namespace for process in processes}
+    with (
+        sole_graph(namespace),
+        stop_on_signal() as stop,
+        on_key(STOP_KEY, stop_forces) as keys,
+    ):
         _print_hints(processes, keys)
         with progress:
             outcome = supervisor.run(stopped)

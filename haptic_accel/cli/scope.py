@@ -7,18 +7,17 @@ from dataclasses import dataclass
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import stop_on_signal
-from haptic_accel.core.parameters import parameter, schema
+from haptic_accel.core.parameters import schema
 from haptic_accel.core.process import FAILED
+from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.node_parameters import ScopeNodeParameters
 from haptic_accel.graph.processes import SCOPE, Process
 from haptic_accel.graph.supervisor import Supervisor
 
 
 @dataclass(frozen=True)
-class ScopeArguments(ScopeNodeParameters):
-    """Graph that the page shows."""
-
-    namespace: str = parameter("", "namespace of the graph")
+class ScopeArguments(ScopeNodeParameters, NamespaceArguments):
+    """Page of a running graph."""
 
 
 @verb(
@@ -35,9 +34,8 @@ def scope(arguments: ScopeArguments) -> None:
     it.
     """
     parameters = {name: getattr(arguments, name) for name in schema(ScopeNodeParameters)}
-    name = arguments.namespace.strip("/")
     # The only process here: its end is the end of the verb.
-    process = Process(SCOPE, (), {SCOPE: parameters}, namespace=f"/{name}" if name else "")
+    process = Process(SCOPE, {SCOPE: parameters}, arguments.namespace)
     with stop_on_signal() as stop:
         outcome = Supervisor([process], on_line=lambda _, line: print(line, flush=True)).run(stop)
     if outcome.first:  # which has printed the reason

@@ -10,7 +10,7 @@ from haptic_accel.graph.processes import graph
 
 @verb(
     "haptic-accel teleop controller:=inverse surface:=vinyl duration:=10",
-    "haptic-accel teleop master:=serial slave:=serial config:=mine.yaml",
+    "haptic-accel teleop master:=serial slave:=serial params_file:=mine.yaml",
     "haptic-accel teleop scope:=true",
 )
 @arguments(GraphArguments)

@@ -13,6 +13,7 @@ from haptic_accel.core.parameters import Checked, like, parameter, schema
 from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.devices.playback import ReplayParameters
 from haptic_accel.graph import node_parameters as nodes
+from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.words import parse_words
 
 AVERAGE_GRIP = "average"
@@ -26,6 +27,9 @@ SIMULATED = "simulated"
 
 RECORDING = "recording"
 """Name of the surface that plays a recorded acceleration."""
+
+LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
+"""Severities of messages in ROS 2."""
 
 PLAYED_TOPICS = "topics"
 """Name for the topics that `ros2 bag play` publishes in place of a slave device."""
@@ -75,8 +79,17 @@ class DeviceArguments(Checked):
 
 
 @dataclass(frozen=True)
-class RunArguments(Checked):
-    """Graph: its rate, duration, processes and parameter file."""
+class LaunchArguments(NamespaceArguments):
+    """Launch."""
+
+    namespace: str = like(NamespaceArguments, "namespace")  # declared anew for its heading
+    params_file: str = parameter("", "ROS parameter file, applied over config/teleop.yaml")
+    log_level: str = parameter("info", "least severe messages that nodes log", choices=LOG_LEVELS)
+
+
+@dataclass(frozen=True)
+class RunArguments(LaunchArguments):
+    """Graph: its rate, duration and processes."""
 
     rate: float = like(nodes.SampledParameters, "rate")
     latency: int = like(nodes.DeviceNodeParameters, "latency")
@@ -86,7 +99,6 @@ class RunArguments(Checked):
     composed: bool = parameter(
         False, "run all nodes but the recorder in one process: quicker, less robust"
     )
-    config: str = parameter("", "ROS parameter file, applied over config/teleop.yaml")
 
 
 @dataclass(frozen=True)
@@ -115,7 +127,7 @@ class GraphArguments(
 
 
 @dataclass(frozen=True)
-class IdentifyArguments(SweepParameters, RecordingOptions):
+class IdentifyArguments(SweepParameters, RecordingOptions, LaunchArguments):
     """Identification: its trials, and the graph that runs."""
 
     trials: int = like(nodes.IdentifierNodeParameters, "trials")
@@ -125,7 +137,6 @@ class IdentifyArguments(SweepParameters, RecordingOptions):
     rate: float = like(GraphArguments, "rate")
     latency: int = like(nodes.IdentifierNodeParameters, "latency")
     bag: str = like(GraphArguments, "bag")
-    config: str = like(GraphArguments, "config")
     seed: int = like(GraphArguments, "seed")
 
     @property

@@ -1,4 +1,4 @@
-"""Claims on a ROS domain of this machine: one graph, and one sender of each signal.
+"""Claims on a ROS domain of this machine: one graph in a namespace, one sender of each signal.
 
 A claim is a socket with an abstract name. The kernel releases it however its process ends, it
 leaves no file behind, and it is seen where the graph's messages are: by every user of the machine,
@@ -31,8 +31,13 @@ HIGHEST_DOMAIN = 232
 HIGHEST_FREE_DOMAIN = 101
 """Highest ROS domain whose ports Linux does not assign to other programs (ROS 2 documentation)."""
 
+SOCKETS = Path("/proc/net/unix")
+"""The kernel's list of addresses in use, those with an abstract name behind an @ (proc(5))."""
+
 ASKERS = 4096
 """Number of times that a claim says whose it is; it holds beyond, too."""
+
+_SENDER = "sender"
 
 _CREDENTIALS = struct.Struct("3i")
 """Process, user and group of a peer (socket(7), SO_PEERCRED)."""
@@ -74,8 +79,13 @@ def claim_signal(domain: int, topic: str) -> socket.socket:
 
 
 @contextmanager
-def sole_graph() -> Iterator[None]:
-    """Claim the environment's ROS domain for a graph while the context is entered.
+def sole_graph(namespace: str) -> Iterator[None]:
+    """Claim a namespace in the environment's ROS domain for a graph while the context is entered.
+
+    Parameters
+    ----------
+    namespace : str
+        With a slash before; empty for the root.
 
     Raises
     ------
@@ -83,9 +93,9 @@ def sole_graph() -> Iterator[None]:
         A graph, or a single node that sends one of its signals, runs in it already.
     """
     domain = own_domain()
-    with _claim(domain, "graph"):
-        for topic in SIGNALS:
-            _claim(domain, _sender(f"/{topic.name}")).close()
+    with _claim(domain, f"graph in {namespace}" if namespace else "graph"):
+        for name in _signals(namespace):
+            _claim(domain, _sender(name)).close()
         yield
 
 
@@ -96,22 +106,35 @@ def stop_senders(domain: int, namespace: str) -> int:
     ----------
     domain : int
     namespace : str
-        Namespace of the graph.
+        Namespace of the graph, with a slash before; empty for every graph of the domain.
 
     Returns
     -------
     int
         Number of processes that have been signalled; those of another user cannot be.
     """
-    prefix = "/" + namespace.strip("/")
-    names = (f"{prefix.rstrip('/')}/{topic.name}" for topic in SIGNALS)
+    senders = {_address(domain, _sender(name)) for name in _signals(namespace)}
     stopped = 0
-    for process in {_holder(_address(domain, _sender(name))) for name in names}:
+    for process in {_holder(each) for each in (senders if namespace else _senders(domain))}:
         with suppress(OSError):
             if process and _handles_emergency(process):
                 os.kill(process, EMERGENCY)
                 stopped += 1
     return stopped
+
+
+def _signals(namespace: str) -> list[str]:
+    """Return the names of a graph's signals with their namespace."""
+    return [f"{namespace}/{topic.name}" for topic in SIGNALS]
+
+
+def _senders(domain: int) -> Iterator[bytes]:
+    """Yield the addresses of all senders of signals in a ROS domain."""
+    start = _place(domain, _SENDER)
+    for line in SOCKETS.read_bytes().splitlines():
+        name = line.rpartition(b" ")[2].replace(b"@", b"\0", 1)
+        if name.startswith(start):
+            yield name
 
 
 def _handles_emergency(process: int) -> bool:
@@ -122,7 +145,7 @@ def _handles_emergency(process: int) -> bool:
 
 
 def _sender(topic: str) -> str:
-    return f"sender of {topic}"
+    return f"{_SENDER} of {topic}"
 
 
 def _claim(domain: int, role: str) -> socket.socket:
@@ -137,7 +160,7 @@ def _claim(domain: int, role: str) -> socket.socket:
             raise
         raise ParameterError(
             f"ROS domain {domain}: has a {role} already, {_described(_holder(address))};"
-            f" stop it, or set another {DOMAIN}"
+            f" stop it, or set another namespace or {DOMAIN}"
         ) from None
     claimed.listen(ASKERS)
     return claimed
@@ -145,8 +168,13 @@ def _claim(domain: int, role: str) -> socket.socket:
 
 def _address(domain: int, role: str) -> bytes:
     """Return the address of a role, hashed, as names of topics can be longer than addresses."""
-    digest = hashlib.sha256(f"{domain} {role}".encode()).hexdigest()
-    return f"\0haptic_accel/{digest}".encode()
+    digest = hashlib.sha256(role.encode()).hexdigest()
+    return _place(domain, role) + digest.encode()
+
+
+def _place(domain: int, role: str) -> bytes:
+    """Return the start of the addresses of all roles with the same first word."""
+    return f"\0haptic_accel/{domain}/{role.partition(' ')[0]}/".encode()
 
 
 def _holder(address: bytes) -> int:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from haptic_accel.graph.node_parameters import NODES, USE_SIM_TIME, check_clock,
 SURFACE = "simulated.surface."
 """Prefix of the slave device's parameters of a surface."""
 
-_WILDCARDS = ("/**", "**", "/*", "*")
+_WILDCARDS = ("**", "*")
+"""Last parts of keys that name no node, but any."""
 
 
 def preset_file(kind: str, name: str) -> Path:
@@ -66,13 +68,15 @@ def surface_parameters(surface: str) -> dict[str, Any]:
     }
 
 
-def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
+def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, dict[str, Any]]:
     """Read a ROS 2 parameter file.
 
     Parameters
     ----------
     path : Path
-        YAML of the form ``node: {ros__parameters: {name: value}}``; ``/**`` is every node.
+        YAML of the form ``/**/node: {ros__parameters: {name: value}}``; ``/**`` is every node.
+    namespace : str, optional
+        Namespace of the nodes, with a slash before; None for what the file gives in any.
 
     Returns
     -------
@@ -82,9 +86,54 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
     Raises
     ------
     ParameterError
-        It cannot be read, has another form, or names an unknown node or parameter.
+        It cannot be read, has another form, names an unknown node or parameter, or a node that
+        it gives nothing to in this namespace.
     """
-    what = f"config = '{path}'"
+    what = f"params_file = '{path}'"
+    content = _content(path, what)
+    values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
+    for key, section in content.items():
+        node = shown(str(key))
+        if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
+            raise ParameterError(f"{what}: {node}: must hold ros__parameters, nothing else")
+        flat = _flat(section["ros__parameters"] or {}, f"{what}: {node}")
+        check_clock(flat.pop(USE_SIM_TIME, False))
+        name = node.rpartition("/")[2]
+        for executable in NODES if name in _WILDCARDS else [name]:
+            if executable not in NODES:
+                names = ", ".join(NODES)
+                raise ParameterError(f"{what}: {node}: must be /** or one of {names}")
+            known = _known(flat, executable, node, what)
+            if namespace is None or _holds(node, f"{namespace}/{executable}"):
+                values[executable] |= known
+    if namespace is not None:
+        for executable in NODES:
+            _check_reached(what, content, f"{namespace}/{executable}")
+    return values
+
+
+def check_reached(path: Path, node: str) -> None:
+    """Refuse a ROS parameter file that names a node only in other namespaces than the node's.
+
+    ROS gives nothing of such a file to the node, and says nothing.
+
+    Parameters
+    ----------
+    path : Path
+    node : str
+        Name with its namespace.
+
+    Raises
+    ------
+    ParameterError
+        Naming the file, the key and one that would hold.
+    """
+    what = str(path)
+    _check_reached(what, _content(path, what), node)
+
+
+def _content(path: Path, what: str) -> dict[Any, Any]:
+    """Return what a parameter file gives by key."""
     try:
         with path.open(encoding="utf-8") as file:
             content = load_yaml(file.read(LARGEST + 1), exponents=True)
@@ -95,25 +144,46 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
         raise ParameterError(f"{what}: must be YAML: {shown(str(error))}") from None
     if not isinstance(content, dict):
         raise ParameterError(f"{what}: must map nodes to ros__parameters")
-    values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
-    for key, section in content.items():
-        node = shown(str(key))
-        if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
-            raise ParameterError(f"{what}: {node}: must hold ros__parameters, nothing else")
-        flat = _flat(section["ros__parameters"] or {}, f"{what}: {node}")
-        check_clock(flat.pop(USE_SIM_TIME, False))
-        for executable in NODES if node in _WILDCARDS else [node.rsplit("/", 1)[-1]]:
-            if executable not in NODES:
-                names = ", ".join(NODES)
-                raise ParameterError(f"{what}: {node}: must be /** or one of {names}")
-            values[executable] |= _known(flat, executable, node, what)
-    return values
+    return content
+
+
+def _check_reached(what: str, keys: Iterable[Any], node: str) -> None:
+    """Refuse keys that name a node without any of them holding for it."""
+    name = node.rpartition("/")[2]
+    naming = [key for key in map(str, keys) if key.rpartition("/")[2] == name]
+    if naming and not any(_holds(key, node) for key in naming):
+        raise ParameterError(
+            f"{what}: {shown(naming[0])}: holds in another namespace, not for {node};"
+            f" write /**/{name}"
+        )
+
+
+def _holds(key: str, node: str) -> bool:
+    """Return whether a key of a parameter file is for a node, as ROS 2 decides it."""
+    patterns = {"**": "(/[^/]+)*", "*": "/[^/]+"}
+    words = key.strip("/").split("/")
+    pattern = "".join(patterns.get(word, "/" + re.escape(word)) for word in words)
+    return re.fullmatch(pattern, node) is not None
 
 
 def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the ROS parameter file with the values of each node, nested or by dotted name."""
-    content = {node: {"ros__parameters": dict(values)} for node, values in nodes.items()}
-    return str(yaml.dump(content, Dumper=_Plain, sort_keys=False))
+    """Return the ROS parameter file with the values of each node, nested or by dotted name.
+
+    It holds for nodes of these names in any namespace.
+    """
+    content = {f"/**/{node}": {"ros__parameters": values} for node, values in nodes.items()}
+    return str(yaml.dump(_quoted(content), Dumper=_Plain, sort_keys=False, width=2**31))
+
+
+class _Text(str):
+    """A text value, which ROS must not read as something else: 1e5."""
+
+
+def _quoted(values: Any) -> Any:
+    """Mark all texts that are values."""
+    if isinstance(values, Mapping):
+        return {name: _quoted(value) for name, value in values.items()}
+    return _Text(values) if isinstance(values, str) else values
 
 
 class _Plain(yaml.SafeDumper):
@@ -122,6 +192,11 @@ class _Plain(yaml.SafeDumper):
     def ignore_aliases(self, data: Any) -> bool:
         """Return True."""
         return True
+
+
+_Plain.add_representer(
+    _Text, lambda dumper, text: dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"')
+)
 
 
 def _flat(section: Any, what: str, prefix: str = "") -> dict[str, Any]:
@@ -140,7 +215,7 @@ def _flat(section: Any, what: str, prefix: str = "") -> dict[str, Any]:
 def _known(flat: dict[str, Any], executable: str, node: str, what: str) -> dict[str, Any]:
     """Keep a node's own parameters; refuse unknown ones, of a named node also other nodes'."""
     schema = node_schema(executable)
-    others = NODES if node in _WILDCARDS else ()
+    others = NODES if node.rpartition("/")[2] in _WILDCARDS else ()
     for name in flat:
         if name not in schema and not any(name in node_schema(other) for other in others):
             raise ParameterError(f"{what}: {node}: {shown(name)}: no such parameter")

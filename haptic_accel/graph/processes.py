@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
-
-import yaml
 
 from haptic_accel.bags.facts import facts_text
 from haptic_accel.bags.recording_options import RecordingOptions
@@ -19,7 +18,7 @@ from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.devices.simulated import played
 from haptic_accel.graph import arguments as names
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.graph.files import preset_file, read_parameter_file
+from haptic_accel.graph.files import parameter_text, preset_file, read_parameter_file
 from haptic_accel.graph.folders import config_folder
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 
@@ -46,46 +45,33 @@ class Process:
     ----------
     executable : str
         Its name in this package.
-    parameter_files : tuple of Path
-        ROS parameter files, later ones over earlier ones.
     parameters : dict
-        ROS parameters over those of the files: by node, then by dotted name.
+        ROS parameters by node, then by dotted name.
+    namespace : str
+        Namespace of its nodes and of the topics, with a slash before; empty for the root.
+    log_level : str
+        Least severe messages that it logs.
     last : bool
         Stop it after the others, whose last messages it records.
     optional : bool
         The graph goes on when it ends.
-    namespace : str
-        Namespace of its only node and of the topics, with a slash before; empty for the root.
     """
 
     executable: str
-    parameter_files: tuple[Path, ...]
-    parameters: dict[str, dict[str, Any]]
+    parameters: Values
+    namespace: str = ""
+    log_level: str = "info"
     last: bool = False
     optional: bool = False
-    namespace: str = ""
 
-    @property
-    def ros_arguments(self) -> list[str]:
-        """Words of its command line that are for ROS."""
-        words = ["--ros-args"]
-        for path in self.parameter_files:
-            words += ["--params-file", str(path)]
-        for node, parameters in self.parameters.items():
-            for name, value in parameters.items():
-                # Of a node in a namespace, a word cannot say the name.
-                to = "" if self.namespace else f"{node}:"
-                words += ["-p", f"{to}{name}:={_yaml(value)}"]
-        if self.namespace:
-            words += ["-r", f"__ns:={self.namespace}"]
-        return words
+    def ros_arguments(self, folder: Path) -> list[str]:
+        """Write the parameters to a file in a folder; return the words for ROS but the namespace.
 
-
-def _yaml(value: Any) -> str:
-    """Write a value as ROS reads it back: text quoted, so that it stays text."""
-    if isinstance(value, str):
-        return str(yaml.safe_dump(value, default_style='"', width=2**31)).strip()
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+        A file because words of a command line cannot name a node in a namespace.
+        """
+        file = folder / f"{self.executable}.yaml"
+        file.write_text(parameter_text(self.parameters), encoding="utf-8")
+        return ["--ros-args", "--params-file", str(file), "--log-level", self.log_level]
 
 
 def graph(arguments: GraphArguments) -> list[Process]:
@@ -102,8 +88,7 @@ def graph(arguments: GraphArguments) -> list[Process]:
     _check_replay(arguments, options)
     if arguments.record:
         _check_bag(arguments)
-    own = _own_parameters(arguments)
-    return _processes(arguments, values, own, composed=arguments.composed)
+    return _processes(arguments, values, composed=arguments.composed)
 
 
 def identification_graph(arguments: IdentifyArguments) -> list[Process]:
@@ -118,32 +103,28 @@ def identification_graph(arguments: IdentifyArguments) -> list[Process]:
     _checked_options(values)
     _check_bag(arguments)
     repeat_samples(arguments.sweep, arguments.rate)  # the rate must do for the sweep
-    # What the identifier takes from the simulated handle, no file gives it by its name.
-    own = _own_parameters(arguments) | {"identifier": values["identifier"]}
-    return _processes(arguments, values, own)
+    return _processes(arguments, values)
 
 
-def _processes(
-    arguments: Arguments, values: Values, own: Values, *, composed: bool = False
-) -> list[Process]:
-    """Return the processes for the parameters of their own, by executable."""
-    files = tuple(_files(arguments))
-    recorder, scope = own.pop(RECORDER, None), own.pop(SCOPE, None)
-    processes = [Process(name, files, {name: given}) for name, given in own.items()]
+def _processes(arguments: Arguments, values: Values, *, composed: bool = False) -> list[Process]:
+    """Return the processes that arguments ask for."""
+    asked = _own_parameters(arguments)
+    nodes = {name: values[name] for name in asked if name not in (RECORDER, SCOPE)}
+    process = partial(Process, namespace=arguments.namespace, log_level=arguments.log_level)
+    processes = [process(name, {name: given}) for name, given in nodes.items()]
     if composed:
-        processes = [Process(COMPOSED, files, own)]
-    if recorder is not None:
+        processes = [process(COMPOSED, nodes)]
+    if RECORDER in asked:
         effective = {
-            node: {name: default for name, (default, _) in node_schema(node).items()}
-            | values[node]
-            for node in own
+            node: {name: default for name, (default, _) in node_schema(node).items()} | given
+            for node, given in nodes.items()
         }
-        recorder["facts"] = facts_text(asdict(arguments), effective)
+        recorder = {**values[RECORDER], "facts": facts_text(asdict(arguments), effective)}
         # First, so that it misses as little as can be of the others.
-        processes.insert(0, Process(RECORDER, files, {RECORDER: recorder}, last=True))
-    if scope is not None:
+        processes.insert(0, process(RECORDER, {RECORDER: recorder}, last=True))
+    if SCOPE in asked:
         # Last, as what makes the forces need not wait for it.
-        processes.append(Process(SCOPE, files, {SCOPE: scope}, optional=True))
+        processes.append(process(SCOPE, {SCOPE: values[SCOPE]}, optional=True))
     return processes
 
 
@@ -163,7 +144,7 @@ def graph_parameters(arguments: Arguments) -> Values:
     values: Values = {executable: {} for executable in NODES}
     set_here = _own_parameters(arguments)
     for path in _files(arguments):
-        content = read_parameter_file(path)
+        content = read_parameter_file(path, arguments.namespace)
         if path != _defaults_file():
             _check_given(path, content, set_here)
         for executable in NODES:
@@ -218,8 +199,8 @@ def _files(arguments: Arguments) -> list[Path]:
     paths = [_defaults_file(), preset_file("rig", arguments.rig)]
     if isinstance(arguments, GraphArguments):
         paths.append(preset_file("surface", arguments.surface))
-    if arguments.config:
-        paths.append(Path(arguments.config).absolute())
+    if arguments.params_file:
+        paths.append(Path(arguments.params_file).absolute())
     return paths
 
 

@@ -20,7 +20,7 @@ from haptic_accel.graph.words import described, given_keys, parse_words, unknown
 if TYPE_CHECKING:
     from haptic_accel.bags.reading import Bag
 
-INHERITED = ("controller", "rig", "grip", "surface", "master", "config", "seed")
+INHERITED = ("controller", "rig", "grip", "surface", "master", "params_file", "seed")
 """Arguments of the graph that are as they were when the bag was recorded, unless given."""
 
 REPLAYED = ("replay", "replay_speed", "replay_loop", "replay_start", "rate", "duration", "bag")
@@ -183,6 +183,7 @@ def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
     recorded = bag.facts.get("arguments")
     if not isinstance(recorded, dict):
         return {}
+    recorded = {"params_file": recorded.get("config", ""), **recorded}  # its name until 0.2.0
     found = {name: recorded[name] for name in INHERITED if name in recorded.keys() - given}
     if found.get("master") == REPLAY:
         del found["master"]

@@ -17,6 +17,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from haptic_accel.core.process import CUT_SHORT, DONE, EMERGENCY, SUPERVISOR
 from haptic_accel.graph.processes import Process
@@ -112,19 +114,20 @@ class Supervisor:
         """
         first = ""
         optional = {process.executable for process in self.processes if process.optional}
-        try:
-            for process in self.processes:
-                self._start(process)
-            while not first and not stop():
-                with suppress(queue.Empty):
-                    first = self._ended.get(timeout=LOOK_PERIOD)
-                if first in optional:
-                    status = self._running[first].returncode
-                    note = f"ended with status {status}; the graph goes on without it"
-                    self.on_line(first, note)
-                    first = ""
-        finally:
-            self._stop_all()
+        with TemporaryDirectory(prefix="haptic_accel-") as folder:
+            try:
+                for process in self.processes:
+                    self._start(process, Path(folder))
+                while not first and not stop():
+                    with suppress(queue.Empty):
+                        first = self._ended.get(timeout=LOOK_PERIOD)
+                    if first in optional:
+                        status = self._running[first].returncode
+                        note = f"ended with status {status}; the graph goes on without it"
+                        self.on_line(first, note)
+                        first = ""
+            finally:
+                self._stop_all()
         statuses = {
             name: child.returncode for name, child in self._running.items() if name not in optional
         }
@@ -136,13 +139,13 @@ class Supervisor:
         for child in list(self._running.values()):
             child.send_signal(EMERGENCY)
 
-    def _start(self, process: Process) -> None:
+    def _start(self, process: Process, folder: Path) -> None:
         name = process.executable
         own = {"PYTHONUNBUFFERED": "1", SUPERVISOR: str(os.getpid())}
         # It would end a process that does not handle it yet; blocked, it waits until that does.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {EMERGENCY})
         child = subprocess.Popen(
-            command(process),
+            command(process, folder),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -190,7 +193,7 @@ class Supervisor:
                 return
 
 
-def command(process: Process) -> list[str]:
-    """Return the command line that runs a process of the graph."""
-    module = f"haptic_accel.nodes.{process.executable}"
-    return [sys.executable, "-m", module, *process.ros_arguments]
+def command(process: Process, folder: Path) -> list[str]:
+    """Return the command line that runs a process of the graph; its parameters are in a folder."""
+    words = [sys.executable, "-m", f"haptic_accel.nodes.{process.executable}"]
+    return [*words, *process.ros_arguments(folder), "-r", f"__ns:={process.namespace or '/'}"]

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -38,6 +39,7 @@ from haptic_accel.core.parameters import (
 from haptic_accel.core.succession import Succession
 from haptic_accel.core.topics import DIAGNOSTICS, Topic
 from haptic_accel.graph.claims import claim_signal
+from haptic_accel.graph.files import check_reached
 from haptic_accel.graph.node_parameters import (
     NODES,
     USE_SIM_TIME,
@@ -411,6 +413,8 @@ class GraphNode(SupervisedNode):
     def _given(self) -> dict[str, Any]:
         """Return the values of the command line and of files, and undeclare them."""
         check_clock(self.get_parameter(USE_SIM_TIME).value)
+        for path in _parameter_files():
+            check_reached(path, self.get_fully_qualified_name())
         given = {
             name: parameter.value
             for name, parameter in self.get_parameters_by_prefix("").items()
@@ -434,6 +438,16 @@ class GraphNode(SupervisedNode):
             descriptor.read_only = name not in self._changeable
             # ROS would take the value as given: 300 is no double to it.
             self.declare_parameter(name, value, descriptor, ignore_override=True)
+
+
+def _parameter_files() -> Iterator[Path]:
+    """Yield the parameter files of the command line, which ROS has read."""
+    words, for_ros = iter(sys.argv[1:]), False
+    for word in words:
+        if word in ("--ros-args", "--"):
+            for_ros = word == "--ros-args"
+        elif for_ros and word == "--params-file":
+            yield Path(next(words))
 
 
 def _ignore(data: bytes) -> None:

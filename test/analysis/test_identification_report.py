@@ -134,7 +134,7 @@ def test_page_shows_its_figures_without_other_files(page: Page) -> None:
     assert set(page.links) == {*FIGURES, "handle.yaml"}
     assert sorted(page.links) == sorted({*page.links})
     assert not re.search(
-        r"https?:|file:|url\(|@import|src=\"(?!data:image/png;base64,)", page.html
+        r"https?:|\bfile:|url\(|@import|src=\"(?!data:image/png;base64,)", page.html
     )
     assert not {"link", "script", "iframe", "object"} & set(page.tags)
     embedded = [base64.b64decode(picture["src"].split(",")[1]) for picture in page.pictures]
@@ -185,7 +185,7 @@ def test_models_and_their_errors_are_named(page: Page, two: Identification) -> N
         "pole pair 2": pytest.approx([model.pole_2_frequency, model.pole_2_damping], abs=0.01),
     }
     assert "discrete model has order 7" in page.text
-    assert "haptic-accel teleop config:=handle.yaml" in page.text
+    assert "haptic-accel teleop params_file:=handle.yaml" in page.text
 
 
 def test_what_the_fit_leaves_is_explained(page: Page, one: Identification, tmp_path: Path) -> None:

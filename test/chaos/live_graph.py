@@ -91,7 +91,7 @@ class LiveGraph:
             given = {**process.parameters[RECORDER], "bag": str(self.bag.parent)}
             process = replace(process, parameters={RECORDER: given})
         traced = str(Path(__file__).with_name("traced_node.py"))
-        words = [traced, executable, str(self.folder), *process.ros_arguments]
+        words = [traced, executable, str(self.folder), *process.ros_arguments(self.folder)]
         self.nodes[executable] = Command(words, self.folder)
 
     def end(self, executable: str, number: signal.Signals, *expected: int) -> None:

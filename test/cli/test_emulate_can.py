@@ -83,13 +83,13 @@ def written(folder: Path) -> dict[str, CanParameters]:
     """Return what is told of the arms, by node."""
     read_parameter_file(folder / "can.yaml")
     content: dict[str, Any] = yaml.safe_load((folder / "can.yaml").read_text())
-    return {node: section["ros__parameters"]["can"] for node, section in content.items()}
+    return {key[4:]: section["ros__parameters"]["can"] for key, section in content.items()}
 
 
 def test_both_arms_may_be_on_one_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bus = ["interface:=virtual", "channel:=one"]
     assert status_of("emulate", "can", f"folder:={tmp_path}", *bus, "duration:=0.05") == 0
-    assert f"rate:=500 config:={tmp_path}/can.yaml" in capsys.readouterr().out
+    assert f"rate:=500 params_file:={tmp_path}/can.yaml" in capsys.readouterr().out
     given = written(tmp_path)
     nodes = [
         [given[node][f"joint{number}.node_id"] for number in (1, 2, 3)]

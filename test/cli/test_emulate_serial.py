@@ -31,7 +31,7 @@ def test_the_graph_runs_through_serial_ports(
     # A machine that holds the boards up for a second must not end the test.
     config = tmp_path / "my boards" / "serial.yaml"
     values = yaml.safe_load(config.read_text())
-    values["master_device"]["ros__parameters"]["serial"]["rearm"] = "auto"
+    values["/**/master_device"]["ros__parameters"]["serial"]["rearm"] = "auto"
     config.write_text(yaml.safe_dump(values))
     # What a user is told to type, and a little more.
     words = [word for word in shlex.split(line) if ":=" in word]

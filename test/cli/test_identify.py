@@ -30,7 +30,7 @@ def test_table_i_comes_back_as_a_parameter_file(haptic_accel: Start, tmp_path: P
         "master_device: {ros__parameters: {simulated: {accelerometer: {noise_density: 0.00245}}}}"
     )
     command = haptic_accel(
-        *("identify", "--lockstep", "rig:=ideal", "config:=noise.yaml", "--trials", "2"),
+        *("identify", "--lockstep", "rig:=ideal", "params_file:=noise.yaml", "--trials", "2"),
         *("--json", "metrics.json", "--out", "found"),
     )
     assert command.end() == 0, command.text
@@ -51,7 +51,7 @@ def test_table_i_comes_back_as_a_parameter_file(haptic_accel: Start, tmp_path: P
     for name in ("fig4_sweep.png", "fig5_models.png"):
         assert (tmp_path / "found" / name).read_bytes().startswith(b"\x89PNG")
     # What was written is what the graph takes.
-    arguments = GraphArguments(rig="ideal", config=str(tmp_path / "found" / "handle.yaml"))
+    arguments = GraphArguments(rig="ideal", params_file=str(tmp_path / "found" / "handle.yaml"))
     graph(arguments)
     handle = rig_parameters(graph_parameters(arguments)).master.handle
     assert handle.m_h == pytest.approx(metrics["parameters"]["m_h"]["value"], rel=1e-5)

@@ -38,7 +38,7 @@ def test_help_lists_every_argument_with_default_and_unit(
     # A description may go on in the next line.
     text = re.sub(r"\n {6,}", " ", capsys.readouterr().out)
     names = ["controller", "surface", "master", "slave", "rate", "duration", "record"]
-    for name in [*names, "bag", "config", "seed"]:
+    for name in [*names, "bag", "params_file", "seed"]:
         assert re.search(rf"^    {name} .*\(default: ", text, re.MULTILINE), text
     assert "[Hz] (default: 1000.0)" in text
 
@@ -62,7 +62,7 @@ def test_help_lists_every_argument_with_default_and_unit(
                 "Form of a bag, and further topics in it": ["regex"],
             },
         ),
-        ("scope", {"Graph that the page shows": ["namespace"]}),
+        ("scope", {"Namespace": ["namespace"]}),
     ],
 )
 def test_help_has_the_arguments_in_groups(
@@ -240,7 +240,7 @@ def test_any_arguments_are_taken_or_refused_in_one_line(
     "words",
     [
         "teleop rig:={}.yaml",
-        "teleop config:={}",
+        "teleop params_file:={}",
         "replay bag:={}",
         "analyze {}",
         "bag info {}",

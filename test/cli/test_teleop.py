@@ -356,8 +356,8 @@ def test_a_recorded_surface_is_played(haptic_accel: Start, tmp_path: Path) -> No
         (["record:=perhaps"], ["record", "perhaps", "true or false"]),
         (["surface:=jelly"], ["surface", "jelly", "plywood"]),
         (["master:=omni"], ["master", "omni", "simulated"]),
-        (["config:=nowhere.yaml"], ["config", "nowhere.yaml"]),
-        (["config:=."], ["config"]),
+        (["params_file:=nowhere.yaml"], ["params_file", "nowhere.yaml"]),
+        (["params_file:=."], ["params_file"]),
         (["surface:=recording"], ["recording"]),
         (["recording:=a.csv"], ["recording", "a.csv", "surface:=recording"]),
         (["surface:=recording", "recording:=no.csv", "recording_rate:=1000"], ["no.csv"]),
@@ -391,7 +391,7 @@ def test_wrong_arguments_end_in_one_line(words: list[str], named: list[str]) -> 
 )
 def test_wrong_files_end_in_one_line(here: Path, content: str, named: list[str]) -> None:
     (here / "mine.yaml").write_text(content)
-    line = refusal("teleop", "config:=mine.yaml")
+    line = refusal("teleop", "params_file:=mine.yaml")
     assert all(name in line for name in named), line
 
 
@@ -406,7 +406,7 @@ def test_a_parameter_file_reaches_the_nodes(haptic_accel: Start, tmp_path: Path)
         "compensator: {ros__parameters: {actuator: {peak_force: 0.05}}}"
     )
     command = haptic_accel(
-        "teleop", "config:=mine.yaml", "controller:=constant", "duration:=2", "bag:=bag"
+        "teleop", "params_file:=mine.yaml", "controller:=constant", "duration:=2", "bag:=bag"
     )
     assert command.end() == 0, command.text
     messages = read(tmp_path / "bag")["/master/handle/servo_cf"]
@@ -440,6 +440,12 @@ def test_a_node_by_itself_refuses_wrong_parameters(
     [
         (["--ros-args", "--params-file", "nowhere.yaml"], "nowhere.yaml"),
         (["--ros-args", "--params-file", "broken.yaml"], "broken.yaml"),
+        (
+            ["--ros-args", "--params-file", "right.yaml", "-r", "__ns:=/left"],
+            "right.yaml: /right/compensator: holds in another namespace, not for"
+            " /left/compensator; write /**/compensator",
+        ),
+        (["--ros-args", "--params-file", "right.yaml"], "not for /compensator; write"),
         (["--ros-args", "-p", "controller"], "controller"),
         (["--fast"], "--fast"),
     ],
@@ -449,6 +455,8 @@ def test_a_node_by_itself_refuses_wrong_command_lines(
     start: Start, tmp_path: Path, words: list[str], named: str
 ) -> None:
     (tmp_path / "broken.yaml").write_text("compensator: {ros__parameters: [")
+    right = "/right/compensator: {ros__parameters: {controller: none}}"
+    (tmp_path / "right.yaml").write_text(right)
     command = start("-m", "haptic_accel.nodes.compensator", *words)
     assert command.end() == 2, command.text
     assert len(command.lines) == 1, command.text

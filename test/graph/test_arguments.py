@@ -28,7 +28,7 @@ def test_words_have_their_types() -> None:
 def test_every_argument_is_described_with_its_default() -> None:
     names = [name for name, _, _ in described(GraphArguments)]
     listed = ["controller", "surface", "master", "slave", "rate", "duration", "record"]
-    listed += ["bag", "config", "seed"]
+    listed += ["bag", "params_file", "seed"]
     assert set(listed) <= set(names)
     texts = {name: text for name, _, text in described(GraphArguments)}
     assert "[Hz]" in texts["rate"]

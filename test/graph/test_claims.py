@@ -1,4 +1,4 @@
-"""One graph in a ROS domain, and one sender of each signal."""
+"""One graph in a namespace of a ROS domain, and one sender of each signal."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_signal_has_one_sender_until_that_ends_in_whatever_way(domain: int) ->
         line = str(refused.value)
         assert f"ROS domain {domain}: has a sender of {TOPIC} already" in line
         assert f", process {process.pid} (" in line
-        assert line.endswith("; stop it, or set another ROS_DOMAIN_ID")
+        assert line.endswith("; stop it, or set another namespace or ROS_DOMAIN_ID")
         for _ in range(200):  # more often than it tells whose it is
             with pytest.raises(ParameterError, match="already"):
                 claim_signal(domain, TOPIC)
@@ -62,10 +62,20 @@ def test_an_emergency_stop_reaches_who_sends_and_handles_it_in_its_namespace(dom
         assert process.poll() is None
     prepare = "import sys; signal.signal(signal.SIGUSR1, lambda *_: sys.exit(7)); "
     with sending(domain, f"/left{TOPIC}", prepare) as process:
-        assert stop_senders(domain, "") == 0
-        assert stop_senders(domain + 1, "left") == 0
-        assert stop_senders(domain, "/left/") == 1
+        assert stop_senders(domain, "/right") == 0
+        assert stop_senders(domain + 1, "/left") == 0
+        assert stop_senders(domain, "/left") == 1
         assert process.wait(PATIENCE) == 7
+
+
+def test_an_emergency_stop_without_a_namespace_reaches_every_graph_of_the_domain(
+    domain: int,
+) -> None:
+    prepare = "import sys; signal.signal(signal.SIGUSR1, lambda *_: sys.exit(7)); "
+    with sending(domain, TOPIC, prepare) as root, sending(domain, f"/a/b{TOPIC}", prepare) as far:
+        assert stop_senders(domain + 1, "") == 0
+        assert stop_senders(domain, "") == 2
+        assert root.wait(PATIENCE) == far.wait(PATIENCE) == 7
 
 
 def test_other_domains_signals_and_namespaces_are_free(domain: int) -> None:
@@ -80,15 +90,23 @@ def test_other_domains_signals_and_namespaces_are_free(domain: int) -> None:
         claim_signal(domain, long)
 
 
-def test_a_graph_is_alone_in_its_domain(domain: int) -> None:
-    with sole_graph(), pytest.raises(ParameterError, match="has a graph already"), sole_graph():
+def test_a_graph_is_alone_in_its_namespace(domain: int) -> None:
+    with sole_graph(""), sole_graph("/left"):
+        for namespace, line in (("", "has a graph already"), ("/left", "has a graph in /left")):
+            with pytest.raises(ParameterError, match=line), sole_graph(namespace):
+                pass
+    with sole_graph(""):
         pass
-    with sole_graph():
-        pass
-    with sending(domain), pytest.raises(ParameterError, match=f"sender of {TOPIC}"), sole_graph():
-        pass
-    with sending(domain, f"/left{TOPIC}"), sole_graph():
-        pass
+    for namespace in ("", "/left"):
+        topic = f"{namespace}{TOPIC}"
+        with (
+            sending(domain, topic),
+            pytest.raises(ParameterError, match=f"sender of {topic}"),
+            sole_graph(namespace),
+        ):
+            pass
+        with sending(domain, topic), sole_graph("/right"):
+            pass
 
 
 @pytest.mark.parametrize("text", ["233", "-1", "one", "\uff11", "9" * 5000])

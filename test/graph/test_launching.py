@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import runpy
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,6 +13,8 @@ import pytest
 
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
+from haptic_accel.graph.claims import sole_graph
+from haptic_accel.graph.files import parameter_text, read_parameter_file
 from haptic_accel.graph.folders import share_folder
 from haptic_accel.graph.processes import Process, graph, identification_graph
 from haptic_accel.graph.replay import described_replay, replay_arguments
@@ -24,11 +26,13 @@ except ImportError:
     sys.path.insert(0, str(Path(__file__).parents[1] / "launch_double"))
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.actions import DeclareLaunchArgument, RegisterEventHandler, Shutdown
 
 from haptic_accel.graph import launching
 
 BAG = Path(__file__).parents[1] / "data" / "text"
+
+pytestmark = pytest.mark.quiet
 
 Words = dict[str, str]
 Start = Callable[..., dict[str, SimpleNamespace]]
@@ -50,19 +54,26 @@ def declared(name: str) -> list[tuple[str, str, str]]:
 
 
 @pytest.fixture
-def start(monkeypatch: pytest.MonkeyPatch) -> Start:
+def start(monkeypatch: pytest.MonkeyPatch, domain: int) -> Iterator[Start]:
     """Execute a launch file; return the nodes it starts, by executable."""
     monkeypatch.setattr(launching, "Node", SimpleNamespace)
+    context = LaunchContext()
 
     def started(name: str, **words: str) -> dict[str, SimpleNamespace]:
-        context = LaunchContext()
+        context.launch_configurations.clear()
         context.launch_configurations.update(words)
-        nodes: list[SimpleNamespace] = []
+        found: list[Any] = []
         for entity in description(name).entities:
-            nodes += entity.execute(context) or []
-        return {node.executable: node for node in nodes}
+            found += entity.execute(context) or []
+        handlers.extend(each for each in found if isinstance(each, RegisterEventHandler))
+        return {each.executable: each for each in found if isinstance(each, SimpleNamespace)}
 
-    return started
+    handlers: list[RegisterEventHandler] = []
+    yield started
+    for handler in handlers:
+        handler.event_handler.handle(Shutdown(reason="over"), context)
+    with sole_graph(""):
+        """Nothing is claimed any more."""
 
 
 def ended(node: SimpleNamespace, status: int, *, shutdown: bool = False) -> Any:
@@ -88,7 +99,7 @@ def test_a_replay_declares_its_own_arguments_and_those_of_the_graph() -> None:
         ("teleop", {}, lambda words: graph(parse_arguments(words))),
         (
             "teleop",
-            {"controller": "constant", "composed": "true", "scope": "true"},
+            {"controller": "constant", "composed": "true", "scope": "true", "namespace": "left"},
             lambda words: graph(parse_arguments(words)),
         ),
         (
@@ -112,8 +123,47 @@ def test_the_nodes_are_those_of_the_command_line_with_the_same_parameters(
     for process in processes:
         node = nodes[process.executable]
         assert node.package == "haptic_accel"
-        assert node.arguments == process.ros_arguments
+        words = node.arguments
+        file = Path(words[words.index("--params-file") + 1])
+        assert file.read_text() == parameter_text(process.parameters)
+        assert node.namespace == (process.namespace or "/")
         assert (node.on_exit is None) == process.optional
+
+
+@pytest.mark.parametrize(
+    ("pushed", "namespace", "found"),
+    [
+        ("/lab", "", "/lab"),
+        ("/lab", "left", "/lab/left"),
+        ("/lab", "/left", "/left"),
+        ("/lab", "/", "/"),
+        ("", "", "/"),
+    ],
+)
+def test_a_namespace_around_the_launch_file_counts_as_in_launch_ros(
+    start: Start, tmp_path: Path, pushed: str, namespace: str, found: str
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    for key, k_m in (
+        ("/**/coupler", 200.0),
+        ("/lab/coupler", 300.0),
+        ("/lab/left/coupler", 400.0),
+    ):
+        with mine.open("a") as file:
+            file.write(f"{key}: {{ros__parameters: {{k_m: {k_m}}}}}\n")
+    around = {"ros_namespace": pushed} if pushed else {}
+    nodes = start("teleop", params_file=str(mine), namespace=namespace, **around)
+    assert {node.namespace for node in nodes.values()} == {found}
+    words = nodes["coupler"].arguments
+    given = read_parameter_file(Path(words[words.index("--params-file") + 1]))["coupler"]
+    assert given["k_m"] == {"/lab": 300.0, "/lab/left": 400.0}.get(found, 200.0)
+
+
+def test_a_second_graph_is_refused_in_its_namespace_and_welcome_in_another(start: Start) -> None:
+    start("teleop", namespace="left")
+    start("teleop", namespace="right")
+    with pytest.raises(ParameterError, match="has a graph in /left already"):
+        start("identify", namespace="left")
 
 
 def test_a_wrong_argument_is_refused_in_one_line_before_anything_starts(start: Start) -> None:

@@ -9,7 +9,6 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.node_parameters import node_schema
 from haptic_accel.graph.processes import (
-    Process,
     graph,
     graph_parameters,
     identification_graph,
@@ -26,7 +25,6 @@ def test_five_processes_whose_parameters_they_have() -> None:
         assert list(process.parameters) == [process.executable]
         for node, values in process.parameters.items():
             assert set(values) <= set(node_schema(node))
-        assert all(path.is_file() for path in process.parameter_files)
 
 
 def test_composed_is_one_process_and_a_recorder() -> None:
@@ -41,7 +39,9 @@ def test_an_identification_has_three_and_knows_the_simulated_actuator(tmp_path: 
         "/**: {ros__parameters: {actuator: {m_a: 0.03, k_s: 400.0}}}\n"
         "identifier: {ros__parameters: {actuator: {k_s: 500.0}, rest: 2.0}}"
     )
-    arguments = IdentifyArguments(config=str(mine), trials=2, end_frequency=300.0, grip="hook")
+    arguments = IdentifyArguments(
+        params_file=str(mine), trials=2, end_frequency=300.0, grip="hook"
+    )
     processes = {p.executable: p.parameters for p in identification_graph(arguments)}
     assert set(processes) == {"recorder", "master_device", "identifier"}
     values = processes["identifier"]["identifier"]
@@ -65,14 +65,70 @@ def test_a_scope_is_added_last_and_the_graph_can_do_without_it(composed: bool) -
     *others, scope = graph(arguments)
     assert scope.executable == "scope"
     assert scope.optional
-    assert scope.parameters == {"scope": {"host": "0.0.0.0", "port": 0, "control": True}}
+    given = {"host": "0.0.0.0", "port": 0, "control": True}
+    assert scope.parameters["scope"].items() >= given.items()
     assert not any(process.optional for process in others)
     assert {"scope"}.isdisjoint(node for process in others for node in process.parameters)
 
 
-def test_a_namespace_is_a_process_argument() -> None:
-    words = Process("scope", (), {"scope": {"port": 0}}, namespace="/left").ros_arguments
-    assert words[1:] == ["-p", "port:=0", "-r", "__ns:=/left"]
+@pytest.mark.parametrize("composed", [False, True])
+def test_all_processes_of_a_graph_are_in_its_namespace_and_log_alike(composed: bool) -> None:
+    arguments = GraphArguments(
+        namespace="lab/left", log_level="debug", composed=composed, scope=True
+    )
+    for process in graph(arguments):
+        assert (process.namespace, process.log_level) == ("/lab/left", "debug")
+
+
+@pytest.mark.parametrize(
+    ("key", "namespace", "holds"),
+    [
+        ("coupler", "", True),
+        ("/coupler", "", True),
+        ("/*/coupler", "", False),
+        ("/**/coupler", "", True),
+        ("/left/coupler", "", False),
+        ("/**/coupler", "/lab/left", True),
+        ("/lab/*/coupler", "/lab/left", True),
+        ("/lab/**/coupler", "/lab/left", True),
+        ("/lab/left/coupler", "lab/left", True),
+        ("/left/coupler", "/lab/left", False),
+        ("coupler", "left", False),
+    ],
+)
+def test_a_users_key_must_hold_in_the_namespace_of_the_graph(
+    tmp_path: Path, key: str, namespace: str, holds: bool
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(f"{key}: {{ros__parameters: {{k_m: 300.0}}}}")
+    arguments = GraphArguments(params_file=str(mine), namespace=namespace)
+    if holds:
+        assert graph_parameters(arguments)["coupler"]["k_m"] == 300.0
+    else:
+        with pytest.raises(ParameterError) as refused:
+            graph_parameters(arguments)
+        assert f"{mine}': {key}: holds in another namespace, not for /" in str(refused.value)
+        assert str(refused.value).endswith("coupler; write /**/coupler")
+
+
+def test_a_file_may_serve_graphs_in_several_namespaces(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(
+        "/left/coupler: {ros__parameters: {k_m: 200.0}}\n"
+        "/right/coupler: {ros__parameters: {k_m: 300.0}}\n"
+        "/right/**: {ros__parameters: {high_pass_frequency: 20.0}}"
+    )
+    for namespace, k_m, corner in (("left", 200.0, 15.0), ("right", 300.0, 20.0)):
+        arguments = GraphArguments(params_file=str(mine), namespace=namespace)
+        values = graph_parameters(arguments)
+        assert values["coupler"]["k_m"] == k_m
+        assert values["compensator"]["high_pass_frequency"] == corner
+
+
+@pytest.mark.parametrize("namespace", ["a-b", "a//b", "1a", "a b", "~"])
+def test_what_is_no_namespace_is_refused(namespace: str) -> None:
+    with pytest.raises(ParameterError, match=f"^namespace = '{namespace}': must be letters"):
+        GraphArguments(namespace=namespace)
 
 
 def test_no_recorder_when_not_recording() -> None:
@@ -87,7 +143,7 @@ def test_the_users_file_goes_over_the_defaults(tmp_path: Path) -> None:
         "coupler: {ros__parameters: {k_m: 300.0}}\n"
         "compensator: {ros__parameters: {rate: 500, actuator: {peak_force: 1.0}}}"
     )
-    values = graph_parameters(GraphArguments(config=str(mine), rate=500.0))
+    values = graph_parameters(GraphArguments(params_file=str(mine), rate=500.0))
     assert values["coupler"]["k_m"] == 300.0
     assert values["coupler"]["k_sl"] == 250.0
     assert values["compensator"]["rate"] == 500.0
@@ -125,7 +181,7 @@ def test_a_file_that_arguments_would_override_is_refused(
     mine = tmp_path / "mine.yaml"
     mine.write_text(f"{node}: {{ros__parameters: {{{given}}}}}")
     with pytest.raises(ParameterError) as refused:
-        graph(GraphArguments(config=str(mine), **arguments))
+        graph(GraphArguments(params_file=str(mine), **arguments))
     assert str(refused.value).startswith(f"{mine}: ")
     assert str(refused.value).endswith(line)
 
@@ -143,14 +199,14 @@ def test_what_no_argument_sets_a_file_may_give(tmp_path: Path, node: str, given:
     mine = tmp_path / "mine.yaml"
     mine.write_text(f"{node}: {{ros__parameters: {{{given}}}}}")
     name, value = given.split(": ")
-    values = graph_parameters(GraphArguments(config=str(mine)))
+    values = graph_parameters(GraphArguments(params_file=str(mine)))
     assert str(values[node][name]) == value
 
 
 def test_the_rig_is_made_of_the_same_parameters(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text("master_device: {ros__parameters: {simulated: {handle: {m_h: 0.2}}}}")
-    rig = rig_parameters(graph_parameters(GraphArguments(surface="vinyl", config=str(mine))))
+    rig = rig_parameters(graph_parameters(GraphArguments(surface="vinyl", params_file=str(mine))))
     assert rig.master.handle.m_h == 0.2
     assert rig.slave.surface.name == "vinyl"
 
@@ -161,4 +217,4 @@ def test_a_rate_too_low_for_the_high_pass_is_refused_before_anything_starts(
     mine = tmp_path / "mine.yaml"
     mine.write_text("compensator: {ros__parameters: {high_pass_frequency: 60.0}}")
     with pytest.raises(ParameterError, match="high_pass_frequency"):
-        graph(GraphArguments(config=str(mine), rate=100.0))
+        graph(GraphArguments(params_file=str(mine), rate=100.0))

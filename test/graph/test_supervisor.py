@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.process import CUT_SHORT
@@ -24,12 +24,12 @@ def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         supervisor,
         "command",
-        lambda process: [sys.executable, "-c", process.parameters["script"][""]],
+        lambda process, _: [sys.executable, "-c", process.parameters["script"][""]],
     )
 
 
 def script(name: str, text: str) -> Process:
-    return Process(name, (), {"script": {"": text}})
+    return Process(name, {"script": {"": text}})
 
 
 WAIT = (
@@ -169,8 +169,10 @@ def test_only_the_last_lines_are_kept() -> None:
 
 
 @given(st.text(st.characters(codec="utf-8", exclude_characters="\0")))
-def test_any_text_reaches_ros_as_that_text(text: str) -> None:
-    words = command(Process("recorder", (Path("a b.yaml"),), {"recorder": {"bag": text}}))
-    assert words[words.index("--params-file") + 1] == "a b.yaml"
-    name, _, value = words[-1].partition(":=")
-    assert (name, yaml.safe_load(value)) == ("recorder:bag", text)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_text_reaches_ros_as_that_text(tmp_path: Path, text: str) -> None:
+    words = command(Process("recorder", {"recorder": {"bag": text}}, "/left"), tmp_path)
+    assert words[-2:] == ["-r", "__ns:=/left"]
+    file = Path(words[words.index("--params-file") + 1]).read_text()
+    assert yaml.safe_load(file) == {"/**/recorder": {"ros__parameters": {"bag": text}}}
+    assert 'bag: "' in file, "quoted: ROS would read 1e5 as a number"

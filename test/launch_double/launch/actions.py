@@ -31,6 +31,13 @@ class OpaqueFunction(LaunchDescriptionEntity):
         return self._function(context)
 
 
+class RegisterEventHandler(LaunchDescriptionEntity):
+    """Registration of what is done at an event."""
+
+    def __init__(self, event_handler: Any) -> None:
+        self.event_handler = event_handler
+
+
 class Shutdown(LaunchDescriptionEntity):
     """The end of all processes."""
 
