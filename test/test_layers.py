@@ -43,7 +43,7 @@ RIG_USERS = {"haptic_accel.devices.simulated", "haptic_accel.core.trial"}
 ROS = {
     *("rclpy", "launch", "launch_ros", "ament_index_python"),
     *("builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs"),
-    *("rcl_interfaces", "std_msgs", "std_srvs"),
+    *("rcl_interfaces", "sensor_msgs", "std_msgs", "std_srvs", "crtk_msgs"),
 }
 ROS_USERS: dict[str, set[str]] = {
     # Commands that call services and publish on topics of a running graph.

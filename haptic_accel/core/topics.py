@@ -117,6 +117,13 @@ class ArmTopics:
     stopped: Topic
     actuator_force: Topic | None = None
 
+    def beside(
+        self, name: str, kind: str, *, reliable: bool = True, latched: bool = False
+    ) -> Topic:
+        """Return another topic of this arm, by CRTK's name, in the frame of its positions."""
+        arm, frame = self.position.source, self.position.frame
+        return Topic(f"{arm}/{name}", kind, frame, arm, reliable, latched)
+
 
 MASTER = ArmTopics(
     MASTER_POSITION,

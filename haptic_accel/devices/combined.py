@@ -10,7 +10,7 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import Checked
 from haptic_accel.devices.can.device import CanMaster, CanSlave
 from haptic_accel.devices.can.parameters import CanMasterParameters, CanSlaveParameters
-from haptic_accel.devices.interface import LATER, Device, Reading
+from haptic_accel.devices.interface import LATER, Device, Joints, Reading, Sample
 from haptic_accel.devices.serial import device as serial
 
 
@@ -65,6 +65,10 @@ class CombinedDevice(Device):
         if False in answers:
             return False
         return None if None in answers else True
+
+    def joints(self, sample: Sample, force: Vector) -> Joints:
+        """Return the arm's joints."""
+        return self._arm.joints(sample, force)
 
     def close(self) -> None:
         """Leave both without force, one also when the other fails."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from enum import Enum
-from typing import Any, ClassVar, Final, Literal, TypeAlias
+from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeAlias
 
 from haptic_accel.core.model import Sample, Vector
 
-__all__ = ["LATER", "Device", "DeviceError", "Reading", "Sample"]
+__all__ = ["LATER", "Device", "DeviceError", "Joints", "Reading", "Sample"]
 
 
 class _Answer(Enum):
@@ -22,6 +23,15 @@ LATER: Final = _Answer.LATER
 
 Reading: TypeAlias = Sample | Literal[_Answer.LATER] | None
 """A sample, `LATER`, or None for a sample that is lost or was never taken."""
+
+
+class Joints(NamedTuple):
+    """State of an arm's joints: rad, rad/s and N m, or m, m/s and N of prismatic ones."""
+
+    names: Sequence[str]
+    positions: Sequence[float]
+    velocities: Sequence[float]
+    efforts: Sequence[float]
 
 
 class DeviceError(RuntimeError):
@@ -144,6 +154,17 @@ class Device(ABC):
     @abstractmethod
     def close(self) -> None:
         """Leave the device with zero force, also when it was never opened."""
+
+    def joints(self, sample: Sample, force: Vector) -> Joints:
+        """Return the arm's joints at its last sample and force: three along x, y and z.
+
+        Parameters
+        ----------
+        sample : Sample
+        force : tuple of float
+            Force of the arm's motors at that time, N.
+        """
+        return Joints(("x", "y", "z"), sample.position, sample.velocity, force)
 
     @property
     def remark(self) -> str:

@@ -15,6 +15,7 @@ from haptic_accel.core.control.filters import check_corner
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.coupling.engagement import EngagementParameters
 from haptic_accel.core.coupling.position_position import CouplingParameters
+from haptic_accel.core.coupling.position_servo import PositionServoParameters
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, AccelerometerParameters
 from haptic_accel.core.parameters import (
@@ -35,6 +36,9 @@ SAFETY = "safety"
 
 USE_SIM_TIME = "use_sim_time"
 """Parameter that ROS gives every node."""
+
+POSITION_SERVO = "servo_cp"
+"""Name of the gains of an arm's position control among its devices' parameters."""
 
 HIGHEST_RATE = 20e3
 """Rate above what any of these nodes can hold, Hz."""
@@ -185,11 +189,16 @@ def _kinds(classes: Mapping[str, Any]) -> dict[str, type]:
     return {name: kind.Parameters for name, kind in classes.items()}
 
 
+def _device_parts(devices: Mapping[str, Any], safety: type) -> dict[str, type]:
+    """Return the parameters of a device node's parts, by name."""
+    return {**_kinds(devices), SAFETY: safety, POSITION_SERVO: PositionServoParameters}
+
+
 NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     "recorder": (RecorderNodeParameters, {}),
     "scope": (ScopeNodeParameters, {}),
-    "master_device": (MasterNodeParameters, {**_kinds(MASTERS), SAFETY: MasterSafetyParameters}),
-    "slave_device": (SlaveNodeParameters, {**_kinds(SLAVES), SAFETY: SafetyParameters}),
+    "master_device": (MasterNodeParameters, _device_parts(MASTERS, MasterSafetyParameters)),
+    "slave_device": (SlaveNodeParameters, _device_parts(SLAVES, SafetyParameters)),
     "restamper": (RestamperNodeParameters, {}),
     "coupler": (CouplerNodeParameters, {}),
     "identifier": (

@@ -110,6 +110,7 @@ class Coupler(GraphNode):
             MASTER: self.sender(topics.MASTER_ARM_FORCE),
             SLAVE: self.sender(topics.SLAVE_ARM_FORCE),
         }
+        self._aside = False
         damped = self.parameters.damping > 0
         self._motions = {
             arm: Motions(
@@ -159,8 +160,15 @@ class Coupler(GraphNode):
 
     def _let_go(self) -> None:
         now = time.time_ns()
-        for force in self._forces.values():
+        for force in () if self._aside else self._forces.values():
             force.send(now, ZERO)
+
+    def _step_aside(self, aside: bool) -> None:
+        """Leave the arms' forces to other nodes, or send them again."""
+        if aside != self._aside:
+            self._aside = aside
+            for force in self._forces.values():
+                force.withdraw() if aside else force.offer()
 
     def work(self) -> float:
         """Couple the samples that came."""
@@ -236,6 +244,7 @@ class Coupler(GraphNode):
     def _step(self) -> None:
         """Engage, release, or end, as things are now."""
         self._couple()
+        self._step_aside(self._engagement.aside(time.monotonic()))
         if self._changed:
             self._fade()
         if self._first_force and self._first_force.take_vectors():
@@ -260,7 +269,7 @@ class Coupler(GraphNode):
             self.finish(f"duration of {self.parameters.duration:g} s is over")
 
     def _listeners(self) -> int:
-        return min(force.listeners for force in self._forces.values())
+        return 0 if self._aside else min(force.listeners for force in self._forces.values())
 
     def _missing(self) -> str:
         return self._engagement.missing(time.monotonic(), self._listeners())

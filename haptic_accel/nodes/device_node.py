@@ -22,7 +22,8 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, ArmTopics, along_actuator
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.devices.interface import LATER
-from haptic_accel.graph.node_parameters import SAFETY
+from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY
+from haptic_accel.nodes.crtk import Motions, OperatingState, Queries
 from haptic_accel.nodes.interface import Inbox
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from haptic_accel.nodes.scheduling import (
@@ -196,6 +197,10 @@ class DeviceNode(ManagedNode):
                 self._allowed_actuator_force,
                 late_at_device=(lambda: self.device.late) if self._kind.AHEAD else None,
             )
+        self._queries = Queries(self, arm)
+        self._motions = Motions(self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm)
+        self._operating = OperatingState(self, arm, self.safety, self._fault, self._arm_again)
+        self._newest: Sample | None = None
         self._stops = [self.inbox(topic) for topic in topics.STOPS]
         self.create_service(Trigger, "~/arm", self._serve_arm)
         self.create_timer(NEWS_PERIOD, self._log_news)
@@ -281,8 +286,9 @@ class DeviceNode(ManagedNode):
         super().say_farewell()
 
     def report(self) -> None:
-        """Publish the diagnostics, and whether the device follows an emergency stop."""
+        """Publish the diagnostics, and the states of device and arm."""
         super().report()
+        self._operating.report(again=True)
         if self._settled:
             self._publish_stopped(Bool(data=self.safety.stopped))
 
@@ -296,6 +302,7 @@ class DeviceNode(ManagedNode):
             "late ticks": str(keeper.late),
             "missed ticks": str(keeper.missed),
             "ticks without a sample": str(self._unread),
+            "positions refused": str(self._motions.refused),
             **quantiles(keeper.lateness, "tick lateness"),
         }
         for name, commands in self._commands.items():
@@ -381,7 +388,6 @@ class DeviceNode(ManagedNode):
             self.trigger_deactivate()
         elif self.state != UNCONFIGURED:
             self.trigger_cleanup()
-        self._failure = None
         self.report()
 
     # The tick
@@ -453,7 +459,11 @@ class DeviceNode(ManagedNode):
                 self._unread += 1
             else:
                 acceleration = sample.acceleration
-                self._publish(sample, self._stamp - self.rate_keeper.time(self._tick) + moment)
+                stamp = self._stamp - self.rate_keeper.time(self._tick) + moment
+                self._newest = sample
+                self._publish(sample, stamp)
+                if self._motions.servo.set_point:
+                    self._hold(tick, stamp, sample)
         return acceleration
 
     def _publish(self, sample: Sample, stamp: int) -> None:
@@ -461,11 +471,30 @@ class DeviceNode(ManagedNode):
         self._send_acceleration(stamp, along_actuator(sample.acceleration))
         self._send_position(stamp, sample.position)
         self._send_velocity(stamp, sample.velocity)
+        if self._queries.asked:
+            self._queries.publish(
+                stamp,
+                sample,
+                self.safety.held_arm_force,
+                self._motions.servo.set_point,
+                self.device.joints,
+            )
+
+    def _hold(self, tick: int, stamp: int, sample: Sample) -> None:
+        """Command the force that a sample causes while a position is commanded."""
+        servo = self._motions.servo
+        if self.safety.refusal or self.safety.contested:
+            servo.set_point = None
+        elif force := servo.force(sample.position, sample.velocity):
+            self._commands[ARM].forces.put(tick, stamp, force)
 
     def _receive(self) -> None:
         """Take the commands that have come."""
+        if self._motions.expected:
+            self._take_motions()
         for name, commands in self._commands.items():
             for stamp, force in commands.inbox.take_vectors():
+                stamp = stamp or self._unstamped(name)
                 if name == ARM and commands.forces.newest is None:
                     # The arms engage: what was late while nodes came up says nothing of the run.
                     for each in self._commands.values():
@@ -476,8 +505,19 @@ class DeviceNode(ManagedNode):
                     commands.forces.pass_on(stamp, force)
                 else:
                     commands.forces.put(sample, stamp, force)
+                    if name == ARM:
+                        self._motions.servo.set_point = None
                 if commands.ahead:
                     self._send_ahead(name, sample + commands.latency)
+
+    def _unstamped(self, name: str) -> int:
+        """Return the stamp for a force without one: that of now, or none, for it to be refused."""
+        return self._stamp if name == ARM and self.options[SAFETY].arm.zero_stamp else 0
+
+    def _take_motions(self) -> None:
+        """Follow the motion commands that have come."""
+        if self._newest and self._motions.take(self._newest.position):
+            self._commands[ARM].forces.put(self._tick, self._stamp, ZERO)
 
     def _send_ahead(self, name: str, tick: int) -> None:
         """Write a force that a device will apply by its own clock when it is due."""
@@ -561,19 +601,30 @@ class DeviceNode(ManagedNode):
         self.report()
 
     def _serve_arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Allow forces again after a time-out, an outdated command, or a refusal of the device."""
-        refused = self.safety.refusal
-        if not refused and self.device.arm() is False:
-            refused = self.device.problem or "the device does not arm"
-        response.message = refused or self.safety.arm() or "armed"
+        refused = self._arm_again()
+        response.message = refused or "armed"
         response.success = not refused
         self.report()
         return response
 
+    def _arm_again(self) -> str:
+        """Allow forces again after a fault of commands or device; return what prevents it."""
+        refused = self.safety.refusal
+        if not refused and self.device.arm() is False:
+            refused = self.device.problem or "the device does not arm"
+        return refused or self.safety.arm()
+
+    def _fault(self) -> str:
+        """Return what is wrong with the device, empty for nothing."""
+        return str(self._failure or (self._sampling and self.device.problem) or "")
+
     def _log_news(self) -> None:
-        """Log news of the safety layer, each once; refuse forces that have several senders."""
+        """Log news of the safety layer, each once; look who sends commands and who asks."""
+        for look in (self._motions.look, self._queries.look, self._operating.report):
+            look()
         for name, commands in self._commands.items():
-            self.safety.note_senders(name.replace("_", " "), self.rivals(commands.inbox))
+            inboxes = [commands.inbox, *([self._motions.positions] if name == ARM else [])]
+            self.safety.note_senders(name.replace("_", " "), self.rivals(*inboxes))
         for line in self.safety.news(steady_now()):
             self.get_logger().warning(line)
             self.report()

@@ -67,13 +67,22 @@ Value = TypeVar("Value")
 
 
 class Sender:
-    """Publishes one signal."""
+    """Publishes one signal of a node."""
 
-    def __init__(self, publisher: Publisher, topic: Topic) -> None:
-        self._publisher = publisher
-        # As `publish` does, which asks first what it got.
-        self._publish: Any = publisher.handle.publish_raw
+    def __init__(self, node: GraphNode, topic: Topic) -> None:
+        self._node, self._topic = node, topic
         self._pack = StampedVector(topic).pack
+        self.offer()
+
+    def offer(self) -> None:
+        """Be a publisher of the topic, again after `withdraw`."""
+        self._publisher = self._node.publisher(self._topic)
+        # As `publish` does, which asks first what it got.
+        self._publish: Any = self._publisher.handle.publish_raw
+
+    def withdraw(self) -> None:
+        """Leave the topic to others; nothing may be sent until `offer`."""
+        self._node.destroy_publisher(self._publisher)
 
     def send(self, stamp: int, vector: Vector) -> None:
         """Publish a vector with a stamp, system time in ns."""
@@ -230,7 +239,7 @@ class GraphNode(SupervisedNode):
         """
         name = self.resolve_topic_name(topic.name)
         self._claims.append(claim_signal(self.context.get_domain_id(), name))
-        return Sender(self.publisher(topic), topic)
+        return Sender(self, topic)
 
     def listen(self, topic: Topic, callback: Callable[[int, Vector], None]) -> Subscription:
         """Subscribe to a signal; the callback gets stamps, system time in ns, and vectors."""
@@ -247,12 +256,13 @@ class GraphNode(SupervisedNode):
         self._followed.append(Samples(self.inbox(topic), rate, partial(self._on_jump, topic)))
         return self._followed[-1]
 
-    def rivals(self, inbox: Inbox) -> list[str]:
-        """Return the full names of the nodes that publish to an inbox; none for a single one."""
-        topic = inbox.subscription.topic_name
-        if self.count_publishers(topic) < 2:  # to ask for names takes eight times as long
+    def rivals(self, *inboxes: Inbox) -> list[str]:
+        """Return the full names of the nodes that publish to inboxes; none for a single one."""
+        topics = [inbox.subscription.topic_name for inbox in inboxes]
+        # To ask for names takes eight times as long.
+        if sum(self.count_publishers(topic) for topic in topics) < 2:
             return []
-        found = self.get_publishers_info_by_topic(topic)
+        found = [each for topic in topics for each in self.get_publishers_info_by_topic(topic)]
         return sorted({f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found})
 
     @property

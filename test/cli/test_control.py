@@ -15,10 +15,16 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from haptic_accel.bags.delivery import read_delivery
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.topics import ACTUATOR_FORCE, HANDLE_ACCELERATION, TOOL_ACCELERATION
+from haptic_accel.core.topics import (
+    ACTUATOR_FORCE,
+    HANDLE_ACCELERATION,
+    MASTER_ARM_FORCE,
+    SLAVE_ARM_FORCE,
+    TOOL_ACCELERATION,
+)
 from haptic_accel.graph.files import surface_parameters
 from observing import Observer
-from running import Command
+from running import Command, wait_until
 from verbs import refusal
 
 Start = Callable[..., Command]
@@ -80,6 +86,9 @@ def test_surface_grip_and_engagement_change_while_the_graph_runs(
     assert {name: value("slave_device", name) for name in expected} == expected
     assert value("master_device", "simulated.grip.posture") == "hook"
     observer.status("coupler", "let go on request")
+    for force in (MASTER_ARM_FORCE, SLAVE_ARM_FORCE):
+        name = force.name
+        wait_until(lambda name=name: not observer.node.count_publishers(name), "the arms are left")
     so_far = len(graph.lines)
     assert ask("control", "engage:=true")[0] == 0
     graph.wait_for("engaged", after=so_far)

@@ -89,6 +89,9 @@ class ArmLimits(ActuatorCommandLimits):
     peak_force: float = parameter(
         ARM_PEAK_FORCE, "limit of the arm's force (Phantom Omni: 3.3 N)", "N", 0, 100
     )
+    zero_stamp: bool = parameter(
+        True, "take a command without a stamp, which CRTK allows, as one of the moment it came"
+    )
 
 
 @dataclass(frozen=True)
@@ -242,6 +245,11 @@ class _Channel(ABC, Generic[Force]):
         """Hold no force from now on; return it."""
         self._commanded = now
         return self._hold(now, self._none)
+
+    @property
+    def held(self) -> Force:
+        """Force that is held, N."""
+        return self._held
 
     def news(self, now: float) -> str:
         """Return a line for the log, once; otherwise empty."""
@@ -450,6 +458,11 @@ class SafetyLayer:
         if self.stopped:
             return STOPPED
         return "" if self.active else INACTIVE
+
+    @property
+    def held_arm_force(self) -> Vector:
+        """Force of the arm since the last command, N."""
+        return self._arm.held
 
     @property
     def disarmed(self) -> str:

@@ -148,6 +148,10 @@ class Engagement:
         self._wanted = engage
         return ""
 
+    def aside(self, now: float) -> bool:
+        """Return whether the arms, let go on request, have come to rest, for others to move."""
+        return not (self._wanted or self.engaged) and now - self._released >= FREE_TIME
+
     def missing(self, now: float, listeners: int) -> str:
         """Return what engaging waits for, or what has gone; empty when all is there.
 

@@ -15,7 +15,7 @@ from haptic_accel.devices.can.kinematics import Angles, kinematics_of
 from haptic_accel.devices.can.parameters import REQUESTED, CanParameters, JointParameters
 from haptic_accel.devices.can.protocol import AxisState, Frame, SetState, SetTorque
 from haptic_accel.devices.connection import AUTO
-from haptic_accel.devices.interface import Sample
+from haptic_accel.devices.interface import Joints, Sample
 
 REPEAT_PERIOD = 5e-3
 """Time after which torques are sent again, s. The time-out of an axis' watchdog should be several
@@ -210,9 +210,16 @@ class DrivenArm:
             self._counts["samples_missing"] += 1
             return None
         angles = self._angles()
-        speeds = [axis.joint.angle_per_turn * axis.speed for axis in self._axes]
-        x, y, z = (self._kinematics.jacobian(angles) @ speeds).tolist()
+        x, y, z = (self._kinematics.jacobian(angles) @ self._speeds()).tolist()
         return Sample(self._kinematics.position(angles), (x, y, z), 0.0)
+
+    def joints(self) -> Joints:
+        """Return angles, their speeds and the torques of the joints, as last known."""
+        torques = (
+            axis.joint.joint_torque(torque)
+            for axis, torque in zip(self._axes, self.torques, strict=True)
+        )
+        return Joints(list(self._p.joints), self._angles(), self._speeds(), list(torques))
 
     def _disarm_for(self, reason: str, *, recovers: bool = False) -> None:
         """Release all axes for a reason; `recovers` allows to arm again without a request."""
@@ -226,6 +233,9 @@ class DrivenArm:
 
     def _angles(self) -> Angles:
         return tuple(axis.joint.angle(axis.turns) for axis in self._axes)
+
+    def _speeds(self) -> list[float]:
+        return [axis.joint.angle_per_turn * axis.speed for axis in self._axes]
 
     def _limited(self, joint_torques: FloatArray) -> Angles:
         """Return the motors' torques, all scaled alike, so that the force keeps its direction."""

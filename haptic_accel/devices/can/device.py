@@ -17,7 +17,7 @@ from haptic_accel.devices.can.parameters import (
     CanParameters,
     CanSlaveParameters,
 )
-from haptic_accel.devices.interface import Device, DeviceError, Sample
+from haptic_accel.devices.interface import Device, DeviceError, Joints, Sample
 
 T = TypeVar("T")
 
@@ -78,6 +78,10 @@ class CanArm(Device):
         """Send the torques for a force of the tip; an actuator's force is ignored."""
         if arm_force is not None:
             self._arm.apply(arm_force, monotonic())
+
+    def joints(self, sample: Sample, force: Vector) -> Joints:
+        """Return the driven joints by the drives' newest estimates, with the torques given."""
+        return self._arm.joints()
 
     def close(self) -> None:
         """Leave every axis idle and without torque, also when it was never opened."""

@@ -125,10 +125,14 @@ def test_a_request_releases_the_arms_until_the_next() -> None:
     run = Run()
     run.step()
     assert run.engagement.request(False) == ""
+    assert not run.engagement.aside(run.now)
     assert run.step() == Decision(release=True, warning=f"let go: {DISENGAGED}")
+    assert not run.engagement.aside(run.now), "the arms have not come to rest"
     assert run.step(2 * WARNING_PERIOD) == NOTHING
     assert run.missing == DISENGAGED
+    assert run.engagement.aside(run.now)
     assert run.engagement.request(True) == ""
+    assert not run.engagement.aside(run.now)
     assert run.step() == ENGAGE
 
 

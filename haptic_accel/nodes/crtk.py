@@ -1,0 +1,271 @@
+"""CRTK's side of a device node: queries, motion commands and operating state of its arm.
+
+The graph itself needs none of it, and so it costs nothing until somebody asks: queries are
+published while they have subscribers, commands are looked for while they have publishers.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.lifecycle import TransitionCallbackReturn as Outcome
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from haptic_accel.core import operating_state
+from haptic_accel.core.actuator.safety import ArmLimits, SafetyLayer
+from haptic_accel.core.coupling.position_servo import PositionServo, PositionServoParameters
+from haptic_accel.core.model import Sample, Vector
+from haptic_accel.core.operating_state import DISABLED, ENABLED, FAULT, PAUSED, transitions
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import ArmTopics, Topic
+from haptic_accel.devices.interface import Joints
+from haptic_accel.nodes.interface import GraphNode, Sender, message_type
+from haptic_accel.nodes.managed import ACTIVE, INACTIVE, ManagedNode
+
+MESSAGES = "crtk_msgs"
+"""ROS package of CRTK's own messages: without it there is no `operating_state`."""
+
+INVALID = 0
+"""Stamp of data that are not valid now (CRTK, "Data validity")."""
+
+_JOINTS, _EMPTY = "sensor_msgs/msg/JointState", "std_msgs/msg/Empty"
+_STATE, _TEXT = f"{MESSAGES}/msg/OperatingState", f"{MESSAGES}/msg/StringStamped"
+
+
+class Queries:
+    """Joint state, force and set-point of an arm, published while somebody subscribes.
+
+    Parameters
+    ----------
+    node : GraphNode
+    arm : ArmTopics
+
+    Attributes
+    ----------
+    asked : bool
+        Somebody subscribed when `look` was called last.
+    """
+
+    def __init__(self, node: GraphNode, arm: ArmTopics) -> None:
+        self._frame, self._prefix = arm.position.frame, f"{arm.position.source}_"
+        self._joints = node.publisher(arm.beside("measured_js", _JOINTS))
+        self._force = Sender(node, arm.beside("measured_cf", arm.arm_force.type))
+        self._set_point = Sender(node, arm.beside("setpoint_cp", arm.position.type))
+        self._joints_asked = self.asked = False
+
+    def look(self) -> None:
+        """Look for subscribers."""
+        self._joints_asked = self._joints.get_subscription_count() > 0
+        self.asked = self._joints_asked or self._force.listeners + self._set_point.listeners > 0
+
+    def publish(
+        self,
+        stamp: int,
+        sample: Sample,
+        force: Vector,
+        set_point: Vector | None,
+        joints: Callable[[Sample, Vector], Joints],
+    ) -> None:
+        """Publish what belongs to a sample.
+
+        Parameters
+        ----------
+        stamp : int
+            System time, ns.
+        sample : Sample
+        force : tuple of float
+            Force of the arm's motors at that time, N.
+        set_point : tuple of float or None
+            Position at which the arm is held, m; None if it is not.
+        joints : callable
+            Returns the joints for sample and force.
+        """
+        self._force.send(stamp, force)
+        if set_point is None:
+            self._set_point.send(INVALID, sample.position)
+        else:
+            self._set_point.send(stamp, set_point)
+        if self._joints_asked:
+            self._publish_joints(stamp, joints(sample, force))
+
+    def _publish_joints(self, stamp: int, joints: Joints) -> None:
+        message = JointState(
+            name=[self._prefix + name for name in joints.names],
+            position=list(joints.positions),
+            velocity=list(joints.velocities),
+            effort=list(joints.efforts),
+        )
+        sec, nanosec = divmod(stamp, NANOSECONDS)
+        message.header.stamp, message.header.frame_id = Time(sec=sec, nanosec=nanosec), self._frame
+        self._joints.publish(message)
+
+
+class Motions:
+    """Motion commands other than forces: `servo_cp`, `hold` and `free`.
+
+    Of those that come between two samples, `free` counts before `hold`, and that before a
+    position; otherwise the newest command wins.
+
+    Parameters
+    ----------
+    node : GraphNode
+    arm : ArmTopics
+    parameters : PositionServoParameters
+    limits : ArmLimits
+        Positions have the largest age of forces.
+
+    Attributes
+    ----------
+    servo : PositionServo
+    positions : Inbox
+        Commands of `servo_cp`.
+    expected : bool
+        Somebody published when `look` was called last.
+    refused : int
+        Number of positions that were out of date, or not finite.
+    """
+
+    def __init__(
+        self,
+        node: GraphNode,
+        arm: ArmTopics,
+        parameters: PositionServoParameters,
+        limits: ArmLimits,
+    ) -> None:
+        self._node = node
+        self._limits = limits
+        self.servo = PositionServo(parameters)
+        self.positions = node.inbox(arm.beside("servo_cp", arm.position.type, reliable=False))
+        self._holds = node.inbox(arm.beside("hold", _EMPTY))
+        self._frees = node.inbox(arm.beside("free", _EMPTY))
+        self.expected = False
+        self.refused = 0
+
+    def look(self) -> None:
+        """Look for publishers."""
+        inboxes = self.positions, self._holds, self._frees
+        topics = (inbox.subscription.topic_name for inbox in inboxes)
+        self.expected = any(self._node.count_publishers(topic) for topic in topics)
+
+    def take(self, position: Vector) -> bool:
+        """Follow the commands that came to an arm at a position, m; return if one frees it."""
+        for stamp, goal in self.positions.take_vectors():
+            if self._valid(stamp, goal):
+                self.servo.set_point = goal
+            else:
+                self.refused += 1
+        if self._holds.take():
+            self.servo.set_point = position
+        freed = bool(self._frees.take())
+        if freed:
+            self.servo.set_point = None
+        return freed
+
+    def _valid(self, stamp: int, goal: Vector) -> bool:
+        """Return whether a position is finite and of now."""
+        age = 0 if self._limits.zero_stamp and not stamp else time.time_ns() - stamp
+        return math.isfinite(sum(goal)) and abs(age) <= self._limits.max_age * NANOSECONDS
+
+
+class OperatingState:
+    """CRTK's state of an arm, and the commands that change it by the managed node's transitions.
+
+    Both need CRTK's own messages; whether the arm is homed or busy is published without them, too.
+
+    Parameters
+    ----------
+    node : ManagedNode
+    arm : ArmTopics
+    safety : SafetyLayer
+    fault : callable
+        Returns what is wrong with the device; empty for nothing.
+    rearm : callable
+        Allows forces again after a fault; returns why not, if so.
+    """
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        arm: ArmTopics,
+        safety: SafetyLayer,
+        fault: Callable[[], str],
+        rearm: Callable[[], str],
+    ) -> None:
+        def topic(name: str, kind: str = arm.stopped.type) -> Topic:
+            return arm.beside(name, kind, latched=True)
+
+        self._node, self._safety, self._fault, self._rearm = node, safety, fault, rearm
+        self._pausing = False
+        self._known_fault = ""
+        self._told: tuple[Any, ...] = ()
+        self._homed, self._busy = (
+            node.publisher(topic(name)).publish for name in ("is_homed", "is_busy")
+        )
+        self._state = None
+        if find_spec(MESSAGES):
+            self._state = node.publisher(topic("operating_state", _STATE))
+            commands = arm.beside("state_command", _TEXT)
+            node.create_subscription(
+                message_type(commands), commands.name, lambda sent: self._obey(sent.string), 10
+            )
+        else:
+            node.get_logger().debug(f"no {MESSAGES}: no operating_state, no state_command")
+
+    @property
+    def state(self) -> str:
+        """State by CRTK's names."""
+        if self._fault() not in ("", self._known_fault):
+            return FAULT
+        if self._node.state == ACTIVE:
+            if self._safety.stopped or self._safety.disarmed:
+                return PAUSED
+            return ENABLED if self._safety.active else DISABLED
+        return PAUSED if self._pausing and self._node.state == INACTIVE else DISABLED
+
+    def report(self, *, busy: bool = False, again: bool = False) -> None:
+        """Publish the state where it is new; all of it `again` on request."""
+        homed = self._node.state in (INACTIVE, ACTIVE)
+        starting = self._node.state == ACTIVE and not self._safety.active
+        current = self.state, homed, busy or starting
+        if current == self._told and not again:
+            return
+        self._told = current
+        state, homed, busy = current
+        self._homed(Bool(data=homed))
+        self._busy(Bool(data=busy))
+        if self._state:
+            message = message_type(Topic("", _STATE, "", ""))(
+                state=state, is_homed=homed, is_busy=busy
+            )
+            message.header.stamp = self._node.get_clock().now().to_msg()
+            self._state.publish(message)
+
+    def _obey(self, command: str) -> None:
+        """Carry out a state command, or log why not."""
+        refused = operating_state.refusal(command, self.state)
+        if not refused:
+            self.report(busy=True, again=True)
+            refused = self._carry_out(command)
+        if refused:
+            self._node.get_logger().warning(f"state_command {command!r}: {refused}")
+        self.report(again=True)
+
+    def _carry_out(self, command: str) -> str:
+        """Change the node's state as a command says; return what prevents it."""
+        for transition in transitions(command, self._node.state):
+            if getattr(self._node, f"trigger_{transition}")() != Outcome.SUCCESS:
+                return f"{transition} failed"
+        self._pausing = command == operating_state.PAUSE
+        if command == operating_state.DISABLE:
+            self._known_fault = self._fault()
+        elif command in (operating_state.ENABLE, operating_state.RESUME):
+            self._known_fault = ""
+            if self.state in (FAULT, PAUSED):
+                return self._rearm()
+        return ""

@@ -1,0 +1,241 @@
+"""A simulated slave, commanded by a client of CRTK with its quality of service."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import rclpy
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Empty
+
+from haptic_accel.nodes import device_node
+from haptic_accel.nodes.slave_device import SlaveDevice
+from running import PATIENCE
+
+GOAL = (0.02, 0.0, 0.015)
+"""A position above the surface, m; the tip begins at (0, 0, 0.01)."""
+
+CLOSE = 1e-3
+"""Distance from the goal within which dry friction may leave the tip, m: 0.1 N / 250 N/m, and
+the resolution of the encoders."""
+
+
+class Client:
+    """A slave device, and a node that asks and commands it."""
+
+    def __init__(self) -> None:
+        self.arm = SlaveDevice()
+        self.node = rclpy.create_node("client")
+        self.executor = SingleThreadedExecutor()
+        for node in (self.arm, self.node):
+            self.executor.add_node(node)
+        self._newest: dict[str, Any] = {}
+        self._publishers: dict[str, Any] = {}
+
+    def until(self, condition: Callable[[], bool], meanwhile: Callable[[], None] = int) -> None:
+        """Let both nodes run until a condition holds; do something every millisecond."""
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, self._newest
+            meanwhile()
+            while self.arm.work() <= time.monotonic():
+                pass
+            self.executor.spin_once(timeout_sec=0.001)
+
+    def ask(self, kind: Any, name: str) -> Any:
+        """Return the next message of a query."""
+        topic = f"slave/{name}"
+        if topic not in self._newest:
+            keep = self._newest.__setitem__
+            self.node.create_subscription(kind, topic, lambda sent: keep(topic, sent), 10)
+        self._newest[topic] = None
+        self.until(lambda: self._newest[topic] is not None)
+        return self._newest[topic]
+
+    def send(self, message: Any, name: str) -> None:
+        """Publish a command."""
+        topic = f"slave/{name}"
+        if topic not in self._publishers:
+            self._publishers[topic] = self.node.create_publisher(type(message), topic, 10)
+            self.until(lambda: self._publishers[topic].get_subscription_count() > 0)
+        self._publishers[topic].publish(message)
+
+    def move(self, goal: tuple[float, float, float] = GOAL) -> None:
+        """Send a position without a stamp."""
+        message = PoseStamped()
+        message.pose.position.x, message.pose.position.y, message.pose.position.z = goal
+        self.send(message, "servo_cp")
+
+    def push(self, force: float) -> None:
+        """Send a force along x without a stamp."""
+        message = WrenchStamped()
+        message.wrench.force.x = force
+        self.send(message, "servo_cf")
+
+    @property
+    def position(self) -> tuple[float, float, float]:
+        point = self.ask(PoseStamped, "measured_cp").pose.position
+        return point.x, point.y, point.z
+
+    @property
+    def force(self) -> tuple[float, float, float]:
+        """Force that acts, N."""
+        force = self.ask(WrenchStamped, "measured_cf").wrench.force
+        return force.x, force.y, force.z
+
+    @property
+    def set_point(self) -> tuple[float, float, float]:
+        point = self.ask(PoseStamped, "setpoint_cp").pose.position
+        return point.x, point.y, point.z
+
+    @property
+    def is_held(self) -> bool:
+        """The set-point is valid."""
+        return any(stamp_of(self.ask(PoseStamped, "setpoint_cp")))
+
+    def is_there(self) -> bool:
+        """Return whether the arm is at the goal."""
+        return self.position == pytest.approx(GOAL, abs=CLOSE)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        for node in (self.arm, self.node):
+            node.destroy_node()
+
+
+def stamp_of(message: Any) -> tuple[int, int]:
+    stamp = message.header.stamp
+    return stamp.sec, stamp.nanosec
+
+
+@pytest.fixture
+def client(
+    domain: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> Iterator[Client]:
+    """Give a client of an arm past its first moments, with parameters name:=value."""
+    monkeypatch.setattr(device_node, "SETTLING", 0.0)
+    given = [word for value in getattr(request, "param", ()) for word in ("-p", value)]
+    rclpy.init(args=["--ros-args", *given] if given else None)
+    client = Client()
+    yield client
+    client.close()
+    rclpy.shutdown()
+
+
+def test_queries_describe_the_arm_while_it_is_free(client: Client) -> None:
+    joints = client.ask(JointState, "measured_js")
+    assert joints.header.frame_id == "slave_base"
+    assert any(stamp_of(joints))
+    assert joints.name == ["slave_x", "slave_y", "slave_z"]
+    assert tuple(joints.position) == client.position
+    assert list(joints.velocity) == list(joints.effort) == [0.0] * 3
+    assert client.force == (0.0, 0.0, 0.0)
+    assert not client.is_held
+    assert client.set_point == client.position
+    assert client.ask(Bool, "is_homed").data is True
+    assert client.ask(Bool, "is_busy").data is False
+
+
+def test_an_arm_goes_where_it_is_sent_and_stays_there(client: Client) -> None:
+    client.until(client.is_there, client.move)
+    assert client.is_held
+    assert client.set_point == GOAL
+    over = time.monotonic() + 0.5  # longer than a force without a sender lasts
+    client.until(lambda: time.monotonic() > over)
+    assert client.is_there()
+    assert int(client.arm.status()[1]["arm force timeouts"]) == 0
+
+
+def test_an_arm_is_held_where_it_is_until_it_is_freed(client: Client) -> None:
+    client.until(client.is_there, client.move)
+    before = client.set_point
+    client.send(Empty(), "hold")
+    client.until(lambda: client.set_point != before)
+    assert client.is_held
+    assert client.set_point == pytest.approx(GOAL, abs=CLOSE)
+    client.send(Empty(), "free")
+    client.until(lambda: not client.is_held)
+    client.until(lambda: client.force == (0.0, 0.0, 0.0))
+
+
+def test_the_newest_command_wins(client: Client) -> None:
+    client.until(client.is_there, client.move)
+    client.until(lambda: client.force == (-0.2, 0.0, 0.0), lambda: client.push(-0.2))
+    assert not client.is_held
+    client.until(lambda: client.is_held, client.move)
+
+
+def test_an_emergency_stop_ends_the_hold_for_good(client: Client) -> None:
+    client.until(client.is_there, client.move)
+    client.arm.stop_forces()
+    client.until(lambda: not client.is_held)
+    assert client.force == (0.0, 0.0, 0.0)
+
+
+def test_an_arm_obeys_one_node(client: Client) -> None:
+    client.until(client.is_there, client.move)
+    other = rclpy.create_node("other")
+    other.create_publisher(WrenchStamped, "slave/servo_cf", 10)
+
+    def refused() -> bool:
+        return "no force while /client and /other send it" in client.arm.status()[0]
+
+    client.until(refused)
+    client.until(lambda: client.force == (0.0, 0.0, 0.0), client.move)
+    other.destroy_node()
+    client.until(lambda: client.is_held and client.is_there(), client.move)
+
+
+@pytest.mark.parametrize("client", [["safety.arm.zero_stamp:=false"]], indirect=True)
+def test_commands_without_a_stamp_can_be_refused(client: Client) -> None:
+    def refused() -> bool:
+        values = client.arm.status()[1]
+        counts = values["positions refused"], values["arm force outdated"]
+        return all(int(count) > 0 for count in counts)
+
+    def both() -> None:
+        client.move()
+        client.push(0.3)
+
+    client.until(refused, both)
+    assert client.force == (0.0, 0.0, 0.0)
+    assert not client.is_held
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_position_that_is_not_finite_is_refused(client: Client, value: float) -> None:
+    def refused() -> bool:
+        return int(client.arm.status()[1]["positions refused"]) > 0
+
+    client.until(refused, lambda: client.move((value, 0.0, 0.0)))
+    assert not client.is_held
+
+
+def test_an_arm_is_enabled_paused_and_homed_by_its_commands(client: Client) -> None:
+    messages = pytest.importorskip("crtk_msgs.msg")
+
+    def leads_to(command: str, *expected: Any) -> bool:
+        client.send(messages.StringStamped(string=command), "state_command")
+
+        def reached() -> bool:
+            told = client.ask(messages.OperatingState, "operating_state")
+            return (told.state, told.is_homed, told.is_busy) == expected
+
+        client.until(reached)
+        return True
+
+    assert leads_to("enable", "ENABLED", True, False)
+    assert leads_to("pause", "PAUSED", True, False)
+    assert leads_to("enable", "PAUSED", True, False), "invalid"
+    assert leads_to("resume", "ENABLED", True, False)
+    assert leads_to("disable", "DISABLED", True, False)
+    assert leads_to("unhome", "DISABLED", False, False)
+    assert leads_to("home", "DISABLED", True, False)
+    assert leads_to("enable", "ENABLED", True, False)
+    client.arm.stop_forces()
+    assert leads_to("resume", "PAUSED", True, False), "the emergency stop is not released"
