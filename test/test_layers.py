@@ -51,7 +51,7 @@ ROS_USERS: dict[str, set[str]] = {
     "haptic_accel.cli.joining": {"rclpy"},
     "haptic_accel.cli.estop": {"rclpy", "std_msgs", "std_srvs"},
     # Launch files.
-    "haptic_accel.graph.launching": {"launch", "launch_ros"},
+    "haptic_accel.graph.launching": {"launch", "launch_ros", "ament_index_python"},
     # Folders of an installed ROS 2, which both do without where there is none.
     "haptic_accel.graph.folders": {"ament_index_python"},
     "haptic_accel.bags.definitions": {"ament_index_python"},

@@ -69,6 +69,10 @@ SLAVE_VELOCITY = Topic("slave/measured_cv", _TWIST, SLAVE_FRAME, "slave")
 SLAVE_ARM_FORCE = Topic("slave/servo_cf", _WRENCH, SLAVE_FRAME, "master")
 TOOL_ACCELERATION = Topic("slave/tool/acceleration", _ACCEL, TOOL_FRAME, "slave")
 DESIRED_ACCELERATION = Topic("compensator/desired_acceleration", _ACCEL, HANDLE_FRAME, "slave")
+JOINT_STATES = Topic("joint_states", "sensor_msgs/msg/JointState", "", "", reliable=True)
+JOINT_STATE_RATE = 50.0
+"""Joint states per second of each arm, for displays: more than a screen shows."""
+
 DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
 EMERGENCY_STOP = Topic("estop", _BOOL, "", "", reliable=True, latched=True)
 STOPS = (EMERGENCY_STOP, replace(EMERGENCY_STOP, reliable=False, latched=False))

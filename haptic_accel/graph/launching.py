@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, RegisterEventHandler, Shutdown
 from launch.event_handlers import OnShutdown
 from launch.events.process import ProcessExited
+from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
+from haptic_accel.core.topics import JOINT_STATE_RATE
 from haptic_accel.graph.claims import sole_graph
+from haptic_accel.graph.frames import Frame, description, frames_at_rest
 from haptic_accel.graph.processes import Process
 
 PUSHED = "ros_namespace"
@@ -48,7 +54,7 @@ def launched(
             held = entered.pop_all()
         # Until then: a process that comes back reads its parameters again.
         leave = OnShutdown(on_shutdown=lambda *_: held.close())
-        return [RegisterEventHandler(leave), *nodes]
+        return [RegisterEventHandler(leave), *nodes, *_frame_publishers(found[0].namespace or "/")]
 
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=text)
@@ -74,6 +80,50 @@ def _node(process: Process, folder: Path) -> Node:
         output="screen",
         on_exit=None if process.optional else _end,
     )
+
+
+def _frame_publishers(namespace: str) -> list[LaunchDescriptionEntity]:
+    """Return the nodes that publish the frames: as the arms move, or at rest, as ROS here can."""
+    # Graphs in other namespaces have the same frames.
+    own = {"namespace": namespace, "remappings": [("/tf", "tf"), ("/tf_static", "tf_static")]}
+    if _installed("robot_state_publisher"):
+        parameters = {
+            "robot_description": ParameterValue(description(), value_type=str),
+            "publish_frequency": 2 * JOINT_STATE_RATE,
+        }
+        name = "robot_state_publisher"
+        return [Node(package=name, executable=name, parameters=[parameters], **own)]
+    if _installed("tf2_ros"):
+        return [_static_transform(frame, own) for frame in frames_at_rest(description())]
+    get_logger("haptic_accel").info(
+        "no frames are published: neither robot_state_publisher nor tf2_ros is installed"
+    )
+    return []
+
+
+def _static_transform(frame: Frame, own: Mapping[str, Any]) -> Node:
+    """Return the node that publishes a frame which does not move."""
+    axes = ("x", "y", "z", "roll", "pitch", "yaw")
+    pose = zip(axes, frame.position + frame.rotation, strict=True)
+    return Node(
+        package="tf2_ros",
+        executable="static_transform_publisher",
+        name=f"{frame.name}_frame",
+        arguments=[
+            *(word for axis, value in pose for word in (f"--{axis}", value)),
+            *("--frame-id", frame.parent, "--child-frame-id", frame.name),
+        ],
+        **own,
+    )
+
+
+def _installed(package: str) -> bool:
+    """Return whether a ROS package is there."""
+    try:
+        get_package_prefix(package)
+    except PackageNotFoundError:
+        return False
+    return True
 
 
 def _end(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:

@@ -25,6 +25,7 @@ from haptic_accel.devices.interface import LATER
 from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY
 from haptic_accel.nodes.crtk import Motions, OperatingState, Queries
 from haptic_accel.nodes.interface import Inbox
+from haptic_accel.nodes.joint_states import JointStates
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from haptic_accel.nodes.scheduling import (
     FLOWING,
@@ -187,6 +188,7 @@ class DeviceNode(ManagedNode):
         self._send_velocity = self.sender(arm.velocity).send
         self._send_acceleration = self.sender(arm.acceleration).send
         self._publish_stopped = self.publisher(arm.stopped).publish
+        self._joint_states = JointStates(self, arm.position, p.rate)
         self._commands = {
             ARM: Commands(self.inbox(arm.arm_force), p.latency, self.safety.arm_force)
         }
@@ -471,6 +473,7 @@ class DeviceNode(ManagedNode):
         self._send_acceleration(stamp, along_actuator(sample.acceleration))
         self._send_position(stamp, sample.position)
         self._send_velocity(stamp, sample.velocity)
+        self._joint_states.take(stamp, sample.position)
         if self._queries.asked:
             self._queries.publish(
                 stamp,

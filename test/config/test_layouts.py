@@ -9,8 +9,11 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from typing import Any
 
+import yaml
+
 from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, TOPICS
 from haptic_accel.graph.folders import config_folder
+from haptic_accel.graph.frames import description
 from haptic_accel.nodes.interface import message_type
 
 FOLDER = config_folder() / "layouts"
@@ -103,6 +106,21 @@ def test_foxglove_shows_what_there_is() -> None:
             assert panel.get(key, "/diagnostics") in BY_NAME, name
         assert panel.get("serviceName", f"/{EMERGENCY_STOP.name}") == f"/{EMERGENCY_STOP.name}"
         json.loads(panel.get("requestPayload", "{}"))
+
+
+def test_rviz_shows_what_there_is() -> None:
+    layout = yaml.safe_load((FOLDER / "haptic_accel.rviz").read_text())["Visualization Manager"]
+    robot = ElementTree.fromstring(description())
+    links = {link.attrib["name"] for link in robot.iter("link")}
+    assert layout["Global Options"]["Fixed Frame"] in links
+    shown = [each for each in layout["Displays"] if "Topic" in each]
+    for display in shown:
+        topic = BY_NAME[display["Topic"]["Value"]]
+        kind = display["Class"].removeprefix("rviz_default_plugins/").removesuffix("Stamped")
+        assert topic.type == f"geometry_msgs/msg/{kind}Stamped", topic.name
+        assert topic.frame in links
+    (model,) = (each for each in layout["Displays"] if each["Class"].endswith("/RobotModel"))
+    assert model["Description Topic"]["Value"] == "/robot_description"
 
 
 def placed(node: Any) -> Iterator[str]:

@@ -14,7 +14,7 @@ import pytest
 from matplotlib import pyplot
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop
-from haptic_accel.core.topics import TOPICS
+from haptic_accel.core.topics import JOINT_STATES, TOPICS
 
 SOURCE = Path(__file__).resolve().parents[2]
 DOCS = sorted((SOURCE / "docs").glob("*.md"))
@@ -62,7 +62,8 @@ def test_the_table_of_topics_is_that_of_the_code() -> None:
         for names, kind in [re.match(r"\| (.*?) \| `(.*?)`", line).groups()]  # type: ignore[union-attr]
         for name in re.findall(r"`([^`]+)`", names)
     }
-    assert listed == {(topic.name, topic.type, topic.latched) for topic in TOPICS}
+    topics = (*TOPICS, JOINT_STATES)
+    assert listed == {(topic.name, topic.type, topic.latched) for topic in topics}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import runpy
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from ament_index_python.packages import PackageNotFoundError
 
 from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.core.topics import SIGNALS
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.files import parameter_text, read_parameter_file
 from haptic_accel.graph.folders import share_folder
+from haptic_accel.graph.frames import description as description_text
 from haptic_accel.graph.processes import Process, graph, identification_graph
 from haptic_accel.graph.replay import described_replay, replay_arguments
 from haptic_accel.graph.words import described, parse_words
@@ -54,9 +59,22 @@ def declared(name: str) -> list[tuple[str, str, str]]:
 
 
 @pytest.fixture
-def start(monkeypatch: pytest.MonkeyPatch, domain: int) -> Iterator[Start]:
-    """Execute a launch file; return the nodes it starts, by executable."""
+def installed() -> set[str]:
+    """Return the other ROS packages that a launch finds, none to begin with."""
+    return set()
+
+
+def prefix(installed: set[str], package: str) -> str:
+    if package not in installed:
+        raise PackageNotFoundError(package)
+    return "/opt/ros"
+
+
+@pytest.fixture
+def start(monkeypatch: pytest.MonkeyPatch, domain: int, installed: set[str]) -> Iterator[Start]:
+    """Execute a launch file; return the nodes it starts, by name or executable."""
     monkeypatch.setattr(launching, "Node", SimpleNamespace)
+    monkeypatch.setattr(launching, "get_package_prefix", partial(prefix, installed))
     context = LaunchContext()
 
     def started(name: str, **words: str) -> dict[str, SimpleNamespace]:
@@ -66,7 +84,8 @@ def start(monkeypatch: pytest.MonkeyPatch, domain: int) -> Iterator[Start]:
         for entity in description(name).entities:
             found += entity.execute(context) or []
         handlers.extend(each for each in found if isinstance(each, RegisterEventHandler))
-        return {each.executable: each for each in found if isinstance(each, SimpleNamespace)}
+        nodes = [each for each in found if isinstance(each, SimpleNamespace)]
+        return {getattr(each, "name", each.executable): each for each in nodes}
 
     handlers: list[RegisterEventHandler] = []
     yield started
@@ -193,3 +212,42 @@ def test_the_graph_goes_on_without_what_is_optional(start: Start) -> None:
     nodes = start("teleop", scope="true")
     assert nodes["scope"].on_exit is None
     assert [name for name, node in nodes.items() if node.on_exit is None] == ["scope"]
+
+
+def test_arms_are_shown_as_they_move_where_robot_state_publisher_is(
+    start: Start, installed: set[str]
+) -> None:
+    installed |= {"tf2_ros", "robot_state_publisher"}
+    nodes = start("teleop", namespace="left")
+    # It alone publishes all frames; those of graphs in other namespaces have the same names.
+    assert not any("static" in node.executable for node in nodes.values())
+    node = nodes["robot_state_publisher"]
+    assert node.namespace == "/left"
+    assert dict(node.remappings) == {"/tf": "tf", "/tf_static": "tf_static"}
+    (parameters,) = node.parameters
+    text = parameters["robot_description"].value
+    assert "".join(getattr(part, "text", part) for part in text) == description_text()
+    assert not hasattr(node, "on_exit")
+
+
+def test_frames_rest_where_only_tf2_is(start: Start, installed: set[str]) -> None:
+    installed.add("tf2_ros")
+    nodes = start("identify").values()
+    statics = [node for node in nodes if node.package == "tf2_ros"]
+    given = [dict(zip(node.arguments[::2], node.arguments[1::2], strict=True)) for node in statics]
+    parents = {words["--child-frame-id"]: words["--frame-id"] for words in given}
+    assert set(parents) == {topic.frame for topic in SIGNALS}
+    for frame in parents:
+        while frame != "world":
+            frame = parents[frame]
+    for words in given:
+        for axis in ("x", "y", "z", "roll", "pitch", "yaw"):
+            assert math.isfinite(float(words[f"--{axis}"]))
+
+
+def test_without_either_the_graph_starts_and_says_so(
+    start: Start, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    assert "coupler" in start("teleop")
+    assert "no frames are published: neither robot_state_publisher nor tf2_ros" in caplog.text

@@ -13,6 +13,7 @@ import pytest
 import rclpy
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
 from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -203,6 +204,24 @@ def test_the_first_command_after_a_stop_is_zero_and_there_is_no_other(bench: Ben
     assert bench.answers[-1] is False
     assert "emergency stop" not in bench.node.status()[0]
     bench.driven()
+
+
+def test_a_display_gets_positions_as_joints_of_the_description(bench: Bench) -> None:
+    states: list[JointState] = []
+    positions: dict[int, Vector] = {}
+    bench.other.listen(topics.MASTER_POSITION, positions.__setitem__)
+    shown = bench.other.create_subscription(
+        JointState, topics.JOINT_STATES.name, states.append, 10
+    )
+    bench.until(lambda: len(states) >= 5)
+    bench.other.destroy_subscription(shown)
+    stamps = [state.header.stamp.sec * 10**9 + state.header.stamp.nanosec for state in states]
+    assert min(np.diff(stamps)) > 19 * PERIOD
+    bench.until(lambda: stamps[-1] in positions)
+    for stamp, state in zip(stamps, states, strict=True):
+        assert list(state.name) == ["master_x", "master_y", "master_z"]
+        # The first came perhaps before anybody listened to positions.
+        assert tuple(state.position) == positions.get(stamp, tuple(state.position))
 
 
 def test_what_was_stopped_is_not_said_to_have_timed_out(bench: Bench) -> None:

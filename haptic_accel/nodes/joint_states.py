@@ -1,0 +1,43 @@
+"""Positions of an arm as the joints that its description has, for displays."""
+
+from __future__ import annotations
+
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import JointState
+
+from haptic_accel.core.model import Vector
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import JOINT_STATE_RATE, JOINT_STATES, Topic
+from haptic_accel.nodes.interface import GraphNode
+
+
+class JointStates:
+    """Publishes an arm's position now and then, while somebody subscribes.
+
+    Parameters
+    ----------
+    node : GraphNode
+    position : Topic
+        The arm's position.
+    rate : float
+        Samples per second.
+    """
+
+    def __init__(self, node: GraphNode, position: Topic, rate: float) -> None:
+        self._publisher = node.publisher(JOINT_STATES)
+        self._names = [f"{position.source}_{axis}" for axis in "xyz"]
+        self._every = max(1, round(rate / JOINT_STATE_RATE))
+        self._passed = 0
+
+    def take(self, stamp: int, position: Vector) -> None:
+        """Publish a sample, system time in ns and m, unless it follows too soon."""
+        self._passed += 1
+        if self._passed < self._every:
+            return
+        self._passed = 0
+        if self._publisher.get_subscription_count() == 0:
+            return
+        message = JointState(name=self._names, position=position)
+        sec, nanosec = divmod(stamp, NANOSECONDS)
+        message.header.stamp = Time(sec=sec, nanosec=nanosec)
+        self._publisher.publish(message)

@@ -1,0 +1,12 @@
+"""Values of parameters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class ParameterValue:
+    """A value with its type."""
+
+    def __init__(self, value: Any, *, value_type: type) -> None:
+        self.value = value
