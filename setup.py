@@ -38,6 +38,9 @@ def data_files() -> list[tuple[str, list[str]]]:
     files = {
         "share/ament_index/resource_index/packages": [f"resource/{NAME}"],
         share: ["package.xml"],
+        # What colcon.pkg names: puts the folder bin of share on PATH.
+        f"{share}/environment": ["resource/path.dsv"],
+        f"{share}/bin": ["resource/bin/haptic-accel"],
         f"{share}/launch": sorted(glob("launch/*.launch.py")),
     }
     for path in sorted(Path("config").rglob("*")):
@@ -105,10 +108,12 @@ setup(
             # Another reader of what is recorded, and a browser's driver for the pages.
             "mcap>=1.2",
             "playwright",
-            # These two build an ament_python package. colcon-core keeps setuptools below 80,
+            # These build an ament_python package. colcon-core keeps setuptools below 80,
             # whose `develop` no longer knows the options of `colcon build --symlink-install`.
             "colcon-core",
             "colcon-ros",
+            # Reads colcon.pkg.
+            "colcon-metadata",
         ],
     },
     entry_points={

@@ -152,6 +152,16 @@ def test_installed_command_runs(installation: Installation, words: list[str]) ->
     )
 
 
+def test_command_is_on_the_path_of_a_sourced_workspace(installation: Installation) -> None:
+    found = installation.run("sh", "-c", "command -v haptic-accel").strip()
+    assert found == str(installation.share / "bin" / "haptic-accel")
+    assert "Usage: haptic-accel" in installation.run("haptic-accel", "--help")
+
+
+def test_no_other_command_comes_to_the_path(installation: Installation) -> None:
+    assert [path.name for path in (installation.share / "bin").iterdir()] == ["haptic-accel"]
+
+
 def test_manifest_tells_colcon_and_the_build_farm_what_it_is(manifest: Package) -> None:
     assert manifest.name == "haptic_accel"
     assert manifest.package_format == 3
