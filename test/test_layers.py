@@ -50,6 +50,8 @@ ROS_USERS: dict[str, set[str]] = {
     "haptic_accel.cli.calling": ROS,
     "haptic_accel.cli.joining": {"rclpy"},
     "haptic_accel.cli.estop": {"rclpy", "std_msgs", "std_srvs"},
+    # An arm of another node, loaded when it is opened.
+    "haptic_accel.devices.crtk.client": {"rclpy", "geometry_msgs", "std_msgs"},
     # Launch files.
     "haptic_accel.graph.launching": {"launch", "launch_ros", "ament_index_python"},
     # Folders of an installed ROS 2, which both do without where there is none.
@@ -215,6 +217,11 @@ def test_reading_bags_needs_neither_ros_nor_nodes_and_leaves_the_environment() -
         "assert dict(os.environ) == before, 'the environment was changed'"
     )
     assert {name for name in loaded if within(name, f"{PACKAGE}.nodes")} == set()
+    assert {name for name in loaded if name.split(".")[0] in ROS} == set()
+
+
+def test_devices_load_ros_only_when_they_are_opened() -> None:
+    loaded = loaded_by(f"import {PACKAGE}.devices")
     assert {name for name in loaded if name.split(".")[0] in ROS} == set()
 
 

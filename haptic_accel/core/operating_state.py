@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+MESSAGES = "crtk_msgs"
+"""ROS package of CRTK's own messages, without which no state is told or changed."""
+
 DISABLED, ENABLED, PAUSED, FAULT = STATES = ("DISABLED", "ENABLED", "PAUSED", "FAULT")
 
 ENABLE, DISABLE, PAUSE, RESUME, HOME, UNHOME = COMMANDS = (

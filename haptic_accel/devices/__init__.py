@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from haptic_accel.devices.can.device import CanMaster, CanSlave
-from haptic_accel.devices.combined import CanSerialMaster, CanSerialSlave
+from haptic_accel.devices.combined import (
+    CanSerialMaster,
+    CanSerialSlave,
+    CrtkSerialMaster,
+    CrtkSerialSlave,
+)
+from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 from haptic_accel.devices.playback import ReplayMaster, ReplaySlave
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
@@ -15,6 +21,8 @@ MASTERS: dict[str, type[Device]] = {
     "can": CanMaster,
     "serial": SerialMaster,
     "can_serial": CanSerialMaster,
+    "crtk": CrtkMaster,
+    "crtk_serial": CrtkSerialMaster,
 }
 SLAVES: dict[str, type[Device]] = {
     "simulated": SimulatedSlave,
@@ -22,6 +30,8 @@ SLAVES: dict[str, type[Device]] = {
     "can": CanSlave,
     "serial": SerialSlave,
     "can_serial": CanSerialSlave,
+    "crtk": CrtkSlave,
+    "crtk_serial": CrtkSerialSlave,
 }
 
 __all__ = ["MASTERS", "SLAVES", "Device", "DeviceError", "Sample"]

@@ -10,6 +10,8 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import Checked
 from haptic_accel.devices.can.device import CanMaster, CanSlave
 from haptic_accel.devices.can.parameters import CanMasterParameters, CanSlaveParameters
+from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
+from haptic_accel.devices.crtk.parameters import CrtkMasterParameters, CrtkSlaveParameters
 from haptic_accel.devices.interface import LATER, Device, Joints, Reading, Sample
 from haptic_accel.devices.serial import device as serial
 
@@ -129,3 +131,34 @@ class CanSerialSlave(CombinedDevice):
 
     Parameters = CanSerialSlaveParameters
     ArmDevice, HandleDevice = CanSlave, serial.SerialSlave
+
+
+@dataclass(frozen=True)
+class CrtkSerialMasterParameters(Checked):
+    """Parameters of the arm that speaks CRTK and of the board in the handle."""
+
+    arm: CrtkMasterParameters = field(default_factory=CrtkMasterParameters)
+    handle: serial.SerialMasterParameters = field(default_factory=serial.SerialMasterParameters)
+
+
+@dataclass(frozen=True)
+class CrtkSerialSlaveParameters(Checked):
+    """Parameters of the arm that speaks CRTK and of the board at the tool."""
+
+    arm: CrtkSlaveParameters = field(default_factory=CrtkSlaveParameters)
+    handle: serial.SerialSlaveParameters = field(default_factory=serial.SerialSlaveParameters)
+
+
+class CrtkSerialMaster(CombinedDevice):
+    """Master with an arm that speaks CRTK, and a handle behind a microcontroller."""
+
+    Parameters = CrtkSerialMasterParameters
+    ArmDevice, HandleDevice = CrtkMaster, serial.SerialMaster
+    AHEAD = serial.SerialMaster.AHEAD
+
+
+class CrtkSerialSlave(CombinedDevice):
+    """Slave with an arm that speaks CRTK, and a tool behind a microcontroller."""
+
+    Parameters = CrtkSerialSlaveParameters
+    ArmDevice, HandleDevice = CrtkSlave, serial.SerialSlave

@@ -21,15 +21,19 @@ from haptic_accel.core import operating_state
 from haptic_accel.core.actuator.safety import ArmLimits, SafetyLayer
 from haptic_accel.core.coupling.position_servo import PositionServo, PositionServoParameters
 from haptic_accel.core.model import Sample, Vector
-from haptic_accel.core.operating_state import DISABLED, ENABLED, FAULT, PAUSED, transitions
+from haptic_accel.core.operating_state import (
+    DISABLED,
+    ENABLED,
+    FAULT,
+    MESSAGES,
+    PAUSED,
+    transitions,
+)
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ArmTopics, Topic
 from haptic_accel.devices.interface import Joints
 from haptic_accel.nodes.interface import GraphNode, Sender, message_type
 from haptic_accel.nodes.managed import ACTIVE, INACTIVE, ManagedNode
-
-MESSAGES = "crtk_msgs"
-"""ROS package of CRTK's own messages: without it there is no `operating_state`."""
 
 INVALID = 0
 """Stamp of data that are not valid now (CRTK, "Data validity")."""

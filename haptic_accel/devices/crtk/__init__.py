@@ -1,0 +1,1 @@
+"""Arms of other ROS 2 nodes that speak CRTK."""

@@ -1,0 +1,151 @@
+"""Client of an arm's CRTK topics. Imports ROS: load it where it is used."""
+
+from __future__ import annotations
+
+import math
+import time
+from contextlib import suppress
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Bool
+
+from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.operating_state import MESSAGES
+from haptic_accel.core.topics import SLAVE
+from haptic_accel.devices.crtk.parameters import CrtkParameters
+
+NODE = "haptic_accel_client"
+"""Name of the node."""
+
+DEPTH = 10
+"""Number of messages kept until they are taken, of which the newest counts."""
+
+DELIVERY = 0.2
+"""Longest time for the arm to confirm the last force, s."""
+
+ABSOLUTE = "set_cf_orientation_absolute"
+"""Topic beside a dVRK's `body/servo_cf`: true gives that the orientation of the base frame."""
+
+_SENSOR = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Quality that gets what any publisher sends."""
+
+_LATCHED = QoSProfile(depth=DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Signal:
+    """Newest vector of a topic.
+
+    Its subscription is in no executor: a message wakes nobody.
+    """
+
+    def __init__(self, subscription: Any) -> None:
+        self._take = subscription.handle.take_message
+        self._type = subscription.msg_type
+        self._vector, self._seen = ZERO, -math.inf
+
+    def newest(self, timeout: float) -> Vector | None:
+        """Return the newest vector; None if it came longer ago than a time-out in s."""
+        while taken := self._take(self._type, True):
+            with suppress(ValueError):  # malformed
+                _, vector = unpack_stamped_vector(taken[0])
+                if math.isfinite(sum(vector)):
+                    self._vector, self._seen = vector, time.monotonic()
+        return self._vector if time.monotonic() - self._seen <= timeout else None
+
+
+class ArmClient:
+    """Position, velocity and state of an arm, and forces and the command to enable it.
+
+    It has a ROS context of its own, which lets it take the arm's force off while the process that
+    it belongs to ends.
+
+    Parameters
+    ----------
+    parameters : CrtkParameters
+
+    Attributes
+    ----------
+    position, velocity : Signal
+    """
+
+    def __init__(self, parameters: CrtkParameters) -> None:
+        self._arm = parameters.arm
+        self._context = rclpy.Context()
+        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node(
+            NODE,
+            context=self._context,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self.position = Signal(self._subscription(PoseStamped, "measured_cp", _SENSOR))
+        self.velocity = Signal(self._subscription(TwistStamped, "measured_cv", _SENSOR))
+        self._force = self._publisher(WrenchStamped, parameters.force, QoSProfile(depth=1))
+        self._pack = StampedVector(SLAVE.arm_force).pack
+        subframe, _, _ = parameters.force.strip("/").rpartition("/")
+        if subframe:
+            self._publisher(Bool, f"{subframe}/{ABSOLUTE}", _LATCHED).publish(Bool(data=True))
+        self._states: list[Any] = []
+        self._state: Any = None
+        self._commands = None
+        if find_spec(MESSAGES):
+            self._messages: Any = import_module(f"{MESSAGES}.msg")
+            self._commands = self._publisher(
+                self._messages.StringStamped, "state_command", _LATCHED
+            )
+            # Latched states reach only a subscriber that asks for them, others only one that
+            # does not.
+            self._states = [
+                self._subscription(self._messages.OperatingState, "operating_state", profile)
+                for profile in (_LATCHED, _SENSOR)
+            ]
+
+    @property
+    def has_states(self) -> bool:
+        """The arm can be enabled, and its state is known once it tells it."""
+        return self._commands is not None
+
+    @property
+    def state(self) -> Any:
+        """Newest `operating_state`; None while unknown."""
+        for subscription in self._states:
+            while taken := subscription.handle.take_message(subscription.msg_type, False):
+                self._state = taken[0]
+        return self._state
+
+    def push(self, force: Vector) -> None:
+        """Send a force, N, as of now."""
+        self._force.handle.publish_raw(self._pack(time.time_ns(), force))
+
+    def command(self, command: str) -> None:
+        """Send a state command, if that is possible."""
+        if self._commands:
+            message = self._messages.StringStamped(string=command)
+            message.header.stamp = self._node.get_clock().now().to_msg()
+            self._commands.publish(message)
+
+    def close(self) -> None:
+        """Take the force off, wait until the arm knows, and leave."""
+        self.push(ZERO)
+        self._force.wait_for_all_acked(Duration(seconds=DELIVERY))
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def _subscription(self, kind: Any, name: str, profile: QoSProfile) -> Any:
+        return self._node.create_subscription(kind, f"{self._arm}/{name}", _ignore, profile)
+
+    def _publisher(self, kind: Any, name: str, profile: QoSProfile) -> Any:
+        return self._node.create_publisher(kind, f"{self._arm}/{name.strip('/')}", profile)
+
+
+def _ignore(message: Any) -> None:
+    """Do nothing: messages are taken when they are needed."""

@@ -1,0 +1,122 @@
+"""Devices `crtk`: arms of other ROS 2 nodes, without accelerometer and actuator."""
+
+from __future__ import annotations
+
+from time import monotonic, sleep
+from typing import TYPE_CHECKING
+
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.operating_state import ENABLE, ENABLED
+from haptic_accel.devices.crtk.parameters import (
+    CrtkMasterParameters,
+    CrtkParameters,
+    CrtkSlaveParameters,
+)
+from haptic_accel.devices.interface import Device, DeviceError, Sample
+
+if TYPE_CHECKING:
+    from haptic_accel.devices.crtk.client import ArmClient
+
+POLL_PERIOD = 2e-3
+"""Period of looking for the first position, s."""
+
+
+class CrtkArm(Device):
+    """Arm of another node, by CRTK's `measured_cp`, `measured_cv` and `servo_cf`.
+
+    A sample is the newest position there is, also where the arm sends fewer than are read. An arm
+    that sends no velocity has zero.
+    """
+
+    Parameters = CrtkParameters
+
+    def __init__(self, parameters: CrtkParameters, rate: float, seed: int) -> None:
+        self._p = parameters
+        self._client: ArmClient | None = None
+
+    def open(self) -> None:
+        """Enable the arm, and wait for its first position.
+
+        Raises
+        ------
+        DeviceError
+            ROS 2 is not installed, or the arm sends no position.
+        """
+        try:
+            from haptic_accel.devices.crtk.client import ArmClient
+        except ModuleNotFoundError as error:
+            raise DeviceError(f"crtk: {error.name} is not installed") from None
+        self._client = ArmClient(self._p)
+        self._client.command(ENABLE)
+        deadline = monotonic() + self._p.start_timeout
+        while self._client.position.newest(self._p.timeout) is None:
+            if monotonic() > deadline:
+                self.close()
+                raise DeviceError(
+                    f"crtk: no {self._p.arm}/measured_cp for {self._p.start_timeout:g} s"
+                )
+            sleep(POLL_PERIOD)
+
+    def read(self, time: float) -> Sample | None:
+        """Return the newest position and velocity, None if the position is too old."""
+        if not self._client:
+            return None
+        position = self._client.position.newest(self._p.timeout)
+        velocity = self._client.velocity.newest(self._p.timeout)
+        return None if position is None else Sample(position, velocity or ZERO, 0.0)
+
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+    ) -> None:
+        """Send the arm's force; an actuator's is ignored."""
+        if self._client and arm_force is not None:
+            self._client.push(arm_force)
+
+    def arm(self) -> bool | None:
+        """Enable the arm, which takes a while, as far as it is there."""
+        if not self._client or self._is_silent:
+            return False
+        self._client.command(ENABLE)
+        return None if self._client.has_states else True
+
+    def close(self) -> None:
+        """Take the arm's force off."""
+        client, self._client = self._client, None
+        if client:
+            client.close()
+
+    @property
+    def remark(self) -> str:
+        """Note that the arm cannot be enabled from here, if so."""
+        if not self._client or self._client.has_states:
+            return ""
+        return f"crtk: no crtk_msgs: {self._p.arm} must be enabled by other means"
+
+    @property
+    def problem(self) -> str:
+        """Reason why there are no samples or no forces."""
+        if not self._client:
+            return ""
+        if self._is_silent:
+            return f"crtk: no {self._p.arm}/measured_cp for {self._p.timeout:g} s"
+        state = self._client.state
+        if state and not (state.state == ENABLED and state.is_homed):
+            homed = "" if state.is_homed else ", not homed"
+            return f"crtk: {self._p.arm} is {state.state}{homed}"
+        return ""
+
+    @property
+    def _is_silent(self) -> bool:
+        return self._client is None or self._client.position.newest(self._p.timeout) is None
+
+
+class CrtkMaster(CrtkArm):
+    """Arm of the master."""
+
+    Parameters = CrtkMasterParameters
+
+
+class CrtkSlave(CrtkArm):
+    """Arm of the slave."""
+
+    Parameters = CrtkSlaveParameters

@@ -1,0 +1,138 @@
+"""The driver of arms that speak CRTK, against the simulated slave as an arm of somebody else."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import WrenchStamped
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.devices import MASTERS, SLAVES, DeviceError
+from haptic_accel.devices.crtk.device import CrtkArm
+from haptic_accel.devices.crtk.parameters import CrtkParameters
+from observing import Observer
+from running import PATIENCE, Command, wait_until
+
+NAMESPACE = "/somebody/slave"
+
+REST = (0.0, 0.0, pytest.approx(0.01, abs=55e-6))
+"""Position at which the simulated tip begins, m."""
+
+
+def built(**parameters: Any) -> CrtkArm:
+    return CrtkArm(CrtkParameters(namespace=NAMESPACE, **parameters), 1000.0, 0)
+
+
+NONE = (0.0, 0.0)
+
+
+def forces(observer: Observer) -> list[tuple[float, float]]:
+    """Return the list in which the arm's forces along x and z, N, are gathered."""
+    acting: list[tuple[float, float]] = []
+    observer.node.create_subscription(
+        WrenchStamped,
+        f"{NAMESPACE}/measured_cf",
+        lambda sent: acting.append((sent.wrench.force.x, sent.wrench.force.z)),
+        10,
+    )
+    return acting
+
+
+@pytest.fixture
+def somebody(start: Callable[..., Command]) -> Command:
+    """Start the node of another's arm."""
+    return start("-m", "haptic_accel.nodes.slave_device", "--ros-args", "-r", "__ns:=/somebody")
+
+
+@pytest.fixture
+def arm(somebody: Command) -> Iterator[CrtkArm]:
+    arm = built(start_timeout=PATIENCE, timeout=1.0)
+    arm.open()
+    yield arm
+    arm.close()
+
+
+def test_an_arm_is_read_and_pushed_and_left_without_force(
+    arm: CrtkArm, observer: Observer
+) -> None:
+    acting = forces(observer)
+    sample = arm.read(0.0)
+    assert sample is not None
+    assert sample.position == REST
+    assert sample.acceleration == 0.0
+
+    def moves() -> bool:
+        arm.write(0.0, arm_force=(0.5, 0.0, 0.0))
+        observer.executor.spin_once(timeout_sec=0.005)
+        sample = arm.read(0.0)
+        return sample is not None and sample.position[0] > 0 and sample.velocity[0] > 0
+
+    deadline = time.monotonic() + PATIENCE
+    while not (moves() and (0.5, 0.0) in acting):
+        assert time.monotonic() < deadline, acting[-5:]
+    arm.close()
+    while acting[-1] != NONE:
+        assert time.monotonic() < deadline, acting[-5:]
+        observer.executor.spin_once(timeout_sec=0.01)
+
+
+def test_an_arm_that_falls_silent_is_a_problem_and_gives_no_sample(
+    arm: CrtkArm, somebody: Command
+) -> None:
+    assert "measured_cp" not in arm.problem
+    somebody.end(signal.SIGINT)
+    wait_until(lambda: arm.read(0.0) is None, "no sample")
+    assert arm.problem == f"crtk: no {NAMESPACE}/measured_cp for 1 s"
+    assert arm.arm() is False
+
+
+def test_an_arm_that_is_not_there_is_named(domain: int) -> None:
+    arm = built(start_timeout=0.1)
+    with pytest.raises(DeviceError, match=f"^crtk: no {NAMESPACE}/measured_cp for 0.1 s$"):
+        arm.open()
+    assert arm.read(0.0) is None
+    arm.write(0.0, arm_force=(1.0, 0.0, 0.0))
+    arm.close()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"namespace": ""}, "namespace = '': must be names of letters"),
+        ({"namespace": "/MTM R"}, "namespace = '/MTM R': must be names"),
+        ({"force": "body//servo_cf"}, "force = 'body//servo_cf': must be names"),
+    ],
+)
+def test_a_name_that_ros_would_refuse_is_refused(wrong: dict[str, str], said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
+        CrtkParameters(**wrong)
+
+
+def test_both_arms_have_one_of_their_own() -> None:
+    assert MASTERS["crtk"].Parameters().arm == "/MTMR"
+    assert SLAVES["crtk"].Parameters().arm == "/PSM1"
+
+
+def test_the_graph_couples_an_arm_of_somebody_else(
+    somebody: Command, haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
+) -> None:
+    values = f"{{namespace: {NAMESPACE}, start_timeout: {PATIENCE}, timeout: 1.0}}"
+    file = tmp_path / "arm.yaml"
+    file.write_text(f"/**/slave_device:\n  ros__parameters:\n    crtk: {values}\n")
+    graph = haptic_accel("teleop", "slave:=crtk", f"params_file:={file}", "record:=false")
+    graph.wait_for("engaged")
+
+    acting = forces(observer)
+
+    def acts() -> bool:
+        observer.executor.spin_once(timeout_sec=0.1)
+        return acting[-1:] not in ([], [NONE])
+
+    wait_until(acts, "a force on the arm")
+    assert graph.end(signal.SIGINT) == 0, graph.text
+    wait_until(lambda: not acts(), "no force")
