@@ -101,7 +101,7 @@ def write_bag(path: Path, content: BagContent) -> Path:
         messages += [_change(content, change) for change in content.changes]
         messages += [_diagnosis(content, diagnosis) for diagnosis in content.diagnostics]
         connections = {
-            (topic, kind): writer.add_connection(f"/{topic}", kind, typestore=_TYPES)
+            (topic, kind): writer.add_connection(f"/{topic.lstrip('/')}", kind, typestore=_TYPES)
             for topic, kind in dict.fromkeys((topic, kind) for _, topic, kind, _ in messages)
         }
         for received, topic, kind, data in sorted(messages, key=lambda message: message[0]):

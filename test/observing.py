@@ -10,7 +10,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 
-from haptic_accel.core.topics import DIAGNOSTICS, Topic
+from haptic_accel.core.topics import DIAGNOSTICS, Topic, reporter
 from haptic_accel.nodes.interface import message_type, quality
 from running import PATIENCE
 
@@ -65,7 +65,7 @@ class Observer:
 
         def wanted(message: Any) -> bool:
             for status in message.status:
-                if status.name == node and said in status.message:
+                if reporter(status.name)[1] == node and said in status.message:
                     found.update((pair.key, pair.value) for pair in status.values)
             reached = (int(found.get(key, 0)) >= count for key, count in (least or {}).items())
             return bool(found) and all(reached)

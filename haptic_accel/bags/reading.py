@@ -34,12 +34,12 @@ from haptic_accel.core.sampling import (
     on_grid,
     places,
 )
-from haptic_accel.core.topics import ACTUATOR_AXIS, DIAGNOSTICS, SIGNALS, ArmTopics
+from haptic_accel.core.topics import ACTUATOR_AXIS, DIAGNOSTICS, SIGNALS, ArmTopics, reporter
 
 _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
 _SIGNALS = {topic.name: topic for topic in SIGNALS}
-_READ = (*_SIGNALS, DIAGNOSTICS.name)
+_REPORTS = "diagnostics"
 
 # Fields of rcl_interfaces/msg/ParameterValue by the type of the value, from 1 on.
 _TYPES = "bool integer double string byte_array bool_array integer_array double_array string_array"
@@ -197,6 +197,8 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
         raise ParameterError(f"{path}: must be a bag: {failures[0]}")
     bag.problems.extend(failures)
     bag.signals.update(collected.signals())
+    bag.diagnostics.extend(collected.diagnostics())
+    bag.changes.extend(collected.changes())
     bag.facts.update(facts_of(custom))
     return bag
 
@@ -276,6 +278,9 @@ class _Collected:
         # Stamps, times and values of each topic: bytes grow in place, arrays would be joined into
         # second copies.
         self._columns: dict[str, tuple[bytearray, ...]] = {}
+        # With the namespace of the node: every graph of a ROS domain sends to the same two topics.
+        self._diagnostics: list[tuple[str, Diagnosis]] = []
+        self._changes: list[tuple[str, Change]] = []
         self._namespace: str | None = None
 
     def take(self, block: Block) -> None:
@@ -285,11 +290,18 @@ class _Collected:
         namespace, name = _split(topic)
         if topic.endswith(f"/{_EVENTS}") and block.type == _EVENTS_TYPE:
             self._take_changes(block)
+        elif topic.endswith(f"/{_REPORTS}") and block.type == DIAGNOSTICS.type:
+            self._take_diagnostics(block)
         elif name and self._is_ours(namespace):
-            if name == DIAGNOSTICS.name:
-                self._take_diagnostics(block)
-            else:
-                self._take_signal(name, block)
+            self._take_signal(name, block)
+
+    def diagnostics(self) -> Iterator[Diagnosis]:
+        """Yield what nodes of the graph reported."""
+        return (said for place, said in self._diagnostics if self._namespace in (None, place))
+
+    def changes(self) -> Iterator[Change]:
+        """Yield parameters of the graph that were set."""
+        return (change for place, change in self._changes if self._namespace in (None, place))
 
     def signals(self) -> dict[str, Signal]:
         """Return the signals collected."""
@@ -324,20 +336,23 @@ class _Collected:
             columns[2].extend(values.tobytes())
 
     def _take_diagnostics(self, block: Block) -> None:
+        # Until 0.2.0 in the graph's namespace, with the node's bare name.
+        below = block.topic.removesuffix(f"/{_REPORTS}")
         for received, message in self._decoded(block):
             for status in message.status:
                 values = {pair.key: pair.value for pair in status.values}
-                self._bag.diagnostics.append(
-                    Diagnosis(received, status.name, status.message, values)
-                )
+                namespace, node = reporter(status.name)
+                said = Diagnosis(received, node, status.message, values)
+                self._diagnostics.append((below or namespace, said))
 
     def _take_changes(self, block: Block) -> None:
         for received, message in self._decoded(block):
-            node = message.node.rsplit("/", 1)[-1]
+            namespace, _, node = message.node.rpartition("/")
             for changed in (*message.new_parameters, *message.changed_parameters):
                 value = getattr(changed.value, _VALUES.get(changed.value.type, ""), None)
                 value = value.tolist() if isinstance(value, np.ndarray) else value
-                self._bag.changes.append(Change(received, node, changed.name, value))
+                change = Change(received, node, changed.name, value)
+                self._changes.append((namespace, change))
 
     def _decoded(self, block: Block) -> Iterator[tuple[int, Any]]:
         rows = (block.received.tolist(), block.starts.tolist(), block.ends.tolist())
@@ -363,5 +378,5 @@ def _types() -> Typestore:
 
 def _split(topic: str) -> tuple[str, str]:
     """Return the namespace before a topic of the graph, and its name in our table."""
-    name = next((name for name in _READ if topic.endswith(f"/{name}")), "")
+    name = next((name for name in _SIGNALS if topic.endswith(f"/{name}")), "")
     return (topic.removesuffix(f"/{name}") if name else ""), name

@@ -21,7 +21,8 @@ class Topic:
     Attributes
     ----------
     name : str
-        Relative to the graph's namespace; CRTK's name where it has one.
+        Relative to the graph's namespace unless it has a slash before; CRTK's name where it has
+        one.
     type : str
         ROS message type.
     frame : str
@@ -73,7 +74,7 @@ JOINT_STATES = Topic("joint_states", "sensor_msgs/msg/JointState", "", "", relia
 JOINT_STATE_RATE = 50.0
 """Joint states per second of each arm, for displays: more than a screen shows."""
 
-DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
+DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
 EMERGENCY_STOP = Topic("estop", _BOOL, "", "", reliable=True, latched=True)
 STOPS = (EMERGENCY_STOP, replace(EMERGENCY_STOP, reliable=False, latched=False))
 """Emergency stop as its receivers subscribe to it: to what was latched before they came, and to
@@ -149,6 +150,15 @@ PLAYED = "played"
 
 TOPICS = (*SIGNALS, DIAGNOSTICS, EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED)
 """Every topic of the graph, all of which the recorder keeps."""
+
+
+def reporter(status: str) -> tuple[str, str]:
+    """Return namespace and name of the node that a diagnostic status is of, "left/node: task".
+
+    The namespace has a slash before, and is empty for the root.
+    """
+    namespace, slash, node = status.partition(":")[0].rpartition("/")
+    return slash + namespace, node
 
 
 def along_actuator(value: float) -> Vector:

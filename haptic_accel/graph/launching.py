@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -47,13 +48,13 @@ def launched(
         given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in arguments}
         given["namespace"] = _pushed(given["namespace"], context)
         found = processes([f"{name}:={value}" for name, value in given.items()])
-        with ExitStack() as entered:
-            entered.enter_context(sole_graph(found[0].namespace))
-            folder = Path(entered.enter_context(TemporaryDirectory(prefix="haptic_accel-")))
-            nodes = [_node(process, folder) for process in found]
-            held = entered.pop_all()
-        # Until then: a process that comes back reads its parameters again.
-        leave = OnShutdown(on_shutdown=lambda *_: held.close())
+        claim = ExitStack()
+        claim.enter_context(sole_graph(found[0].namespace))
+        leave = OnShutdown(on_shutdown=lambda *_: claim.close())
+        # Later, as nodes that start meanwhile, or come back, read their parameters.
+        folder = TemporaryDirectory(prefix="haptic_accel-")
+        atexit.register(folder.cleanup)
+        nodes = [_node(process, Path(folder.name)) for process in found]
         return [RegisterEventHandler(leave), *nodes, *_frame_publishers(found[0].namespace or "/")]
 
     declared = [

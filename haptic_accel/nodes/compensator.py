@@ -38,6 +38,8 @@ class Compensator(GraphNode):
     It is computed with the handle's acceleration of the tick before, which is waited for a little.
     """
 
+    task = "compensation"
+
     polls = True
 
     def __init__(self) -> None:

@@ -95,6 +95,8 @@ class Coupler(GraphNode):
     and take them again: `estop` stops both devices too, `~/engage` frees the arms alone.
     """
 
+    task = "coupling"
+
     polls = True
 
     def __init__(self) -> None:

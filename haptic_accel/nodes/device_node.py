@@ -159,6 +159,8 @@ class DeviceNode(ManagedNode):
     arm : ArmTopics
     """
 
+    task = "sampling"
+
     polls = True
 
     def __init__(self, executable: str, devices: dict[str, type[Device]], arm: ArmTopics) -> None:

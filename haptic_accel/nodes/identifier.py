@@ -36,6 +36,8 @@ class Identifier(GraphNode):
     off and the run fails.
     """
 
+    task = "identification"
+
     polls = True
 
     def __init__(self) -> None:

@@ -193,6 +193,8 @@ class GraphNode(SupervisedNode):
 
     Attributes
     ----------
+    task : str
+        What its diagnostics are about.
     parameters
         The node's own parameters, checked.
     options : dict
@@ -203,6 +205,8 @@ class GraphNode(SupervisedNode):
     ParameterError
         A parameter has a value that is not allowed.
     """
+
+    task: str
 
     def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
         self._inboxes: set[Subscription] = set()
@@ -380,7 +384,7 @@ class GraphNode(SupervisedNode):
         values = {"scheduling": scheduling_class(), **counts, **values}
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
-            name=self.get_name(),
+            name=f"{self.get_fully_qualified_name().lstrip('/')}: {self.task}",
             message=warning or "OK",
             hardware_id=self.get_fully_qualified_name(),
             values=[KeyValue(key=key, value=value) for key, value in values.items()],

@@ -54,6 +54,8 @@ MICROSECONDS = 1e6
 class Recorder(GraphNode):
     """Passes serialised messages to the writer of a bag."""
 
+    task = "recording"
+
     def __init__(self) -> None:
         super().__init__("recorder")
         p = self.parameters

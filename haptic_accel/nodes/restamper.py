@@ -28,6 +28,8 @@ LOOK_PERIOD = 0.1
 class Restamper(GraphNode):
     """Publishes the slave's played signals again, with their stamps moved to now."""
 
+    task = "restamping"
+
     def __init__(self) -> None:
         super().__init__("restamper")
         self._period = NANOSECONDS / self.parameters.rate

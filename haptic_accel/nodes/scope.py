@@ -109,6 +109,8 @@ class Scope(GraphNode):
     subscriber costs the nodes that compute the force a little with every message.
     """
 
+    task = "page"
+
     def __init__(self) -> None:
         super().__init__("scope")
         p = self.parameters
@@ -219,7 +221,9 @@ class Scope(GraphNode):
             # rclpy gives a byte as bytes of length one.
             level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
             values = {pair.key: pair.value for pair in status.values}
-            self._reports.take(status.name, NodeReport(level, status.message, values, now))
+            namespace, node = topics.reporter(status.name)
+            if namespace == self.get_namespace().rstrip("/"):
+                self._reports.take(node, NodeReport(level, status.message, values, now))
 
     def _take_parameters(self, event: ParameterEvent) -> None:
         for remote in self._remotes.values():

@@ -202,37 +202,44 @@ def test_splits_are_read_in_their_order(tmp_path: Path) -> None:
     assert read_bag(tmp_path / "bag").signals[TOOL_ACCELERATION.name].stamps.tolist() == [2, 9, 10]
 
 
-@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-def test_facts_diagnostics_and_changes_are_read(tmp_path: Path, storage: StoragePlugin) -> None:
+CHANGED = "rcl_interfaces/msg/ParameterEvent"
+
+
+def reported(name: str, message: str) -> Any:
+    """Return diagnostics with the status of a node."""
     make: Callable[[str], Any] = MESSAGES.__getitem__
     pair = make("diagnostic_msgs/msg/KeyValue")("ticks", "3")
-    status = make("diagnostic_msgs/msg/DiagnosticStatus")(
-        1, "coupler", "alone", "/coupler", [pair]
-    )
-    header = make("std_msgs/msg/Header")(stamp(5), "")
-    diagnosis = make(DIAGNOSTICS.type)(header, [status])
+    status = make("diagnostic_msgs/msg/DiagnosticStatus")(1, name, message, "/coupler", [pair])
+    return make(DIAGNOSTICS.type)(make("std_msgs/msg/Header")(stamp(5), ""), [status])
+
+
+def changed(node: str, controller: str) -> Any:
+    """Return the event of a controller that was set."""
+    make: Callable[[str], Any] = MESSAGES.__getitem__
     empty = np.array([], dtype=np.int64)
     value = make("rcl_interfaces/msg/ParameterValue")(
         type=4,
         bool_value=False,
         integer_value=0,
         double_value=0.0,
-        string_value="inverse",
+        string_value=controller,
         byte_array_value=np.array([], dtype=np.uint8),
         bool_array_value=np.array([], dtype=np.bool_),
         integer_array_value=empty,
         double_array_value=empty.astype(float),
         string_array_value=[],
     )
-    changed = make("rcl_interfaces/msg/Parameter")("controller", value)
-    event = make("rcl_interfaces/msg/ParameterEvent")(
-        stamp(6), "/x/compensator", [], [changed], []
-    )
+    parameter = make("rcl_interfaces/msg/Parameter")("controller", value)
+    return make(CHANGED)(stamp(6), node, [], [parameter], [])
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_facts_diagnostics_and_changes_are_read(tmp_path: Path, storage: StoragePlugin) -> None:
     write(
         tmp_path / "bag",
         [
-            ("/diagnostics", DIAGNOSTICS.type, 5, diagnosis),
-            ("/parameter_events", "rcl_interfaces/msg/ParameterEvent", 6, event),
+            ("/diagnostics", DIAGNOSTICS.type, 5, reported("coupler: coupling", "alone")),
+            ("/parameter_events", CHANGED, 6, changed("/x/compensator", "inverse")),
         ],
         storage=storage,
         facts={
@@ -251,6 +258,28 @@ def test_facts_diagnostics_and_changes_are_read(tmp_path: Path, storage: Storage
         {"ticks": "3"},
     )
     assert recorded.changes == [Change(6, "compensator", "controller", "inverse")]
+
+
+@pytest.mark.parametrize(
+    ("topic", "name"),
+    [("/diagnostics", "left/coupler: coupling"), ("/left/diagnostics", "coupler")],
+    ids=["now", "until 0.2.0"],
+)
+def test_of_two_graphs_in_a_bag_one_speaks(tmp_path: Path, topic: str, name: str) -> None:
+    kind, tool = TOOL_ACCELERATION.type, TOOL_ACCELERATION.name
+    write(
+        tmp_path / "bag",
+        [
+            (topic, DIAGNOSTICS.type, 1, reported(name, "ours")),
+            (f"/left/{tool}", kind, 2, stamped(kind, 1, "", (0, 0, 1))),
+            ("/diagnostics", DIAGNOSTICS.type, 3, reported("right/coupler: coupling", "theirs")),
+            ("/parameter_events", CHANGED, 4, changed("/right/compensator", "none")),
+            ("/parameter_events", CHANGED, 5, changed("/left/compensator", "inverse")),
+        ],
+    )
+    recorded = read_bag(tmp_path / "bag")
+    assert [(said.node, said.message) for said in recorded.diagnostics] == [("coupler", "ours")]
+    assert recorded.changes == [Change(5, "compensator", "controller", "inverse")]
 
 
 def test_another_graph_and_another_type_are_named_and_left_out(tmp_path: Path) -> None:

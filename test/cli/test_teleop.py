@@ -21,7 +21,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from haptic_accel.core.process import CUT_SHORT
-from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, TOPICS
+from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, TOPICS, reporter
 from haptic_accel.nodes.device_node import STALL
 from observing import Observer
 from recordings import RATE, dragged_over, write_recording
@@ -89,8 +89,11 @@ def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     )
     assert command.end() == 0, command.text
     messages = read(tmp_path / "bag")
-    assert set(messages) == {f"/{topic.name}" for topic in TOPICS} | {"/parameter_events"}
-    assert messages[f"/{DIAGNOSTICS.name}"]
+    assert set(messages) == {
+        "/parameter_events",
+        *(f"/{topic.name.lstrip('/')}" for topic in TOPICS),
+    }
+    assert messages[DIAGNOSTICS.name]
     check_complete(messages, 3.0)
     for topic in SIGNALS:
         found = messages[f"/{topic.name}"]
@@ -146,8 +149,9 @@ def test_diagnostics_come_from_every_node(haptic_accel: Start, observer: Observe
     while names != EXECUTABLES:
         for message in observer.collect((DIAGNOSTICS,), 5)[DIAGNOSTICS.name]:
             for status in message.status:
-                names.add(status.name)
-                values[status.name] = {pair.key: pair.value for pair in status.values}
+                node = reporter(status.name)[1]
+                names.add(node)
+                values[node] = {pair.key: pair.value for pair in status.values}
     assert float(values["master_device"]["rate (Hz)"]) == 1000
     assert int(values["recorder"]["dropped"]) == 0
     assert values["compensator"]["controller"] == "dynamic"
@@ -248,7 +252,8 @@ def test_a_node_that_stalls_is_named_in_diagnostics(
 ) -> None:
     def says(node: str, text: str) -> Callable[[Any], bool]:
         return lambda message: any(
-            status.name == node and text in status.message for status in message.status
+            status.name == f"{node}: sampling" and text in status.message
+            for status in message.status
         )
 
     command = haptic_accel("teleop", "record:=false")

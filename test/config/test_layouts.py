@@ -17,7 +17,7 @@ from haptic_accel.graph.frames import description
 from haptic_accel.nodes.interface import message_type
 
 FOLDER = config_folder() / "layouts"
-BY_NAME = {f"/{topic.name}": topic for topic in TOPICS}
+BY_NAME = {f"/{topic.name.lstrip('/')}": topic for topic in TOPICS}
 NUMBERS = {"double", "float", "boolean"}
 
 

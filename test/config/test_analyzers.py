@@ -1,0 +1,16 @@
+"""The groups of diagnostics for other programs."""
+
+from __future__ import annotations
+
+import yaml
+
+from haptic_accel.graph.folders import config_folder
+from haptic_accel.graph.node_parameters import NODES
+
+
+def test_every_node_is_in_one_group() -> None:
+    content = yaml.safe_load((config_folder() / "analyzers.yaml").read_text(encoding="utf-8"))
+    groups = content["/**/analyzers"]["ros__parameters"]
+    assert groups.pop("path")
+    grouped = [text for group in groups.values() for text in group["contains"]]
+    assert sorted(grouped) == sorted(f"{node}: " for node in NODES)
