@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.parameters import parameter
-from haptic_accel.core.topics import EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED
+from haptic_accel.core.topics import (
+    COMMON_STOP,
+    EMERGENCY_STOP,
+    MASTER_STOPPED,
+    SLAVE_STOPPED,
+    Topic,
+)
 from haptic_accel.graph.claims import own_domain, stop_senders
 from haptic_accel.graph.namespaces import NamespaceArguments
 
@@ -18,14 +25,20 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 PATIENCE = 2.5
-"""Time-out for both devices to be found and to confirm, s, before the graph is joined anew."""
+"""Time-out for the devices to be found and to confirm, s, before the graph is joined anew."""
 
 ATTEMPTS = 3
 """Number of times to join the graph. A process that joins in the same moment as a device may not
 find it for more than 5 s; one that joins afterwards finds it at once."""
 
-COUPLER_PATIENCE = 1.0
-"""Time-out for the coupler after the devices, which stop without it, s."""
+LEAST_LOOK = 0.5
+"""Time for which graphs are looked for, s."""
+
+ANSWERING_TIME = 1.5
+"""Time-out for a service to be found, and to answer, s: the coupler waits 1 s for the devices."""
+
+REASON_TIME = 3.0
+"""Time for which a refused release is asked for again, s: the reason may just have gone."""
 
 LOOK_PERIOD = 0.01
 """Interval between looks at the answers while no message comes, s."""
@@ -48,27 +61,32 @@ class StopArguments(NamespaceArguments):
 )
 @arguments(StopArguments)
 def estop(arguments: StopArguments) -> None:
-    """Remove all forces from both devices at once; they refuse new ones until release:=true."""
-    stop = not arguments.release
+    """Remove all forces from all devices at once; they refuse new ones until release:=true.
+
+    Without a namespace every graph of the ROS domain is stopped. The release is that of one graph,
+    and refused while somebody still asks for the stop.
+    """
+    if arguments.release:
+        print(f"emergency stop {_release(arguments.namespace)}")
+        return
     # By signals first: ROS takes a while to import, and to join the graph.
-    signalled = stop_senders(own_domain(), arguments.namespace) if stop else 0
+    signalled = stop_senders(own_domain(), arguments.namespace)
     quick = f"{signalled} processes signalled after {_age():.2f} s, " if signalled else ""
     from haptic_accel.cli.joining import CallError, connected
 
+    topic = EMERGENCY_STOP if arguments.namespace else COMMON_STOP
     for _ in range(ATTEMPTS):
         with connected(arguments.namespace) as node:
-            missing, coupler_answers = _confirmed(node, stop)
+            confirmed, missing = _stop(node, topic)
         if not missing:
             break
     else:
         names, seconds = " and ".join(missing), ATTEMPTS * PATIENCE
         raise CallError(f"{names} did not confirm within {seconds:g} s; is the graph running?")
-    done = ": both devices are without force"
-    if not stop:
-        done = " released: both devices take forces again"
+    devices = "both" if len(confirmed) == 2 else f"all {len(confirmed)}"
     print(
-        f"emergency stop{done} ({quick}confirmed after {_age():.2f} s)"
-        f"{'' if coupler_answers else '; the coupler does not answer'}"
+        f"emergency stop: {devices} devices are without force"
+        f" ({quick}confirmed after {_age():.2f} s)"
     )
 
 
@@ -79,35 +97,95 @@ def _age() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME) - started
 
 
-def _confirmed(node: Node, stop: bool) -> tuple[list[str], bool]:
-    """Return the devices that did not confirm, and true if the coupler did."""
+def _stop(node: Node, topic: Topic) -> tuple[set[str], set[str]]:
+    """Publish the stop; return the full names of devices that confirmed, and that did not."""
     import rclpy
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from std_msgs.msg import Bool
-    from std_srvs.srv import SetBool
 
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    # The topic first: it reaches the devices even if no other node is left.
-    publisher = node.create_publisher(Bool, EMERGENCY_STOP.name, latched)
-    publisher.publish(Bool(data=stop))
+    node.create_publisher(Bool, topic.name, latched).publish(Bool(data=True))
     answers: dict[str, bool] = {}
-    for topic, device in DEVICES.items():
-        node.create_subscription(
-            Bool,
-            topic.name,
-            lambda message, device=device: answers.__setitem__(device, message.data),
-            latched,
-        )
-    client = node.create_client(SetBool, EMERGENCY_STOP.name)
-    coupler = None
-    deadline = time.monotonic() + PATIENCE
-    while time.monotonic() < deadline:
-        if coupler is None and client.service_is_ready():
-            coupler = client.call_async(SetBool.Request(data=stop))
-        missing = [device for device in DEVICES.values() if answers.get(device) is not stop]
-        if not missing and coupler is not None and coupler.done():
-            return [], True
-        if not missing:
-            deadline = min(deadline, time.monotonic() + COUPLER_PATIENCE)
+    begin = time.monotonic()
+    while (passed := time.monotonic() - begin) < PATIENCE:
+        for device, name in _devices(node, everywhere=topic is COMMON_STOP):
+            if device not in answers:
+                answers[device] = False
+                node.create_subscription(
+                    Bool,
+                    name,
+                    lambda message, device=device: answers.update({device: message.data}),
+                    latched,
+                )
+        if answers and all(answers.values()) and passed >= LEAST_LOOK:
+            break
         rclpy.spin_once(node, timeout_sec=LOOK_PERIOD)
-    return missing, False
+    confirmed = {device for device, stopped in answers.items() if stopped}
+    return confirmed, (answers.keys() or set(DEVICES.values())) - confirmed
+
+
+def _devices(node: Node, *, everywhere: bool) -> Iterator[tuple[str, str]]:
+    """Yield the full names of the devices that must confirm, and of the topics where they do."""
+    namespaces = {node.get_namespace().rstrip("/")}
+    if everywhere:
+        namespaces = {
+            name.removesuffix(f"/{topic.name}")
+            for name, _ in node.get_topic_names_and_types()
+            for topic in DEVICES
+            if name.endswith(f"/{topic.name}") and node.count_publishers(name)
+        }
+    for namespace in namespaces:
+        for topic, device in DEVICES.items():
+            yield f"{namespace}/{device}".removeprefix("/"), f"{namespace}/{topic.name}"
+
+
+def _release(namespace: str) -> str:
+    """Release the graph of a namespace; return a line that says who takes forces again."""
+    from haptic_accel.cli.joining import CallError, connected
+
+    for _ in range(ATTEMPTS):
+        with connected(namespace) as node:
+            answers = _answers(node)
+            deadline = time.monotonic() + REASON_TIME
+            while (refused := _refusals(answers)) and time.monotonic() < deadline:
+                time.sleep(LOOK_PERIOD)
+                answers = _answers(node)
+        if refused:
+            raise CallError(f"emergency stop is not released: {refused}")
+        if all(answers.values()):
+            break
+    else:
+        missing = " and ".join(name for name, answer in answers.items() if not answer)
+        raise CallError(f"{missing} did not answer; is the graph running?")
+    if EMERGENCY_STOP.name in answers:
+        return str(answers[EMERGENCY_STOP.name].message)
+    return f"released: {' and '.join(answers)} take forces again; the coupler does not answer"
+
+
+def _refusals(answers: dict[str, Any]) -> str:
+    refused = ((name, it.message) for name, it in answers.items() if it and not it.success)
+    return "; ".join(f"{name}: {reason}" for name, reason in refused)
+
+
+def _answers(node: Node) -> dict[str, Any]:
+    """Ask the coupler for the release, or the devices if it does not answer; None for silence."""
+    name = EMERGENCY_STOP.name
+    if answer := _answer(node, name):
+        return {name: answer}
+    return {device: _answer(node, f"{device}/{name}") for device in DEVICES.values()}
+
+
+def _answer(node: Node, service: str) -> Any:
+    """Return a service's answer to the release, None if there is none in time."""
+    import rclpy
+    from std_srvs.srv import SetBool
+
+    client = node.create_client(SetBool, service)
+    try:
+        if not client.wait_for_service(ANSWERING_TIME):
+            return None
+        asked = client.call_async(SetBool.Request(data=False))
+        rclpy.spin_until_future_complete(node, asked, timeout_sec=ANSWERING_TIME)
+        return asked.result() if asked.done() else None
+    finally:
+        node.destroy_client(client)

@@ -76,9 +76,19 @@ JOINT_STATE_RATE = 50.0
 
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
 EMERGENCY_STOP = Topic("estop", _BOOL, "", "", reliable=True, latched=True)
-STOPS = (EMERGENCY_STOP, replace(EMERGENCY_STOP, reliable=False, latched=False))
+COMMON_STOP = replace(EMERGENCY_STOP, name=f"/{EMERGENCY_STOP.name}")
+"""Emergency stop of the graphs in all namespaces."""
+
+STOPS = tuple(
+    each
+    for topic in (EMERGENCY_STOP, COMMON_STOP)
+    for each in (topic, replace(topic, reliable=False, latched=False))
+)
 """Emergency stop as its receivers subscribe to it: to what was latched before they came, and to
 whoever publishes it with less, such as ``ros2 topic pub``."""
+
+COUPLER_STOPPED = Topic("coupler/stopped", _BOOL, "", "", reliable=True, latched=True)
+"""Whether the coupler is stopped; unlike `EMERGENCY_STOP` it has one sender, the graph's own."""
 
 MASTER_STOPPED = Topic("master/stopped", _BOOL, "", "", reliable=True, latched=True)
 SLAVE_STOPPED = Topic("slave/stopped", _BOOL, "", "", reliable=True, latched=True)
@@ -148,7 +158,14 @@ SLAVE_SIGNALS = (TOOL_ACCELERATION, SLAVE_POSITION, SLAVE_VELOCITY)
 PLAYED = "played"
 """Prefix of the slave's signals where `ros2 bag play` publishes them."""
 
-TOPICS = (*SIGNALS, DIAGNOSTICS, EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED)
+TOPICS = (
+    *SIGNALS,
+    DIAGNOSTICS,
+    EMERGENCY_STOP,
+    COUPLER_STOPPED,
+    MASTER_STOPPED,
+    SLAVE_STOPPED,
+)
 """Every topic of the graph, all of which the recorder keeps."""
 
 

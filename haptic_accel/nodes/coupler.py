@@ -6,10 +6,8 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
-from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from haptic_accel.core import topics
@@ -24,6 +22,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import schema
 from haptic_accel.nodes.interface import GraphNode, Inbox, Samples
 from haptic_accel.nodes.scheduling import CATCH_UP, ArrivalKeeper, run
+from haptic_accel.nodes.stopping import GraphStop
 
 MASTER, SLAVE = ARMS
 ARM_TOPICS = {MASTER: topics.MASTER, SLAVE: topics.SLAVE}
@@ -125,12 +124,8 @@ class Coupler(GraphNode):
         self._first_force: Inbox | None = None
         if self.parameters.compensated:
             self._first_force = self.inbox(topics.ACTUATOR_FORCE)
-        self._publish_stop = self.publisher(topics.EMERGENCY_STOP).publish
-        for topic in topics.STOPS:
-            self.listen_state(topic, self._on_stop)
-        for arm, signals in ARM_TOPICS.items():
-            self.listen_state(signals.stopped, partial(self._engagement.arm_stopped, arm))
-        self.create_service(SetBool, topics.EMERGENCY_STOP.name, self._serve_stop)
+        self._stop = GraphStop(self, self._engagement.stop)
+        self._arm_stops = {arm: self.inbox(each.stopped) for arm, each in ARM_TOPICS.items()}
         self.create_service(SetBool, "~/engage", self._serve_engage)
         self.create_timer(STEP_PERIOD, self._step)
 
@@ -153,6 +148,11 @@ class Coupler(GraphNode):
                 if not motions.joined:
                     motions.join(self.samples(ARM_TOPICS[arm].velocity, self.parameters.rate))
 
+    def report(self) -> None:
+        """Publish the diagnostics, and whether all is stopped."""
+        self._stop.tell()
+        super().report()
+
     def status(self) -> tuple[str, dict[str, str]]:
         """Return whether the arms are coupled."""
         return self._missing(), {
@@ -173,7 +173,11 @@ class Coupler(GraphNode):
                 force.withdraw() if aside else force.offer()
 
     def work(self) -> float:
-        """Couple the samples that came."""
+        """Follow the emergency stop, and couple the samples that came."""
+        for arm, inbox in self._arm_stops.items():
+            for stopped in self.states(inbox):
+                self._engagement.arm_stopped(arm, stopped)
+        self._follow_stop()
         return self._arrivals.looked(found=self._couple())
 
     def _couple(self) -> bool:
@@ -196,33 +200,16 @@ class Coupler(GraphNode):
                 self._forces[SLAVE].send(master.stamp, on_slave)
         return coupled and not self._pairing.waiting
 
-    def _on_stop(self, stop: bool) -> None:
-        """Follow the emergency stop, whoever asked for it."""
-        if self._engagement.stop(stop, time.monotonic()):
+    def stop_forces(self) -> None:
+        """Stop all, and let both arms go."""
+        self._engagement.stop.stop()
+        self._follow_stop()
+
+    def _follow_stop(self) -> None:
+        """Act at once where the emergency stop has changed, whoever asked for it."""
+        if self._stop.follow():
             self._step()
             self.report()
-
-    def _latch(self, stop: bool) -> None:
-        """Publish the emergency stop or its release, also for nodes that start later."""
-        self._engagement.latch(stop)
-        self._publish_stop(Bool(data=stop))
-
-    def stop_forces(self) -> None:
-        """Publish the emergency stop, and let both arms go."""
-        self._stop(True)
-
-    def _stop(self, stop: bool) -> None:
-        self._latch(stop)
-        self._on_stop(stop)
-
-    def _serve_stop(
-        self, request: SetBool.Request, response: SetBool.Response
-    ) -> SetBool.Response:
-        """Stop everything at once, or release it."""
-        self._stop(request.data)
-        response.success = True
-        response.message = "stopped" if request.data else "released"
-        return response
 
     def _serve_engage(
         self, request: SetBool.Request, response: SetBool.Response
@@ -255,8 +242,6 @@ class Coupler(GraphNode):
             self._engagement.force_received()
             return  # that took a while: engaging waits for the next call
         decision = self._engagement.step(time.monotonic(), self._listeners())
-        if decision.latch:
-            self._latch(self._engagement.stopped)
         if decision.warning:
             self.get_logger().warning(decision.warning)
         if decision.release:

@@ -10,11 +10,12 @@ from typing import Any
 from rclpy.lifecycle import LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import MAX_AGE, STOPPED, SafetyLayer
 from haptic_accel.core.due_forces import DueForces
+from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
@@ -34,6 +35,7 @@ from haptic_accel.nodes.scheduling import (
     system_time,
     wake_time,
 )
+from haptic_accel.nodes.stopping import StopWords
 
 ARM, ACTUATOR = "arm_force", "actuator_force"
 """Kinds of commands, by their names in `Device.write`."""
@@ -46,10 +48,6 @@ PATIENCE = 0.02
 
 STALL = 0.02
 """Time without a tick above which diagnostics warn, s: a fiftieth of their own period."""
-
-SETTLING = 1.0
-"""Age of a node below which it allows no force and accepts no release of the emergency stop, s:
-messages latched by several senders come late and in any order, and a stop among them must win."""
 
 NEWS_PERIOD = 0.1
 """Interval between looks for news of the safety layer, s."""
@@ -185,7 +183,7 @@ class DeviceNode(ManagedNode):
         self._failure: Exception | None = None
         self._unread = self._reported_unread = 0
         self._reported_deadlines = {"due": 0, "missed": 0}
-        self._started = time.monotonic()
+        self._stop = EmergencyStop(steady_now())
         self._send_position = self.sender(arm.position).send
         self._send_velocity = self.sender(arm.velocity).send
         self._send_acceleration = self.sender(arm.acceleration).send
@@ -205,7 +203,9 @@ class DeviceNode(ManagedNode):
         self._motions = Motions(self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm)
         self._operating = OperatingState(self, arm, self.safety, self._fault, self._arm_again)
         self._newest: Sample | None = None
-        self._stops = [self.inbox(topic) for topic in topics.STOPS]
+        self._stop_words = StopWords(self)
+        self._coupler_stops = self.inbox(topics.COUPLER_STOPPED)
+        self.create_service(SetBool, "~/estop", self._serve_stop)
         self.create_service(Trigger, "~/arm", self._serve_arm)
         self.create_timer(NEWS_PERIOD, self._log_news)
         if p.autostart:
@@ -276,7 +276,8 @@ class DeviceNode(ManagedNode):
 
     def stop_forces(self) -> None:
         """Take all forces off and refuse commands until the emergency stop is released."""
-        self._stop(True)
+        self._stop.stop()
+        self._take_forces_off()
 
     def close(self) -> None:
         """Leave the device without force."""
@@ -400,9 +401,7 @@ class DeviceNode(ManagedNode):
         """Serve a tick whose time has come, or what the last one still needs."""
         if not self._settled:
             self._settle()
-        for stops in self._stops:
-            for stop in stops.take_states():
-                self._stop(stop)
+        self._follow_stop()
         if not self._sampling:
             return steady_now() + NEWS_PERIOD
         tick = self.rate_keeper.due()
@@ -580,30 +579,50 @@ class DeviceNode(ManagedNode):
 
     def _settle(self) -> None:
         """Allow forces, and say whether there is an emergency stop, after the first moments."""
-        self._settled = time.monotonic() - self._started >= SETTLING
+        self._settled = self._stop.is_settled(steady_now())
         if self._settled:
             self.safety.enable(steady_now(), self.state == ACTIVE)
             self.report()
 
-    def _stop(self, stop: bool) -> None:
-        """Take all forces off and refuse commands, or allow them again; answer in any case."""
+    def _follow_stop(self) -> None:
+        """Stop where anybody says so; what withdraws a stop releases nothing."""
         now = steady_now()
-        stopped = self.safety.stopped
-        if stop:
-            if self.state != UNCONFIGURED:
-                self._write(now, arm_force=ZERO, actuator_force=0.0)
-        elif not self._settled:
-            stop = stopped
-        if stop != stopped:
-            self.safety.stop(now, stop)
-        self._publish_stopped(Bool(data=stop))
-        if stop == stopped:
-            return
-        if stop:
+        for word in self._stop_words.take():
+            self._stop.heard(word, now)
+            if word:
+                self._take_forces_off()
+        for stopped in self.states(self._coupler_stops):
+            if self._stop.coupler_said(stopped, now):
+                self._take_forces_off()
+
+    def _take_forces_off(self) -> None:
+        """Take all forces off and refuse commands until the release; answer in any case."""
+        now, known = steady_now(), self.safety.stopped
+        if self.state != UNCONFIGURED:
+            self._write(now, arm_force=ZERO, actuator_force=0.0)
+        self._publish_stopped(Bool(data=True))
+        if not known:
+            self.safety.stop(now, True)
             self.get_logger().warning(f"{STOPPED}: no force until it is released")
-        else:
-            self.get_logger().info(f"{STOPPED} released")
-        self.report()
+            self.report()
+
+    def _serve_stop(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
+        """Stop, or allow commands again unless there is a reason for the stop."""
+        if request.data:
+            self.stop_forces()
+            response.success, response.message = True, "stopped"
+            return response
+        self._follow_stop()  # what was said before this was asked for
+        refusal = self._stop.release(steady_now(), self._stop_words.publishers())
+        if not refusal:
+            if self.safety.stopped:
+                self.safety.stop(steady_now(), False)
+                self.get_logger().info(f"{STOPPED} released")
+            self.report()
+        response.success, response.message = not refusal, refusal or "released"
+        return response
 
     def _serve_arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         refused = self._arm_again()

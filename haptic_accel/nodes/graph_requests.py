@@ -11,11 +11,15 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import EMERGENCY_STOP
 from haptic_accel.graph.arguments import RECORDING, SIMULATED
 from haptic_accel.graph.files import surface_parameters
 
 DEVICES = ("slave_device", "master_device")
 """Nodes that can be armed; the one that the user holds comes last."""
+
+STOP_SERVICES = (EMERGENCY_STOP.name, *(f"{device}/estop" for device in DEVICES))
+"""Services of the emergency stop; the coupler's, which passes a release on, comes first."""
 
 POSTURE = f"{SIMULATED}.grip.posture"
 """Parameter of `master_device`: grip of the simulated hand on the handle."""
@@ -28,6 +32,7 @@ SERVICES: Mapping[str, Any] = {
         f"{node}/set_parameters_atomically": SetParametersAtomically
         for node in ("compensator", *DEVICES)
     },
+    **dict.fromkeys(STOP_SERVICES, SetBool),
     "compensator/reset": Trigger,
     **{f"{device}/arm": Trigger for device in DEVICES},
     "coupler/engage": SetBool,

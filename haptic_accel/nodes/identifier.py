@@ -60,11 +60,13 @@ class Identifier(GraphNode):
         self._arrivals = ArrivalKeeper(p.rate)
         self._sender = self.sender(topics.ACTUATOR_FORCE)
         self._samples = self.samples(topics.HANDLE_ACCELERATION, p.rate)
-        self.listen_state(topics.MASTER_STOPPED, self._follow)
+        self._stops = self.inbox(topics.MASTER_STOPPED)
         self.create_timer(LOOK_PERIOD, self._look)
 
     def work(self) -> float:
         """Answer the samples that came."""
+        for stopped in self.states(self._stops):
+            self._follow(stopped)
         came = False
         for moment, acceleration in self._samples.take():
             came = True

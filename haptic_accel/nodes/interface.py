@@ -25,6 +25,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.service import Service
 from rclpy.subscription import Subscription
 
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
@@ -146,6 +147,25 @@ class Inbox:
                 yield data, information, value
 
 
+class Requests:
+    """Requests to one service that wait until they are taken, and may be answered later.
+
+    Parameters
+    ----------
+    service : Service
+    """
+
+    def __init__(self, service: Service) -> None:
+        self._service: Any = service
+
+    def take(self) -> Iterator[tuple[Any, Callable[[Any], None]]]:
+        """Yield each request with the function to call with the response."""
+        kind = self._service.srv_type.Request
+        while (taken := self._service.handle.service_take_request(kind))[1] is not None:
+            request, header = taken
+            yield request, partial(self._service.send_response, header=header)
+
+
 class Samples:
     """Samples of one signal, of which a `Succession` admits those that come in order and in time.
 
@@ -210,6 +230,7 @@ class GraphNode(SupervisedNode):
 
     def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
         self._inboxes: set[Subscription] = set()
+        self._polled: set[Service] = set()
         self._claims: list[socket.socket] = []
         self._malformed: Counter[str] = Counter()
         self._followed: list[Samples] = []
@@ -255,6 +276,12 @@ class GraphNode(SupervisedNode):
         self._inboxes.add(subscription)
         return Inbox(subscription, partial(self.refuse, topic))
 
+    def requests(self, kind: Any, name: str) -> Requests:
+        """Offer a service whose requests are taken when there is time for them."""
+        service = self.create_service(kind, name, _ignore)
+        self._polled.add(service)
+        return Requests(service)
+
     def samples(self, topic: Topic, rate: float) -> Samples:
         """Subscribe to a signal whose samples are taken in order, when they are needed."""
         self._followed.append(Samples(self.inbox(topic), rate, partial(self._on_jump, topic)))
@@ -266,8 +293,24 @@ class GraphNode(SupervisedNode):
         # To ask for names takes eight times as long.
         if sum(self.count_publishers(topic) for topic in topics) < 2:
             return []
+        return self.publishers(*topics)
+
+    def publishers(self, *topics: str) -> list[str]:
+        """Return the full names of the nodes that publish to topics."""
         found = [each for topic in topics for each in self.get_publishers_info_by_topic(topic)]
         return sorted({f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found})
+
+    def states(self, inbox: Inbox) -> list[bool]:
+        """Return the values of a state: true by anyone, false by a node that alone says so.
+
+        Whoever plays a recording of it may stop, but must not release.
+        """
+        return [state for state in inbox.take_states() if state or len(self.rivals(inbox)) < 2]
+
+    @property
+    def services(self) -> Iterator[Service]:
+        """Services whose requests wake the executor."""
+        return (each for each in super().services if each not in self._polled)
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
@@ -464,8 +507,8 @@ def _parameter_files() -> Iterator[Path]:
             yield Path(next(words))
 
 
-def _ignore(data: bytes) -> None:
-    """Do nothing with a message: an inbox takes it."""
+def _ignore(*taken: Any) -> None:
+    """Do nothing with a message or a request: it is taken when there is time."""
 
 
 def _as_meant(value: Any, default: Any) -> Any:

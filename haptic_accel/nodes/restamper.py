@@ -40,11 +40,11 @@ class Restamper(GraphNode):
         self._reported = self._forces = 0
         self._senders = [self._pass_on(topic) for topic in SLAVE_SIGNALS]
         # The coupler waits for a subscriber of the arm's force, and for the device's word that it
-        # is not stopped; `estop` waits for an answer to an emergency stop.
+        # is not stopped; `haptic-accel estop` waits for its answer to an emergency stop.
         self.listen(topics.SLAVE_ARM_FORCE, self._ignore)
         self._stopped = False
         self._publish_stopped = self.publisher(topics.SLAVE_STOPPED).publish
-        self.listen_state(topics.EMERGENCY_STOP, self._stop)
+        self.listen_state(topics.COUPLER_STOPPED, self._follow)
         self._looking = self.create_timer(LOOK_PERIOD, self._look)
 
     def status(self) -> tuple[str, dict[str, str]]:
@@ -67,9 +67,9 @@ class Restamper(GraphNode):
         super().report()
         self._publish_stopped(Bool(data=self._stopped))
 
-    def _stop(self, stop: bool) -> None:
-        """Answer as a device does, which has no forces here."""
-        self._stopped = stop
+    def _follow(self, stopped: bool) -> None:
+        """Answer as a device does, which has no forces here and no reason to stay stopped."""
+        self._stopped = stopped
         self.report()
 
     def _pass_on(self, topic: Topic) -> Sender:

@@ -130,7 +130,7 @@ class Scope(GraphNode):
         self.create_subscription(DiagnosticArray, reports.name, take, profile)
         changed = self._take_parameters
         self.create_subscription(ParameterEvent, "/parameter_events", changed, DEPTH)
-        self.listen_state(topics.EMERGENCY_STOP, self._take_stop)
+        self.listen_state(topics.COUPLER_STOPPED, self._take_stop)
         self.listen_state(topics.MASTER_STOPPED, lambda stop: self._stopped.update(master=stop))
         self.listen_state(topics.SLAVE_STOPPED, lambda stop: self._stopped.update(slave=stop))
         self.create_timer(CLIENT_PERIOD, self._subscribe_for_clients)
@@ -248,8 +248,6 @@ class Scope(GraphNode):
         self.windows.settings = settings
 
     def _take_stop(self, stop: bool) -> None:
-        if not stop and self._commands:
-            self._commands.forget_stop()
         self._stop_asked = stop
 
 

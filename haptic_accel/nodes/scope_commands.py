@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import threading
 import time
 from collections.abc import Callable
 from typing import Any
 
-from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.topics import EMERGENCY_STOP
 from haptic_accel.graph.arguments import RECORDING
 from haptic_accel.graph.folders import config_folder
 from haptic_accel.nodes import graph_requests as requests
@@ -69,10 +66,6 @@ class Commands:
         self._stopped = stopped
         self._choices = choices()
         # Created before they are needed, because discovery takes the middleware a while.
-        self._stop_publisher = node.publisher(EMERGENCY_STOP)
-        self._latched = False
-        self._lock = threading.Lock()
-        self._stop = node.create_client(SetBool, EMERGENCY_STOP.name)
         services = requests.SERVICES.items()
         self._clients = {name: node.create_client(kind, name) for name, kind in services}
 
@@ -103,31 +96,29 @@ class Commands:
             raise CommandError(str(error)) from None
         return f"{action}: {await self._send(request) or value}"
 
-    def forget_stop(self) -> None:
-        """Withdraw an own stop that was released elsewhere, or nodes that start later receive it.
-
-        Called on the node's thread.
-        """
-        with self._lock:
-            if self._latched:
-                self._node.destroy_publisher(self._stop_publisher)
-                self._stop_publisher = self._node.publisher(EMERGENCY_STOP)
-                self._latched = False
-
     async def _set_stop(self, stop: bool) -> str:
-        """Stop, or release, by the topic that the devices receive, and inform the coupler."""
+        """Stop by all services, or release by the coupler's, or the devices' own without it."""
         self._stopped.update(dict.fromkeys(self._stopped))
-        # First of all, and independent of the coupler.
-        with self._lock:
-            self._latched = stop
-            self._stop_publisher.publish(Bool(data=stop))
-        if self._stop.service_is_ready():
-            self._stop.call_async(SetBool.Request(data=stop))
-        if not await _until(lambda: set(self._stopped.values()) == {stop}, ANSWERING_TIME):
-            silent = " and ".join(n for n, state in self._stopped.items() if state != stop)
-            what = "stop" if stop else "release"
-            raise CommandError(f"estop: the {what} is sent; not confirmed by {silent}")
-        return f"{'stopped' if stop else 'released'}: both devices confirm"
+        ready = [name for name in requests.STOP_SERVICES if self._clients[name].service_is_ready()]
+        if not stop and requests.STOP_SERVICES[0] in ready:
+            ready = ready[:1]
+        request = SetBool.Request(data=stop)
+        asked = {name: self._clients[name].call_async(request) for name in ready}
+
+        def confirmed() -> bool:
+            return set(self._stopped.values()) == {stop}
+
+        def refusals() -> list[str]:
+            answers = [(name, each.result()) for name, each in asked.items() if each.done()]
+            return [f"{name}: {answer.message}" for name, answer in answers if not answer.success]
+
+        if await _until(lambda: bool(confirmed() or refusals()), ANSWERING_TIME) and confirmed():
+            return f"{'stopped' if stop else 'released'}: both devices confirm"
+        if refused := refusals():
+            raise CommandError("; ".join(refused))
+        silent = " and ".join(name for name, state in self._stopped.items() if state != stop)
+        what = "stop" if stop else "release"
+        raise CommandError(f"estop: the {what} is sent; not confirmed by {silent}")
 
     async def _send(self, request: requests.GraphRequest) -> str:
         """Return the node's message."""

@@ -41,7 +41,7 @@ RECEIVERS = {
     topics.ACTUATOR_FORCE: ("master_device", ACTUATOR),
 }
 SAMPLES = tuple(topic for topic in SIGNALS if topic not in RECEIVERS)
-STATES = (EMERGENCY_STOP, topics.MASTER_STOPPED, topics.SLAVE_STOPPED)
+STATES = (EMERGENCY_STOP, topics.COUPLER_STOPPED, topics.MASTER_STOPPED, topics.SLAVE_STOPPED)
 
 CUT_OFF = (b"", b"\0", bytes([0, 1, 0, 0]))
 MALFORMED = (*CUT_OFF, bytes([0, 1, 0, 0]) + bytes(8) + b"\xff" * 104, bytes([0, 7]) + bytes(126))
@@ -205,9 +205,8 @@ class Acts:
         self._graph.wait_for(self._both_stopped, "both are stopped")
         self._graph.expect_no_force(since)
         self._stopped = False
-        way = self._random.choice(("topic", "service"))
-        self._tell(f"release by {way}")
-        self._request(way, False, self._graph.flow(), ATTEMPTS)
+        self._tell("release")
+        self._request("service", False, self._graph.flow(), ATTEMPTS)
 
     def _both_stopped(self) -> bool:
         return list(self._graph.stopped.values()) == [True, True]
@@ -234,7 +233,7 @@ class Acts:
             self._graph.observer.node.destroy_client(client)
         else:
             with self._publishing(EMERGENCY_STOP) as ((_, send),):
-                send(serialize_message(Bool(data=stop)))
+                send(serialize_message(Bool(data=True)))
                 yield
 
     def _fail_recorder(self, damage: Callable[[], str]) -> None:

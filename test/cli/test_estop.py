@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
 
+from haptic_accel.core.emergency_stop import RECENT, SETTLING
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
+    COUPLER_STOPPED,
     EMERGENCY_STOP,
     MASTER_STOPPED,
     SLAVE_STOPPED,
@@ -23,6 +27,8 @@ from verbs import refusal
 
 Start = Callable[..., Command]
 Ask = Callable[..., tuple[int, str]]
+
+STOPPED = (COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED)
 
 APPLIED = ("arm force count", "actuator force count")
 """What the master device counts of the forces it applied."""
@@ -43,7 +49,7 @@ def test_a_stop_from_a_terminal_lets_no_force_through_until_it_is_released(
     stop = haptic_accel("estop")
     assert stop.end() == 0, stop.text
     assert stop.lines[-1].startswith("emergency stop: both devices are without force (4 processes")
-    for topic in (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED):
+    for topic in STOPPED:
         observer.wait_for_state(topic, True)
     graph.wait_for("let go: emergency stop")
     before = applied(observer, "emergency stop")
@@ -53,11 +59,11 @@ def test_a_stop_from_a_terminal_lets_no_force_through_until_it_is_released(
     refused = "haptic-accel: coupler: emergency stop: release it first"
     assert ask("control", "engage:=true") == (1, refused)
     so_far = len(graph.lines)
-    released = "emergency stop released: both devices take forces again"
+    released = "emergency stop released: slave_device and master_device take forces again"
     status, said = ask("estop", "release:=true")
-    assert (status, said.startswith(released)) == (0, True), said
+    assert (status, said) == (0, released)
     graph.wait_for("engaged", after=so_far)
-    for topic in (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED):
+    for topic in STOPPED:
         observer.wait_for_state(topic, False)
     observer.collect((ACTUATOR_FORCE,), 100)
     assert all(now > then for now, then in zip(applied(observer), before, strict=True)), (
@@ -93,7 +99,95 @@ def test_a_device_that_is_stopped_alone_stops_all(start: Start, observer: Observ
     observer.node.create_publisher(Bool, "elsewhere", profile).publish(Bool(data=True))
     coupler.wait_for("let go: emergency stop")
     coupler.wait_for("emergency stop: only slave stopped; all are stopped again")
-    for topic in (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED):
+    for topic in STOPPED:
+        observer.wait_for_state(topic, True)
+
+
+@pytest.fixture
+def coupled(start: Start) -> dict[str, Command]:
+    """Start both devices and a coupler, which engages."""
+    nodes = {
+        name: start("-m", f"haptic_accel.nodes.{name}")
+        for name in ("slave_device", "master_device", "coupler")
+    }
+    nodes["coupler"].wait_for("engaged")
+    return nodes
+
+
+def released(observer: Observer) -> tuple[bool, str]:
+    """Ask the coupler for the release; return whether it is granted, and its message."""
+    answer = observer.call(SetBool, EMERGENCY_STOP.name, SetBool.Request(data=False))
+    return answer.success, answer.message
+
+
+def test_a_stop_is_released_once_it_is_withdrawn_and_not_by_that(
+    coupled: dict[str, Command], observer: Observer
+) -> None:
+    coupler = coupled["coupler"]
+    button = observer.node.create_publisher(
+        Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, depth=1)
+    )
+    button.publish(Bool(data=True))
+    for topic in STOPPED:
+        observer.wait_for_state(topic, True)
+    so_far = len(coupler.lines)
+    time.sleep(2 * RECENT)
+    refused = "/observer said true on the topic, or may have: let it say false, or end it"
+    assert released(observer) == (False, refused)
+    button.publish(Bool(data=False))
+    time.sleep(2 * SETTLING)
+    for topic in STOPPED:
+        observer.wait_for_state(topic, True)
+    assert not any("engaged" in line for line in coupler.lines[so_far:])
+    said = "released: slave_device and master_device take forces again"
+    assert released(observer) == (True, said)
+    coupler.wait_for("engaged", after=so_far)
+
+
+def test_all_are_released_or_none_and_a_coupler_that_starts_anew_is_told(
+    coupled: dict[str, Command], start: Start, observer: Observer
+) -> None:
+    observer.call(SetBool, EMERGENCY_STOP.name, SetBool.Request(data=True))
+    for topic in STOPPED:
+        observer.wait_for_state(topic, True)
+    coupled["slave_device"].process.send_signal(signal.SIGSTOP)
+    assert released(observer) == (False, "slave_device: no answer within 1 s")
+    coupled["slave_device"].process.send_signal(signal.SIGCONT)
+    for topic in STOPPED:
+        observer.wait_for_state(topic, True)
+    os.kill(coupled["coupler"].process.pid, signal.SIGKILL)
+    coupled["coupler"].end()
+    anew = start("-m", "haptic_accel.nodes.coupler")
+    anew.wait_for("only (slave and master|master and slave) stopped; all are stopped again")
+    observer.wait_for_state(COUPLER_STOPPED, True)
+    assert released(observer)[0]
+    anew.wait_for("engaged")
+
+
+def test_one_stop_stops_the_graphs_of_all_namespaces(
+    start: Start, observer: Observer, ask: Ask
+) -> None:
+    states = {}
+    for side in ("left", "right"):
+        for name in ("slave_device", "master_device", "coupler"):
+            node = start("-m", f"haptic_accel.nodes.{name}", "--ros-args", "-r", f"__ns:=/{side}")
+        node.wait_for("engaged")
+        states[side] = [replace(topic, name=f"{side}/{topic.name}") for topic in STOPPED]
+    status, said = ask("estop", "namespace:=left")
+    assert (status, said.startswith("emergency stop: both devices are without force")) == (0, True)
+    for topic in states["left"]:
+        observer.wait_for_state(topic, True)
+    for topic in states["right"]:
+        observer.wait_for_state(topic, False)
+    status, said = ask("estop")
+    assert (status, said.startswith("emergency stop: all 4 devices are without")) == (0, True), (
+        said
+    )
+    status, said = ask("estop", "release:=true", "namespace:=left")
+    assert (status, "take forces again" in said) == (0, True), said
+    for topic in states["left"]:
+        observer.wait_for_state(topic, False)
+    for topic in states["right"]:
         observer.wait_for_state(topic, True)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from haptic_accel.core.topics import EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED
+from haptic_accel.core.topics import COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED
 from observing import Observer
 from running import PATIENCE
 
@@ -137,7 +137,7 @@ def test_the_space_key_stops_a_graph_and_does_not_release_it(
     for times in (1, 2):
         terminal.press(b" ")
         terminal.wait_for("space: emergency stop", times)
-        for topic in (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED):
+        for topic in (COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED):
             observer.wait_for_state(topic, True)
     terminal.wait_for("emergency stop: no force until it is released", 2)
     assert "released" not in terminal.text.replace("until it is released", "")

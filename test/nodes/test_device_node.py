@@ -15,15 +15,15 @@ from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
-from haptic_accel.core import topics
+from haptic_accel.core import emergency_stop, topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE
+from haptic_accel.core.emergency_stop import RECENT
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.devices import MASTERS, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedMaster
-from haptic_accel.nodes import device_node
 from haptic_accel.nodes.interface import GraphNode, message_type, quality
 from haptic_accel.nodes.master_device import MasterDevice
 from haptic_accel.nodes.scheduling import system_time
@@ -150,18 +150,32 @@ class Bench:
 
         self.until(both)
 
-    def stop(self, stop: bool, *, refused: bool = False, driven: bool = False) -> None:
-        """Publish the emergency stop or its release, and wait for the answer; drive meanwhile."""
+    def stop(self, *, driven: bool = False) -> None:
+        """Publish the emergency stop, and wait for the answer; drive meanwhile."""
         known = len(self.answers)
-        self._stop.publish(Bool(data=stop))
-        answer = stop is not refused
+        self.say(True)
 
         def answered() -> bool:
             if driven:
                 self.command((0.1, 0.0, 0.2), 0.3)
-            return self.answers[known:][-1:] == [answer]
+            return self.answers[known:][-1:] == [True]
 
         self.until(answered)
+
+    def say(self, word: bool) -> None:
+        """Publish a word on the topic of the emergency stop."""
+        self._stop.publish(Bool(data=word))
+
+    def release(self) -> str:
+        """Ask for the release; return why it is refused, empty if it is granted."""
+        answer = self.call(SetBool, "master_device/estop", SetBool.Request(data=False))
+        return "" if answer.success else str(answer.message)
+
+    def released(self) -> None:
+        """Withdraw the stop, and ask for the release until it is granted."""
+        self.say(False)
+        self.until(lambda: not self.release())
+        self.until(lambda: self.answers[-1:] == [False])
 
     def close(self) -> None:
         """End both nodes."""
@@ -176,7 +190,7 @@ def bench(
 ) -> Iterator[Bench]:
     """Give a master device that is past its first moments, with parameters name:=value."""
     monkeypatch.setitem(MASTERS, "simulated", Witness)
-    monkeypatch.setattr(device_node, "SETTLING", 0.0)
+    monkeypatch.setattr(emergency_stop, "SETTLING", 0.0)
     given = [word for value in getattr(request, "param", ()) for word in ("-p", value)]
     rclpy.init(args=["--ros-args", *given] if given else None)
     bench = Bench()
@@ -188,20 +202,19 @@ def bench(
 def test_the_first_command_after_a_stop_is_zero_and_there_is_no_other(bench: Bench) -> None:
     bench.driven()
     before = len(bench.written)
-    bench.stop(True)
+    bench.stop()
     assert STOP in bench.written[before:]
     stopped = len(bench.written)
     for _ in range(50):
         bench.command((0.1, 0.0, 0.2), 0.3)
         bench.turn()
-    bench.stop(True)
+    bench.stop()
     again = bench.written[stopped:]
     assert STOP in again, "the second stop writes zero again"
     assert all(forces == STOP for forces in again), "and nothing else"
     assert bench.answers[-1] is True
     assert bench.node.status()[0].startswith("emergency stop")
-    bench.stop(False)
-    assert bench.answers[-1] is False
+    bench.released()
     assert "emergency stop" not in bench.node.status()[0]
     bench.driven()
 
@@ -227,7 +240,7 @@ def test_a_display_gets_positions_as_joints_of_the_description(bench: Bench) -> 
 def test_what_was_stopped_is_not_said_to_have_timed_out(bench: Bench) -> None:
     bench.driven()
     timeouts = bench.node.status()[1]["actuator force timeouts"]
-    bench.stop(True, driven=True)
+    bench.stop(driven=True)
     over = time.monotonic() + 2 * ARM_TIMEOUT
     bench.until(lambda: time.monotonic() > over)
     warning, values = bench.node.status()
@@ -270,35 +283,64 @@ def test_a_command_that_a_second_node_publishes_too_is_refused_meanwhile(bench: 
     second.destroy_node()
 
 
-def test_at_the_start_a_stop_wins_over_a_release_in_any_order(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(device_node, "SETTLING", PATIENCE)
-    bench.stop(False)
-    bench.stop(True)
-    bench.stop(False, refused=True)
-    monkeypatch.setattr(device_node, "SETTLING", 0.0)
-    bench.stop(False)
+def test_at_the_start_no_release_is_granted(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(emergency_stop, "SETTLING", PATIENCE)
+    bench.stop()
+    bench.say(False)
+    assert bench.release() == "has just started: ask again in a second"
+    monkeypatch.setattr(emergency_stop, "SETTLING", 0.0)
+    bench.released()
+
+
+def test_what_withdraws_a_stop_releases_nothing(bench: Bench) -> None:
+    bench.stop()
+    bench.say(False)
+    so_far = len(bench.written)
+    over = time.monotonic() + 2 * RECENT
+    bench.until(lambda: time.monotonic() > over)
+    for _ in range(50):
+        bench.command((0.1, 0.0, 0.2), 0.3)
+        bench.turn()
+    assert all(forces in (STOP, {}) for forces in bench.written[so_far:])
+    assert bench.release() == ""
+    bench.driven()
+
+
+def test_a_stop_is_not_released_while_it_is_asked_for(bench: Bench) -> None:
+    bench.stop()
+    refused = "/coupler said true on the topic, or may have: let it say false, or end it"
+    assert bench.release() == refused
+    bench.released()
+
+
+def test_a_stopped_coupler_stops_and_releases_first(bench: Bench) -> None:
+    coupler = bench.other.publisher(topics.COUPLER_STOPPED)
+    coupler.publish(Bool(data=True))
+    bench.until(lambda: bench.answers[-1:] == [True])
+    assert bench.release() == "the coupler is stopped: release it by its service estop"
+    coupler.publish(Bool(data=False))
+    bench.until(lambda: not bench.release())
+    bench.driven()
 
 
 def test_no_force_is_applied_before_it_is_known_whether_there_is_a_stop(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(device_node, "SETTLING", PATIENCE)
+    monkeypatch.setattr(emergency_stop, "SETTLING", PATIENCE)
     taken = time.monotonic() + 20 * ARM_TIMEOUT
     while time.monotonic() < taken:
         bench.command((0.1, 0.0, 0.2), 0.3)
         bench.turn()
     assert all(forces in (STOP, {}) for forces in bench.written)
     assert bench.answers == []
-    monkeypatch.setattr(device_node, "SETTLING", 0.0)
+    monkeypatch.setattr(emergency_stop, "SETTLING", 0.0)
     bench.driven()
     bench.until(lambda: bench.answers == [False])
 
 
 def test_a_device_says_again_and_again_whether_it_is_stopped(bench: Bench) -> None:
     bench.until(lambda: bench.answers == [False, False])
-    bench.stop(True)
+    bench.stop()
     bench.until(lambda: bench.answers[-3:] == [True, True, True])
 
 
@@ -339,7 +381,7 @@ def test_where_recovery_is_manual_a_service_arms(bench: Bench) -> None:
     answer = bench.call(Trigger, "master_device/arm", Trigger.Request())
     assert (answer.success, answer.message) == (True, "armed")
     bench.driven()
-    bench.stop(True)
+    bench.stop()
     answer = bench.call(Trigger, "master_device/arm", Trigger.Request())
     assert (answer.success, answer.message) == (False, "emergency stop")
 
@@ -361,8 +403,8 @@ def test_states_open_enable_and_close_the_device(bench: Bench) -> None:
     assert state() == "unconfigured"
     assert possible() == {"configure", "shutdown"}
     assert "not active" in bench.node.status()[0]
-    bench.stop(True)
-    bench.stop(False)
+    bench.stop()
+    bench.released()
     # What cannot be from here ends nothing.
     assert not bench.change_state("activate")
     assert not bench.change_state(number=99)

@@ -21,6 +21,7 @@ from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
 from haptic_accel.core.model import Vector
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
+    COUPLER_STOPPED,
     EMERGENCY_STOP,
     MASTER_STOPPED,
     SIGNALS,
@@ -67,7 +68,7 @@ GARBAGE = (
     bytes(4) + struct.pack("<iII4s7d", 1, 0, 4, b"arm", *[1.0] * 7),  # in the other byte order
 )
 
-STATES = (EMERGENCY_STOP, MASTER_STOPPED, SLAVE_STOPPED)
+STATES = (EMERGENCY_STOP, COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED)
 
 
 class Node:

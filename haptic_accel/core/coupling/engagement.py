@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.parameters import Checked, parameter
 
 ARMS = ("master", "slave")
@@ -65,8 +66,6 @@ class Decision:
     ----------
     engage, release : bool
         Couple the arms where they are; uncouple them and take their forces off.
-    latch : bool
-        Publish the emergency stop, or its release, again on behalf of its sender, who may end.
     finished : bool
         The duration is over; stays true.
     warning : str
@@ -75,7 +74,6 @@ class Decision:
 
     engage: bool = False
     release: bool = False
-    latch: bool = False
     finished: bool = False
     warning: str = ""
 
@@ -97,8 +95,8 @@ class Engagement:
     Attributes
     ----------
     engaged : bool
-    stopped : bool
-        The emergency stop is not released.
+    stop : EmergencyStop
+        Stop of the coupler; all are stopped where a device and the coupler differ for too long.
     compensated : bool
         The compensator's force was received, or need not be.
     """
@@ -109,11 +107,9 @@ class Engagement:
         self.compensated = not parameters.compensated
         self._received = dict.fromkeys(ARMS, -math.inf)
         self._wanted = True
-        self.stopped = False
-        self._stop_changed = now
+        self.stop = EmergencyStop(now)
         self._differing_since = math.inf
         self._arms_stopped: dict[str, bool] = {}
-        self._latched: bool | None = False
         self._first_engaged = math.inf
         self._released = -math.inf
         self._warned = now
@@ -126,24 +122,13 @@ class Engagement:
         """Note a force of the compensator."""
         self.compensated = True
 
-    def stop(self, stop: bool, now: float) -> bool:
-        """Follow the emergency stop or its release; return whether that is new."""
-        if stop == self.stopped:
-            return False
-        self.stopped, self._stop_changed = stop, now
-        return True
-
     def arm_stopped(self, arm: str, stopped: bool) -> None:
         """Note whether the device of an arm, one of `ARMS`, follows the emergency stop."""
         self._arms_stopped[arm] = stopped
 
-    def latch(self, stop: bool) -> None:
-        """Note that the emergency stop or its release was published by the caller."""
-        self._latched = stop
-
     def request(self, engage: bool) -> str:
         """Ask for engaging or release; return why that is refused, empty if it is not."""
-        if engage and self.stopped:
+        if engage and self.stop.stopped:
             return f"{STOPPED}: release it first"
         self._wanted = engage
         return ""
@@ -198,7 +183,6 @@ class Engagement:
         return Decision(
             engage=engage,
             release=release,
-            latch=self._must_latch(now),
             finished=self._is_over(now),
             warning=differing
             or (f"let go: {missing}" if release else self._due_warning(now, missing)),
@@ -207,7 +191,7 @@ class Engagement:
     @property
     def _held(self) -> str:
         """Reason for free arms; empty if they may be coupled."""
-        if self.stopped or any(self._arms_stopped.values()):
+        if self.stop.stopped or any(self._arms_stopped.values()):
             return STOPPED
         return "" if self._wanted else DISENGAGED
 
@@ -216,7 +200,7 @@ class Engagement:
         for arm, received in self._received.items():
             if self._parameters.timeout < now - received < math.inf:
                 self._arms_stopped.pop(arm, None)  # of a device that has gone
-        states = {"coupler": self.stopped, **self._arms_stopped}
+        states = {"coupler": self.stop.stopped, **self._arms_stopped}
         if len(set(states.values())) == 1:
             self._differing_since = math.inf
             return ""
@@ -224,14 +208,9 @@ class Engagement:
         if now - self._differing_since <= DIFFERING:
             return ""
         self._differing_since = math.inf
-        self.stop(True, now)
-        self._latched = None
+        self.stop.stop()
         stopped = " and ".join(name for name, state in states.items() if state)
         return f"{STOPPED}: only {stopped} stopped; all are stopped again"
-
-    def _must_latch(self, now: float) -> bool:
-        # Not at once: the message may be the caller's own, which it is about to note.
-        return self._latched is not self.stopped and now - self._stop_changed > STEP_PERIOD
 
     def _is_over(self, now: float) -> bool:
         return 0 < self._parameters.duration <= now - self._first_engaged

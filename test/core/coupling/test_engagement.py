@@ -19,6 +19,7 @@ from haptic_accel.core.coupling.engagement import (
     Engagement,
     EngagementParameters,
 )
+from haptic_accel.core.emergency_stop import SETTLING
 
 TIMEOUT = 0.1
 NOTHING = Decision()
@@ -31,7 +32,7 @@ class Run:
     def __init__(self, **parameters: float | bool) -> None:
         self.now = 100.0
         known = EngagementParameters(timeout=TIMEOUT, **parameters)  # type: ignore[arg-type]
-        self.engagement = Engagement(known, self.now)
+        self.engagement = Engagement(known, self.now - SETTLING)
         self.listeners = 2
         for arm in ARMS:
             self.engagement.arm_stopped(arm, False)
@@ -46,6 +47,11 @@ class Run:
     @property
     def missing(self) -> str:
         return self.engagement.missing(self.now, self.listeners)
+
+
+def release(run: Run) -> None:
+    """Release the stop, which has no reason."""
+    assert run.engagement.stop.release(run.now, []) == ""
 
 
 def test_the_arms_engage_once_both_positions_are_there() -> None:
@@ -139,12 +145,12 @@ def test_a_request_releases_the_arms_until_the_next() -> None:
 def test_the_emergency_stop_releases_the_arms_and_refuses_to_engage() -> None:
     run = Run()
     run.step()
-    assert run.engagement.stop(True, run.now)
-    assert not run.engagement.stop(True, run.now)
+    assert run.engagement.stop.stop()
+    assert not run.engagement.stop.stop()
     assert run.step(0.0) == Decision(release=True, warning=f"let go: {STOPPED}")
     assert run.engagement.request(True) == f"{STOPPED}: release it first"
     assert run.missing == STOPPED
-    assert run.engagement.stop(False, run.now)
+    release(run)
     assert run.step(0.0) == NOTHING
     assert run.step(FREE_TIME) == ENGAGE
 
@@ -152,37 +158,10 @@ def test_the_emergency_stop_releases_the_arms_and_refuses_to_engage() -> None:
 def test_a_release_of_the_stop_does_not_undo_a_request() -> None:
     run = Run()
     run.engagement.request(False)
-    run.engagement.stop(True, run.now)
-    run.engagement.stop(False, run.now)
+    run.engagement.stop.stop()
+    release(run)
     assert run.step() == NOTHING
     assert run.missing == DISENGAGED
-
-
-def test_a_stop_of_another_is_latched_once_its_own_time_is_over() -> None:
-    run = Run()
-    run.engagement.stop(True, run.now)
-    assert not run.step(0.0).latch
-    assert run.step(1.1 * STEP_PERIOD).latch
-    run.engagement.latch(True)
-    assert not run.step().latch
-
-
-def test_a_release_by_another_replaces_the_stop_that_was_latched() -> None:
-    run = Run()
-    run.engagement.stop(True, run.now)
-    run.engagement.latch(True)
-    run.engagement.stop(False, run.now)
-    assert not run.step(0.0).latch
-    assert run.step(1.1 * STEP_PERIOD).latch
-    run.engagement.latch(False)
-    assert not run.step().latch
-
-
-def test_a_stop_that_the_caller_published_is_not_published_again() -> None:
-    run = Run()
-    run.engagement.latch(True)
-    run.engagement.stop(True, run.now)
-    assert not run.step(1.0).latch
 
 
 def test_the_duration_counts_from_the_first_time_the_arms_engage() -> None:
@@ -210,7 +189,7 @@ def test_what_is_waited_for_is_said_again_and_again_but_not_too_often() -> None:
 
 def test_a_stop_is_not_warned_of() -> None:
     run = Run()
-    run.engagement.stop(True, run.now)
+    run.engagement.stop.stop()
     assert run.step(2 * WARNING_PERIOD).warning == ""
 
 
@@ -221,35 +200,31 @@ def test_a_device_that_is_stopped_alone_frees_the_arms_and_then_stops_all(arm: s
     run.engagement.arm_stopped(arm, True)
     assert run.step(0.0) == Decision(release=True, warning=f"let go: {STOPPED}")
     assert run.step(0.9 * DIFFERING) == NOTHING
-    assert not run.engagement.stopped
+    assert not run.engagement.stop.stopped
     warning = f"emergency stop: only {arm} stopped; all are stopped again"
     assert run.step(0.2 * DIFFERING) == Decision(warning=warning)
-    assert run.engagement.stopped
-    assert run.step(1.1 * STEP_PERIOD).latch
+    assert run.engagement.stop.stopped
 
 
 @pytest.mark.parametrize("arm", ARMS)
-def test_a_device_that_missed_the_stop_is_told_again(arm: str) -> None:
+def test_a_device_that_missed_the_stop_is_warned_of(arm: str) -> None:
     run = Run()
-    run.engagement.latch(True)
-    run.engagement.stop(True, run.now)
+    run.engagement.stop.stop()
     run.engagement.arm_stopped(arm, False)
-    assert not run.step(0.0).latch
-    decision = run.step(1.1 * DIFFERING)
-    assert (decision.latch, decision.engage) == (True, False)
-    assert decision.warning == "emergency stop: only coupler stopped; all are stopped again"
-    run.engagement.latch(True)
+    assert run.step(0.0) == NOTHING
+    warning = "emergency stop: only coupler stopped; all are stopped again"
+    assert run.step(1.1 * DIFFERING) == Decision(warning=warning)
     run.engagement.arm_stopped(arm, True)
     assert run.step(2 * DIFFERING) == NOTHING
 
 
 def test_a_release_that_reaches_all_within_a_while_stops_nothing() -> None:
     run = Run()
-    run.engagement.stop(True, run.now)
+    run.engagement.stop.stop()
     for arm in ARMS:
         run.engagement.arm_stopped(arm, True)
     run.step()
-    run.engagement.stop(False, run.now)
+    release(run)
     run.engagement.arm_stopped(ARMS[0], False)
     assert not run.step(0.5 * DIFFERING).engage
     run.engagement.arm_stopped(ARMS[1], False)
@@ -260,14 +235,13 @@ def test_a_release_that_reaches_all_within_a_while_stops_nothing() -> None:
 @pytest.mark.parametrize("stopped", [True, False])
 def test_what_a_device_said_that_has_gone_counts_no_longer(stopped: bool) -> None:
     run = Run()
-    run.engagement.stop(not stopped, run.now)
-    run.engagement.latch(not stopped)
+    run.engagement.stop.stopped = not stopped
     run.engagement.arm_stopped(ARMS[0], stopped)
     run.engagement.arm_stopped(ARMS[1], not stopped)
     run.step()
     for _ in range(30):
-        assert not run.step(DIFFERING / 10, ARMS[1:]).latch
-    assert run.engagement.stopped is not stopped
+        run.step(DIFFERING / 10, ARMS[1:])
+    assert run.engagement.stop.stopped is not stopped
 
 
 Event = Callable[[Run], object]
@@ -277,8 +251,8 @@ EVENTS: dict[str, Event] = {
     "master": lambda run: run.step(arms=("master",)),
     "silence": lambda run: run.step(2 * TIMEOUT, ()),
     "force": lambda run: run.engagement.force_received(),
-    "stop": lambda run: run.engagement.stop(True, run.now),
-    "released": lambda run: run.engagement.stop(False, run.now),
+    "stop": lambda run: run.engagement.stop.stop(),
+    "released": release,
     "engage": lambda run: run.engagement.request(True),
     "disengage": lambda run: run.engagement.request(False),
     "alone": lambda run: setattr(run, "listeners", 0),

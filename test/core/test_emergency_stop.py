@@ -1,0 +1,136 @@
+"""Who may stop a node, and when it may be released."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.emergency_stop import COUPLER_SILENCE, RECENT, SETTLING, EmergencyStop
+
+BUTTON = ["/button"]
+ALONE: list[str] = []
+LATER = 2 * max(RECENT, COUPLER_SILENCE)
+
+
+class Run:
+    """A node's stop whose time goes on as a test says."""
+
+    def __init__(self, age: float = SETTLING) -> None:
+        self.now = 100.0
+        self.stop = EmergencyStop(self.now - age)
+
+    def heard(self, *words: bool) -> None:
+        for word in words:
+            self.stop.heard(word, self.now)
+
+    def released(self, publishers: list[str], seconds: float = 0.0) -> bool:
+        """Let time pass and ask for the release; return whether it was granted."""
+        self.now += seconds
+        refusal = self.stop.release(self.now, publishers)
+        assert self.stop.stopped is bool(refusal)
+        return not refusal
+
+
+def test_only_what_is_new_is_said_to_be() -> None:
+    run = Run()
+    assert not run.stop.stopped
+    assert run.stop.heard(True, run.now)
+    assert not run.stop.heard(True, run.now)
+    assert not run.stop.coupler_said(True, run.now)
+    assert not run.stop.stop()
+    assert run.stop.stopped
+
+
+def test_a_stop_that_is_played_with_its_release_stays() -> None:
+    run = Run()
+    run.heard(False, True, False, True, False)
+    assert run.stop.stopped
+    run.now += 1000.0
+    run.heard(False)
+    assert run.stop.stopped
+    assert run.released(["/rosbag2_player"])
+
+
+def test_the_stop_of_a_sender_that_has_gone_can_be_released() -> None:
+    run = Run()
+    run.heard(True)
+    assert run.released(ALONE, 1.01 * RECENT)
+
+
+def test_the_stop_of_a_sender_that_repeats_it_is_not_released() -> None:
+    run = Run()
+    for _ in range(30):
+        run.heard(True)
+        assert not run.released(ALONE, 0.1)
+    run.heard(True, False)  # of two senders
+    assert not run.released(ALONE, 0.1)
+
+
+def test_a_stop_that_was_said_once_and_never_withdrawn_is_not_released() -> None:
+    run = Run()
+    run.heard(True)
+    assert not run.released(BUTTON, LATER)
+    assert run.stop.release(run.now, ["/a", "/b"]).startswith("/a and /b said true on the topic")
+    run.heard(False)
+    assert run.stop.stopped, "what withdraws a stop releases nothing"
+    assert run.released(BUTTON)
+
+
+def test_a_stop_by_request_has_no_reason_on_the_topic() -> None:
+    run = Run()
+    run.stop.stop()
+    assert run.released(BUTTON)
+
+
+def test_the_coupler_withdraws_its_own_stop_or_goes() -> None:
+    run = Run()
+    run.stop.coupler_said(True, run.now)
+    assert not run.released(ALONE, 0.99 * COUPLER_SILENCE)
+    run.stop.coupler_said(False, run.now)
+    assert run.stop.stopped
+    assert run.released(ALONE)
+    run.stop.coupler_said(True, run.now)
+    assert run.released(ALONE, 1.01 * COUPLER_SILENCE)
+
+
+def test_a_node_that_has_just_started_is_not_released() -> None:
+    run = Run(age=0.0)
+    assert not run.stop.is_settled(run.now)
+    run.stop.stop()
+    assert not run.released(ALONE, 0.9 * SETTLING)
+    assert run.released(ALONE, 0.2 * SETTLING)
+    assert run.stop.is_settled(run.now)
+
+
+EVENTS: dict[str, Callable[[Run], object]] = {
+    "true": lambda run: run.heard(True),
+    "false": lambda run: run.heard(False),
+    "coupler stopped": lambda run: run.stop.coupler_said(True, run.now),
+    "coupler free": lambda run: run.stop.coupler_said(False, run.now),
+    "request": lambda run: run.stop.stop(),
+    "time": lambda run: setattr(run, "now", run.now + LATER),
+}
+
+
+@given(st.lists(st.sampled_from([*sorted(EVENTS), "release"]), max_size=40), st.booleans())
+def test_whatever_is_said_only_a_release_ends_a_stop(events: list[str], button: bool) -> None:
+    run = Run()
+    stopped = False
+    for name in events:
+        if name == "release":
+            run.released(BUTTON if button else ALONE)
+            stopped = run.stop.stopped
+            continue
+        EVENTS[name](run)
+        stopped |= name in ("true", "coupler stopped", "request")
+        assert run.stop.stopped is stopped
+
+
+@pytest.mark.parametrize("age", [0.0, SETTLING])
+def test_a_stop_is_heard_at_any_age(age: float) -> None:
+    run = Run(age)
+    run.heard(True)
+    assert run.stop.stopped
