@@ -1,6 +1,7 @@
-"""Publishes a bag's slave signals as `ros2 bag play` does: ``python bag_player.py BAG``.
+"""Publishes a bag as `ros2 bag play` does: ``python bag_player.py BAG [all]``.
 
-At their original times, with their old stamps, below ``/played``; once somebody listens.
+At their original times, with their old stamps: the slave's signals below ``/played``, once all
+have subscribers; or all topics by their own names, with the quality of service that was recorded.
 """
 
 from __future__ import annotations
@@ -10,29 +11,51 @@ import time
 from pathlib import Path
 
 import rclpy
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 
-from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS
-from haptic_accel.nodes.interface import message_type, quality
+from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
+from haptic_accel.nodes.interface import message_type
 
 PATIENCE = 60.0
 """s."""
 
 
+def publisher(node: Node, recorded: Connection, name: str) -> Publisher:
+    """Create a topic's publisher as it was recorded."""
+    profile = QoSProfile(depth=10)
+    for offered in recorded.ext.offered_qos_profiles:  # type: ignore[union-attr]
+        profile = QoSProfile(
+            depth=offered.depth,
+            reliability=ReliabilityPolicy(offered.reliability.value),
+            durability=DurabilityPolicy(offered.durability.value),
+        )
+    return node.create_publisher(
+        message_type(Topic(name, recorded.msgtype, "", "")), name, profile
+    )
+
+
 def main() -> None:
     rclpy.init()
-    node = rclpy.create_node("bag_player")
-    publishers = {
-        f"/{topic.name}": node.create_publisher(
-            message_type(topic), f"/{PLAYED}/{topic.name}", quality(topic)
-        )
-        for topic in SLAVE_SIGNALS
-    }
-    with Reader(Path(sys.argv[1])) as reader:
-        wanted = [found for found in reader.connections if found.topic in publishers]
+    node = rclpy.create_node("rosbag2_player")
+    bag, everything = Path(sys.argv[1]), sys.argv[2:] == ["all"]
+    signals = {f"/{topic.name}" for topic in SLAVE_SIGNALS}
+    with Reader(bag) as reader:
+        wanted = [found for found in reader.connections if everything or found.topic in signals]
         messages = [(time, c.topic, data) for c, time, data in reader.messages(wanted)]
+    publishers = {
+        found.topic: publisher(
+            node, found, found.topic if everything else f"/{PLAYED}{found.topic}"
+        )
+        for found in wanted
+    }
     deadline = time.monotonic() + PATIENCE
-    while not all(publisher.get_subscription_count() for publisher in publishers.values()):
+    while not all(each.get_subscription_count() for each in publishers.values()):
+        if everything and time.monotonic() > deadline - PATIENCE + 1.0:
+            break  # nobody need listen to all of them
         assert time.monotonic() < deadline, "nobody listens"
         time.sleep(0.05)
     begin, first = time.monotonic_ns(), messages[0][0]

@@ -7,11 +7,13 @@ import signal
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.emergency_stop import RECENT, SETTLING
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
@@ -232,6 +234,51 @@ def test_devices_stop_without_a_coupler_and_learn_of_a_stop_they_missed(
     assert "haptic-accel: slave_device did not confirm within 7.5 s" in said
     observer.wait_for_state(MASTER_STOPPED, True)
     assert nodes["master_device"].end(signal.SIGINT) == 0, nodes["master_device"].text
+
+
+def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_stop(
+    haptic_accel: Start, start: Start, observer: Observer, tmp_path: Path
+) -> None:
+    def stop(graph: Command) -> None:
+        observer.call(SetBool, EMERGENCY_STOP.name, SetBool.Request(data=True))
+        graph.wait_for("let go: emergency stop")
+
+    def engage(graph: Command) -> None:
+        so_far = len(graph.lines)
+        wait_until(lambda: released(observer)[0], "released")
+        graph.wait_for("engaged", after=so_far)
+
+    graph = haptic_accel("teleop", "rate:=200", "bag:=bag")
+    graph.wait_for("engaged")
+    observer.collect((ACTUATOR_FORCE,), 100)
+    button = observer.node.create_publisher(
+        Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, depth=1)
+    )
+    button.publish(Bool(data=True))
+    graph.wait_for("let go: emergency stop")
+    button.publish(Bool(data=False))
+    engage(graph)
+    observer.node.destroy_publisher(button)
+    observer.collect((ACTUATOR_FORCE,), 100)
+    assert graph.end(signal.SIGINT) == 0, graph.text
+    counts = read_bag(tmp_path / "bag").counts
+    assert all(counts[f"/{topic.name}"] for topic in (EMERGENCY_STOP, *STOPPED))
+
+    graph = haptic_accel("teleop", "rate:=200", "record:=false")
+    graph.wait_for("engaged")
+    stop(graph)
+    so_far, before = len(graph.lines), applied(observer)
+    player = start(Path(__file__).parents[1] / "bag_player.py", tmp_path / "bag", "all")
+    assert player.end() == 0, player.text
+    for topic in STOPPED:
+        observer.wait_for_state(topic, True)
+    assert applied(observer) == before
+    assert not any("engaged" in line or "released" in line for line in graph.lines[so_far:])
+    engage(graph)
+    so_far = len(graph.lines)
+    start(Path(__file__).parents[1] / "bag_player.py", tmp_path / "bag", "all")
+    graph.wait_for("let go: emergency stop", after=so_far)
+    assert graph.end(signal.SIGINT) == 0, graph.text
 
 
 @pytest.mark.parametrize(
