@@ -99,6 +99,9 @@ class RunArguments(LaunchArguments):
     composed: bool = parameter(
         False, "run all nodes but the recorder in one process: quicker, less robust"
     )
+    respawn: bool = parameter(
+        False, "start nodes that fail again, all but recorder and scope, rather than end the graph"
+    )
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,7 +23,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from haptic_accel.core.topics import JOINT_STATE_RATE
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
-from haptic_accel.graph.processes import Process
+from haptic_accel.graph.processes import RESPAWN_DELAY, Process
 
 PUSHED = "ros_namespace"
 """Launch configuration in which launch_ros keeps what `PushRosNamespace` pushed."""
@@ -79,7 +80,9 @@ def _node(process: Process, folder: Path) -> Node:
         namespace=process.namespace or "/",
         arguments=process.ros_arguments(folder),
         output="screen",
-        on_exit=None if process.optional else _end,
+        on_exit=None if process.optional else partial(_end, process),
+        respawn=process.respawn,
+        respawn_delay=RESPAWN_DELAY,
     )
 
 
@@ -127,9 +130,11 @@ def _installed(package: str) -> bool:
     return True
 
 
-def _end(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
+def _end(
+    process: Process, event: ProcessExited, context: LaunchContext
+) -> list[LaunchDescriptionEntity]:
     """End the graph with one of its nodes; a failure becomes launch's own exit status."""
-    if context.is_shutdown:
+    if context.is_shutdown or process.comes_back(event.returncode):
         return []
     if event.returncode != 0:
         raise RuntimeError(f"{event.process_name} ended with status {event.returncode}")

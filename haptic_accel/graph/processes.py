@@ -13,6 +13,7 @@ from haptic_accel.bags.facts import facts_text
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.devices.simulated import played
@@ -21,6 +22,9 @@ from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.files import parameter_text, preset_file, read_parameter_file
 from haptic_accel.graph.folders import config_folder
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
+
+RESPAWN_DELAY = 1.0
+"""Time before a process that has failed is started again, s."""
 
 RECORDER = "recorder"
 """Executable that writes the bag."""
@@ -51,6 +55,8 @@ class Process:
         Namespace of its nodes and of the topics, with a slash before; empty for the root.
     log_level : str
         Least severe messages that it logs.
+    respawn : bool
+        It is started again when it fails.
     last : bool
         Stop it after the others, whose last messages it records.
     optional : bool
@@ -61,8 +67,13 @@ class Process:
     parameters: Values
     namespace: str = ""
     log_level: str = "info"
+    respawn: bool = False
     last: bool = False
     optional: bool = False
+
+    def comes_back(self, status: int) -> bool:
+        """Return whether it is started again after it has ended with an exit status."""
+        return self.respawn and status not in (DONE, WRONG_ARGUMENTS, *CUT_SHORT)
 
     def ros_arguments(self, folder: Path) -> list[str]:
         """Write the parameters to a file in a folder; return the words for ROS but the namespace.
@@ -88,7 +99,7 @@ def graph(arguments: GraphArguments) -> list[Process]:
     _check_replay(arguments, options)
     if arguments.record:
         _check_bag(arguments)
-    return _processes(arguments, values, composed=arguments.composed)
+    return _processes(arguments, values, composed=arguments.composed, respawn=arguments.respawn)
 
 
 def identification_graph(arguments: IdentifyArguments) -> list[Process]:
@@ -106,14 +117,15 @@ def identification_graph(arguments: IdentifyArguments) -> list[Process]:
     return _processes(arguments, values)
 
 
-def _processes(arguments: Arguments, values: Values, *, composed: bool = False) -> list[Process]:
+def _processes(
+    arguments: Arguments, values: Values, *, composed: bool = False, respawn: bool = False
+) -> list[Process]:
     """Return the processes that arguments ask for."""
     asked = _own_parameters(arguments)
     nodes = {name: values[name] for name in asked if name not in (RECORDER, SCOPE)}
     process = partial(Process, namespace=arguments.namespace, log_level=arguments.log_level)
-    processes = [process(name, {name: given}) for name, given in nodes.items()]
-    if composed:
-        processes = [process(COMPOSED, nodes)]
+    parts = {COMPOSED: nodes} if composed else {name: {name: nodes[name]} for name in nodes}
+    processes = [process(name, given, respawn=respawn) for name, given in parts.items()]
     if RECORDER in asked:
         effective = {
             node: {name: default for name, (default, _) in node_schema(node).items()} | given

@@ -21,7 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from haptic_accel.core.process import CUT_SHORT, DONE, EMERGENCY, SUPERVISOR
-from haptic_accel.graph.processes import Process
+from haptic_accel.graph.processes import RESPAWN_DELAY, Process
 
 LAST_LINES = 20
 """Lines of a dead process that are shown."""
@@ -92,6 +92,8 @@ class Supervisor:
 
     def __post_init__(self) -> None:
         """Prepare; nothing is started yet."""
+        self._named = {process.executable: process for process in self.processes}
+        self._due: dict[str, float] = {}
         self._running: dict[str, subprocess.Popen[str]] = {}
         self._readers: list[threading.Thread] = []
         self._last_lines: dict[str, deque[str]] = {}
@@ -113,23 +115,21 @@ class Supervisor:
             Asked ten times a second whether to stop.
         """
         first = ""
-        optional = {process.executable for process in self.processes if process.optional}
         with TemporaryDirectory(prefix="haptic_accel-") as folder:
             try:
                 for process in self.processes:
                     self._start(process, Path(folder))
                 while not first and not stop():
                     with suppress(queue.Empty):
-                        first = self._ended.get(timeout=LOOK_PERIOD)
-                    if first in optional:
-                        status = self._running[first].returncode
-                        note = f"ended with status {status}; the graph goes on without it"
-                        self.on_line(first, note)
-                        first = ""
+                        ended = self._ended.get(timeout=LOOK_PERIOD)
+                        first = "" if self._goes_on_after(ended) else ended
+                    self._start_again(Path(folder))
             finally:
                 self._stop_all()
         statuses = {
-            name: child.returncode for name, child in self._running.items() if name not in optional
+            name: child.returncode
+            for name, child in self._running.items()
+            if not self._named[name].optional
         }
         lines = {name: list(last) for name, last in self._last_lines.items()}
         return Outcome(first, statuses.get(first, 0), statuses, lines)
@@ -138,6 +138,24 @@ class Supervisor:
         """Let every node take its forces off at once; from any thread."""
         for child in list(self._running.values()):
             child.send_signal(EMERGENCY)
+
+    def _goes_on_after(self, name: str) -> bool:
+        """Return whether the graph goes on after the end of a process, and say so."""
+        process, status = self._named[name], self._running[name].returncode
+        if process.comes_back(status):
+            self._due[name] = time.monotonic() + RESPAWN_DELAY
+            self.on_line(name, f"ended with status {status}; it is started again")
+        elif process.optional:
+            self.on_line(name, f"ended with status {status}; the graph goes on without it")
+        else:
+            return False
+        return True
+
+    def _start_again(self, folder: Path) -> None:
+        """Start the processes whose time for that has come."""
+        for name in [name for name, due in self._due.items() if due <= time.monotonic()]:
+            del self._due[name]
+            self._start(self._named[name], folder)
 
     def _start(self, process: Process, folder: Path) -> None:
         name = process.executable

@@ -21,7 +21,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from haptic_accel.core.process import CUT_SHORT
-from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS, TOPICS, reporter
+from haptic_accel.core.topics import DIAGNOSTICS, MASTER_STOPPED, SIGNALS, TOPICS, reporter
 from haptic_accel.nodes.device_node import STALL
 from observing import Observer
 from recordings import RATE, dragged_over, write_recording
@@ -266,6 +266,28 @@ def test_a_node_that_stalls_is_named_in_diagnostics(
     time.sleep(10 * STALL)
     os.kill(slave, signal.SIGCONT)
     wait_for(says("slave_device", "stalled for"))
+    assert command.end(signal.SIGINT) == 0, command.text
+
+
+def start_again(command: Command, domain: int, node: str) -> None:
+    """Kill a node and wait until it has been started again."""
+    before, seen = nodes_of(domain)[node], len(command.lines)
+    os.kill(before, signal.SIGKILL)
+    command.wait_for(f"{node}. ended with status -9; it is started again", after=seen)
+    wait_until(lambda: nodes_of(domain).get(node, before) != before, f"{node} started again")
+
+
+def test_a_node_that_fails_comes_back_and_is_stopped_while_the_others_are(
+    haptic_accel: Start, observer: Observer, domain: int, ask: Callable[..., tuple[int, str]]
+) -> None:
+    command = haptic_accel("teleop", "record:=false", "respawn:=true")
+    command.wait_for("engaged")
+    seen = len(command.lines)
+    start_again(command, domain, "slave_device")
+    command.wait_for("coupler]: engaged", after=seen)
+    assert ask("estop")[0] == 0
+    start_again(command, domain, "master_device")
+    observer.wait_for_state(MASTER_STOPPED, state=True)
     assert command.end(signal.SIGINT) == 0, command.text
 
 

@@ -203,6 +203,19 @@ def test_a_node_that_fails_fails_the_launch(start: Start) -> None:
         ended(node, 1)
 
 
+def test_a_node_that_comes_back_ends_nothing(start: Start) -> None:
+    nodes = start("teleop", respawn="true", scope="true")
+    coming = [name for name, node in nodes.items() if node.respawn]
+    assert sorted(coming) == ["compensator", "coupler", "master_device", "slave_device"]
+    assert ended(nodes["coupler"], -9) == []
+    (action,) = ended(nodes["coupler"], 0)
+    assert isinstance(action, Shutdown)
+    with pytest.raises(RuntimeError, match="coupler ended with status 2"):
+        ended(nodes["coupler"], 2)
+    with pytest.raises(RuntimeError, match="recorder ended with status 1"):
+        ended(nodes["recorder"], 1)
+
+
 @pytest.mark.parametrize("status", [0, -2, 1])
 def test_the_ends_after_the_first_do_nothing(start: Start, status: int) -> None:
     assert ended(start("teleop")["recorder"], status, shutdown=True) == []

@@ -86,6 +86,31 @@ def test_the_graph_goes_on_without_what_is_optional_and_says_so() -> None:
 
 
 @pytest.mark.usefixtures("scripts")
+def test_a_process_that_fails_is_started_again_until_it_ends_well(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, "RESPAWN_DELAY", 0.0)
+    said: list[str] = []
+    tries = tmp_path / "tries"
+    failing = script(
+        "failing",
+        f"import os; tries = open({str(tries)!r}, 'a'); tries.write('x'); tries.close()\n"
+        f"raise SystemExit(3 if os.stat({str(tries)!r}).st_size < 3 else 0)",
+    )
+    outcome = Supervisor(
+        [replace(failing, respawn=True)], on_line=lambda _, line: said.append(line)
+    ).run()
+    assert said == ["ended with status 3; it is started again"] * 2
+    assert (outcome.first, outcome.status, outcome.failed) == ("failing", 0, {})
+
+
+@pytest.mark.usefixtures("scripts")
+def test_wrong_arguments_are_so_the_next_time_too() -> None:
+    wrong = replace(script("wrong", "raise SystemExit(2)"), respawn=True)
+    assert Supervisor([wrong]).run().failed == {"wrong": 2}
+
+
+@pytest.mark.usefixtures("scripts")
 def test_a_request_to_stop_lets_processes_end_by_themselves() -> None:
     up = threading.Event()
     graph = Supervisor([script("patient", PATIENT)], on_line=lambda *_: up.set())
