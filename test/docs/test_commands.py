@@ -16,6 +16,7 @@ from haptic_accel.cli.main import command_line
 from haptic_accel.cli.options import Verb, Words
 from haptic_accel.core.parameters import schema
 from haptic_accel.core.topics import TOPICS
+from haptic_accel.graph.files import read_parameter_file
 from haptic_accel.graph.node_parameters import node_schema
 from haptic_accel.graph.words import parse_words
 from verbs import status_of
@@ -29,7 +30,7 @@ INLINE = re.compile(r"`([^`]+)`")
 PLACEHOLDER = re.compile(r"[A-Z]+")
 """Text that stands in a sentence for a name that the reader chooses."""
 
-OUTSIDE = ("cd", "colcon", "rosdep", "rqt", "source")
+OUTSIDE = ("cd", "colcon", "rosdep", "rqt", "rviz2", "source")
 """Other programs in blocks of commands."""
 
 QUICK = ("analyze", "bag", "design", "replay")
@@ -145,6 +146,8 @@ def check_ros2(words: Sequence[str]) -> None:
             assert not given or set(given) <= set(node_schema(node)), given
         case ["param", "set" | "get" | "describe", node, *rest]:
             assert node_schema(node[1:]).keys() >= set(rest[:1]), (node, rest)
+        case ["param", "load", node, file]:
+            assert read_parameter_file(SOURCE / file)[node[1:]], (node, file)
         case ["service", "call", name, kind, *_]:
             assert services()[name[1:]] == kind.replace("/srv/", "/")
         case ["topic", "echo" | "hz", name]:
