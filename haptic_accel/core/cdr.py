@@ -31,6 +31,7 @@ _BYTE_ORDERS = {0: ">", 1: "<"}  # second byte of plain CDR's encapsulation
 _HEADERS = {code: struct.Struct(f"{mark}iII") for code, mark in _BYTE_ORDERS.items()}
 _HEADER_SIZE = _HEADERS[1].size  # stamp, and length of the frame's name with its NUL
 _STAMP = struct.Struct("<iI")
+_LENGTH = struct.Struct("<I")
 _VECTORS = {code: struct.Struct(f"{mark}3d") for code, mark in _BYTE_ORDERS.items()}
 _VECTOR_SIZE = _VECTORS[1].size
 _UPRIGHT = struct.pack("<4d", 0.0, 0.0, 0.0, 1.0)  # the quaternion behind a position
@@ -99,6 +100,25 @@ def unpack_state(data: bytes) -> bool:
     if data[1] not in _BYTE_ORDERS:
         raise ValueError("not plain CDR")
     return bool(data[_ORIGIN])
+
+
+def unpack_text(data: bytes, place: int) -> str:
+    """Return the text that begins at a place of a message, bytes from its start.
+
+    Raises
+    ------
+    ValueError
+        It is not a text in plain CDR.
+    """
+    if len(data) < place + _LENGTH.size:
+        raise ValueError("too short")
+    if data[1] not in _BYTE_ORDERS:
+        raise ValueError("not plain CDR")
+    (length,) = struct.unpack_from(f"{_BYTE_ORDERS[data[1]]}I", data, place)
+    begin = place + _LENGTH.size
+    if not 0 < length <= len(data) - begin:
+        raise ValueError("too short")
+    return data[begin : begin + length - 1].decode(errors="replace")  # without its NUL
 
 
 def unpack_stamped_vectors(

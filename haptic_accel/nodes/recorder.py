@@ -15,9 +15,24 @@ from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.session import Answer, RecordingSession
 from haptic_accel.bags.writing import Put
-from haptic_accel.core.cdr import unpack_stamped_vector, unpack_state
+from haptic_accel.core.cdr import (
+    STAMP_BYTES,
+    unpack_stamped_vector,
+    unpack_state,
+    unpack_text,
+)
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, TOPICS, VECTORS, Topic
+from haptic_accel.core.topics import (
+    DIAGNOSTICS,
+    EMERGENCY_STOP,
+    SIGNALS,
+    TOPICS,
+    VECTORS,
+    Topic,
+    reporter,
+)
+from haptic_accel.graph.node_parameters import NODES
+from haptic_accel.nodes.graph_requests import DEVICES
 from haptic_accel.nodes.interface import GraphNode, Inbox, message_type, offered_quality, quality
 from haptic_accel.nodes.scheduling import RECORDING_PRIORITY, run
 
@@ -42,9 +57,39 @@ PARAMETER_EVENTS = Topic(
 )
 """Parameter changes of all nodes: controller, surface or grip set while recording."""
 
+LOGS = Topic("/rosout", "rcl_interfaces/msg/Log", "", "", reliable=True, latched=True)
+"""Log of all nodes."""
+
+TRANSITIONS = tuple(
+    Topic(
+        f"{device}/transition_event", "lifecycle_msgs/msg/TransitionEvent", "", "", reliable=True
+    )
+    for device in DEVICES
+)
+"""Transitions of the managed nodes."""
+
+
+def _reporter(diagnostics: bytes) -> str:
+    """Return the node that a diagnostic message is of, "left/node"; empty without a status."""
+    frame = unpack_text(diagnostics, STAMP_BYTES.stop)
+    # Behind the frame, aligned to 4 bytes: number of statuses, level of the first, its name.
+    number = STAMP_BYTES.stop + 4 + (len(frame.encode()) + 4) // 4 * 4
+    if diagnostics[number : number + 4] == bytes(4):
+        return ""
+    return "/".join(reporter(unpack_text(diagnostics, number + 8))).lstrip("/")
+
+
+SENDERS: dict[Topic, Callable[[bytes], str]] = {
+    DIAGNOSTICS: _reporter,
+    PARAMETER_EVENTS: lambda data: unpack_text(data, STAMP_BYTES.stop).lstrip("/"),
+    LOGS: lambda data: unpack_text(data, STAMP_BYTES.stop + 4).replace(".", "/"),
+}
+"""Functions that return the node a message is of, "left/node", for topics of all graphs."""
+
 UNPACKED: dict[str, Callable[[bytes], object]] = {
     **dict.fromkeys(VECTORS, unpack_stamped_vector),
     EMERGENCY_STOP.type: unpack_state,
+    **{topic.type: sender for topic, sender in SENDERS.items()},
 }
 """Functions that unpack messages, by type: what they refuse would make a bag hard to read."""
 
@@ -64,7 +109,7 @@ class Recorder(GraphNode):
         self._settled: set[str] = set()
         self._sources: list[tuple[Inbox, Put, Callable[[bytes], object]]] = []
         self._taken = 0.0
-        for topic in (*TOPICS, PARAMETER_EVENTS):
+        for topic in (*TOPICS, PARAMETER_EVENTS, LOGS, *TRANSITIONS):
             self._record_own(topic)
         session = self._session
         for action in (session.start, session.pause, session.split, session.stop):
@@ -132,7 +177,21 @@ class Recorder(GraphNode):
             liveliness=rosbag2.QosLiveliness.AUTOMATIC
         )
         put = self._session.connect(name, topic.type, [offered], sampled=topic in SIGNALS)
+        if topic in SENDERS:
+            put = self._own_only(put, SENDERS[topic])
         self._sources.append((self.inbox(topic), put, UNPACKED.get(topic.type, bytes)))
+
+    def _own_only(self, put: Put, sender: Callable[[bytes], str]) -> Put:
+        """Leave out the messages of graphs in other namespaces."""
+        own = self.get_namespace().strip("/")
+
+        def put_own(message: bytes, received: int | None = None) -> None:
+            namespace, _, node = sender(message).rpartition("/")
+            below = f"{namespace}/".startswith(f"{own}/" if own else "")
+            if namespace == own or (below and node not in NODES):
+                put(message, received)
+
+        return put_own
 
     def _take(self) -> None:
         """Pass on what has come, in the order of reception."""

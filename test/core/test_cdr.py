@@ -17,6 +17,7 @@ from haptic_accel.core.cdr import (
     unpack_stamped_vectors,
     unpack_stamps,
     unpack_state,
+    unpack_text,
 )
 from haptic_accel.core.model import Vector
 from haptic_accel.core.topics import SIGNALS, VECTORS, Topic
@@ -155,3 +156,15 @@ def test_any_bytes_are_a_state_or_refused(data: bytes) -> None:
     else:
         with pytest.raises(ValueError, match=r"^(too short|not plain CDR)$"):
             unpack_state(data)
+
+
+@given(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=20))
+def test_a_text_of_the_other_program_is_unpacked(text: str) -> None:
+    kind = "std_msgs/msg/String"
+    message = TYPES.types[kind](data=text)
+    for little_endian in (True, False):
+        data = bytes(TYPES.serialize_cdr(message, kind, little_endian=little_endian))
+        assert unpack_text(data, 4) == text
+        for cut in range(len(data)):
+            with pytest.raises(ValueError, match=r"^(too short|not plain CDR)$"):
+                unpack_text(data[:cut], 4)

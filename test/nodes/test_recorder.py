@@ -7,12 +7,16 @@ import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.interfaces import QosDurability, QosReliability
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -20,6 +24,7 @@ from haptic_accel.bags.metadata import Metadata, read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.bags.repair import repair
 from haptic_accel.core.topics import TOPICS
+from haptic_accel.nodes.graph_requests import DEVICES
 from observing import Observer
 from reading import with_mcap, with_rosbags
 from running import Command, limit_size, nodes_of, wait_until
@@ -35,6 +40,14 @@ def asked(observer: Observer, verb: str) -> str:
     response = observer.call(Trigger, f"recorder/{verb}", Trigger.Request())
     assert response.success, response.message
     return str(response.message)
+
+
+def messages_of(bag: Path, topic: str) -> list[Any]:
+    """Return the messages of a topic."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    with Reader(bag) as reader:
+        found = [one for one in reader.connections if one.topic == topic]
+        return [types.deserialize_cdr(data, c.msgtype) for c, _, data in reader.messages(found)]
 
 
 def counts(metadata: Metadata) -> dict[str, int]:
@@ -66,6 +79,10 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     value = ParameterValue(type=TEXT_TYPE, string_value="none")
     change = SetParameters.Request(parameters=[Parameter(name="controller", value=value)])
     observer.call(SetParameters, "compensator/set_parameters", change)
+    for transition in ("deactivate", "activate"):
+        asked_for = ChangeState.Request()
+        asked_for.transition.label = transition
+        observer.call(ChangeState, "slave_device/change_state", asked_for)
     told = haptic_accel("record", "split")
     assert told.end() == 0, told.text
     assert told.text == f"{tmp_path / 'bag'}: another file follows bag_0.mcap"
@@ -92,8 +109,11 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     metadata = read_metadata(tmp_path / "bag")
     assert len(metadata.files) == 2
     topics = {f"/{topic.name.lstrip('/')}" for topic in TOPICS}
-    expected = topics | {"/parameter_events", "/named", "/found/wanted"}
+    events = {f"/{device}/transition_event" for device in DEVICES}
+    expected = topics | events | {"/parameter_events", "/rosout", "/named", "/found/wanted"}
     assert set(counts(metadata)) == expected
+    assert counts(metadata)["/slave_device/transition_event"] == 4
+    assert "recorder" in {log.name for log in messages_of(tmp_path / "bag", "/rosout")}
     (named,) = (topic for topic in metadata.topics if topic.name == "/named")
     assert [qos.durability for qos in named.offered_qos_profiles] == [
         QosDurability.TRANSIENT_LOCAL
@@ -125,11 +145,8 @@ def test_a_bag_that_is_removed_fails_the_run_in_one_line(
 def test_after_kill_9_the_bag_is_repaired_and_says_what_was_run(
     haptic_accel: Start, domain: int, tmp_path: Path
 ) -> None:
-    graph = haptic_accel(
-        "teleop", "rate:=250", "rig:=ideal", "surface:=text", "bag:=bag", "regex:=rosout"
-    )
+    graph = haptic_accel("teleop", "rate:=250", "rig:=ideal", "surface:=text", "bag:=bag")
     graph.wait_for("engaged")
-    graph.wait_for("rosout: recorded too")
     file = tmp_path / "bag" / "bag_0.mcap"
     wait_until(lambda: file.stat().st_size > 500_000, "a second of recording")
     wait_until(lambda: b"/rosout" in file.read_bytes(), "the topic on the disk")
@@ -143,6 +160,30 @@ def test_after_kill_9_the_bag_is_repaired_and_says_what_was_run(
     bag = read_bag(tmp_path / "bag")
     assert bag.problems == []
     assert bag.facts["arguments"]["surface"] == "text"
+
+
+@pytest.mark.parametrize("own", ["", "/left"])
+def test_of_the_graphs_in_other_namespaces_nothing_is_recorded(
+    start: Start, tmp_path: Path, own: str
+) -> None:
+    def node(name: str, namespace: str, *words: str) -> Command:
+        place = ("-r", f"__ns:={namespace}") if namespace else ()
+        return start("-m", f"haptic_accel.nodes.{name}", "--ros-args", *place, *words)
+
+    recorder = node("recorder", own, "-p", "bag:=bag")
+    recorder.wait_for("recording to")
+    couplers = [node("coupler", namespace) for namespace in ("", "/left", "/right")]
+    for coupler in couplers:
+        coupler.wait_for("waiting for the position of master and slave")
+    for each in (*couplers, recorder):
+        assert each.end(signal.SIGINT) == 0, each.text
+    bag, below = tmp_path / "bag", own[1:] and f"{own[1:]}."
+    names = {log.name for log in messages_of(bag, "/rosout")}
+    assert names == {f"{below}coupler", f"{below}recorder"}
+    assert {event.node for event in messages_of(bag, "/parameter_events")} == {f"{own}/coupler"}
+    reports = {array.status[0].name for array in messages_of(bag, "/diagnostics")}
+    assert f"{own}/coupler: coupling".lstrip("/") in reports
+    assert not any("right" in name for name in reports)
 
 
 @pytest.mark.quiet
