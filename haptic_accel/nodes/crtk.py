@@ -43,7 +43,7 @@ _STATE, _TEXT = f"{MESSAGES}/msg/OperatingState", f"{MESSAGES}/msg/StringStamped
 
 
 class Queries:
-    """Joint state, force and set-point of an arm, published while somebody subscribes.
+    """Joint state, force and set-points of an arm, published while somebody subscribes.
 
     Parameters
     ----------
@@ -59,14 +59,21 @@ class Queries:
     def __init__(self, node: GraphNode, arm: ArmTopics) -> None:
         self._frame, self._prefix = arm.position.frame, f"{arm.position.source}_"
         self._joints = node.publisher(arm.beside("measured_js", _JOINTS))
-        self._force = Sender(node, arm.beside("measured_cf", arm.arm_force.type))
-        self._set_point = Sender(node, arm.beside("setpoint_cp", arm.position.type))
+        self._force, self._set_force, self._set_point = (
+            Sender(node, arm.beside(name, kind))
+            for name, kind in (
+                ("measured_cf", arm.arm_force.type),
+                ("setpoint_cf", arm.arm_force.type),
+                ("setpoint_cp", arm.position.type),
+            )
+        )
         self._joints_asked = self.asked = False
 
     def look(self) -> None:
         """Look for subscribers."""
         self._joints_asked = self._joints.get_subscription_count() > 0
-        self.asked = self._joints_asked or self._force.listeners + self._set_point.listeners > 0
+        others = self._force, self._set_force, self._set_point
+        self.asked = self._joints_asked or any(sender.listeners for sender in others)
 
     def publish(
         self,
@@ -92,8 +99,10 @@ class Queries:
         """
         self._force.send(stamp, force)
         if set_point is None:
+            self._set_force.send(stamp, force)
             self._set_point.send(INVALID, sample.position)
         else:
+            self._set_force.send(INVALID, force)
             self._set_point.send(stamp, set_point)
         if self._joints_asked:
             self._publish_joints(stamp, joints(sample, force))

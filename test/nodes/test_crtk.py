@@ -13,7 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Empty
 
-from haptic_accel.nodes import device_node
+from haptic_accel.core import emergency_stop
 from haptic_accel.nodes.slave_device import SlaveDevice
 from running import PATIENCE
 
@@ -118,7 +118,7 @@ def client(
     domain: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> Iterator[Client]:
     """Give a client of an arm past its first moments, with parameters name:=value."""
-    monkeypatch.setattr(device_node, "SETTLING", 0.0)
+    monkeypatch.setattr(emergency_stop, "SETTLING", 0.0)
     given = [word for value in getattr(request, "param", ()) for word in ("-p", value)]
     rclpy.init(args=["--ros-args", *given] if given else None)
     client = Client()
@@ -145,6 +145,7 @@ def test_an_arm_goes_where_it_is_sent_and_stays_there(client: Client) -> None:
     client.until(client.is_there, client.move)
     assert client.is_held
     assert client.set_point == GOAL
+    assert stamp_of(client.ask(WrenchStamped, "setpoint_cf")) == (0, 0), "not valid"
     over = time.monotonic() + 0.5  # longer than a force without a sender lasts
     client.until(lambda: time.monotonic() > over)
     assert client.is_there()
@@ -157,7 +158,7 @@ def test_an_arm_is_held_where_it_is_until_it_is_freed(client: Client) -> None:
     client.send(Empty(), "hold")
     client.until(lambda: client.set_point != before)
     assert client.is_held
-    assert client.set_point == pytest.approx(GOAL, abs=CLOSE)
+    client.until(lambda: client.position == pytest.approx(client.set_point, abs=CLOSE))
     client.send(Empty(), "free")
     client.until(lambda: not client.is_held)
     client.until(lambda: client.force == (0.0, 0.0, 0.0))
@@ -167,6 +168,8 @@ def test_the_newest_command_wins(client: Client) -> None:
     client.until(client.is_there, client.move)
     client.until(lambda: client.force == (-0.2, 0.0, 0.0), lambda: client.push(-0.2))
     assert not client.is_held
+    commanded = client.ask(WrenchStamped, "setpoint_cf")
+    assert any(stamp_of(commanded))
     client.until(lambda: client.is_held, client.move)
 
 
