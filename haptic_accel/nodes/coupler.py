@@ -22,7 +22,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import schema
 from haptic_accel.nodes.interface import GraphNode, Inbox, Samples
 from haptic_accel.nodes.scheduling import CATCH_UP, ArrivalKeeper, run
-from haptic_accel.nodes.stopping import GraphStop
+from haptic_accel.nodes.stopping import LOOK_PERIOD, GraphStop
 
 MASTER, SLAVE = ARMS
 ARM_TOPICS = {MASTER: topics.MASTER, SLAVE: topics.SLAVE}
@@ -125,6 +125,7 @@ class Coupler(GraphNode):
         if self.parameters.compensated:
             self._first_force = self.inbox(topics.ACTUATOR_FORCE)
         self._stop = GraphStop(self, self._engagement.stop)
+        self._stop_due = 0.0
         self._arm_stops = {arm: self.inbox(each.stopped) for arm, each in ARM_TOPICS.items()}
         self.create_service(SetBool, "~/engage", self._serve_engage)
         self.create_timer(STEP_PERIOD, self._step)
@@ -174,10 +175,9 @@ class Coupler(GraphNode):
 
     def work(self) -> float:
         """Follow the emergency stop, and couple the samples that came."""
-        for arm, inbox in self._arm_stops.items():
-            for stopped in self.states(inbox):
-                self._engagement.arm_stopped(arm, stopped)
-        self._follow_stop()
+        if (now := time.monotonic()) >= self._stop_due:
+            self._stop_due = now + LOOK_PERIOD
+            self._follow_stop()
         return self._arrivals.looked(found=self._couple())
 
     def _couple(self) -> bool:
@@ -207,6 +207,9 @@ class Coupler(GraphNode):
 
     def _follow_stop(self) -> None:
         """Act at once where the emergency stop has changed, whoever asked for it."""
+        for arm, inbox in self._arm_stops.items():
+            for stopped in self.states(inbox):
+                self._engagement.arm_stopped(arm, stopped)
         if self._stop.follow():
             self._step()
             self.report()

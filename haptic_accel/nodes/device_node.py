@@ -35,7 +35,7 @@ from haptic_accel.nodes.scheduling import (
     system_time,
     wake_time,
 )
-from haptic_accel.nodes.stopping import StopWords
+from haptic_accel.nodes.stopping import LOOK_PERIOD, StopWords
 
 ARM, ACTUATOR = "arm_force", "actuator_force"
 """Kinds of commands, by their names in `Device.write`."""
@@ -184,6 +184,7 @@ class DeviceNode(ManagedNode):
         self._unread = self._reported_unread = 0
         self._reported_deadlines = {"due": 0, "missed": 0}
         self._stop = EmergencyStop(steady_now())
+        self._stop_due = 0.0
         self._send_position = self.sender(arm.position).send
         self._send_velocity = self.sender(arm.velocity).send
         self._send_acceleration = self.sender(arm.acceleration).send
@@ -401,7 +402,9 @@ class DeviceNode(ManagedNode):
         """Serve a tick whose time has come, or what the last one still needs."""
         if not self._settled:
             self._settle()
-        self._follow_stop()
+        if (now := steady_now()) >= self._stop_due:
+            self._stop_due = now + LOOK_PERIOD
+            self._follow_stop()
         if not self._sampling:
             return steady_now() + NEWS_PERIOD
         tick = self.rate_keeper.due()

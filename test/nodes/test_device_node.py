@@ -71,6 +71,7 @@ class Bench:
     def __init__(self) -> None:
         self.node = MasterDevice()
         self.other = GraphNode("coupler")
+        self.other.task = "commands"
         self.executor = SingleThreadedExecutor()
         for node in (self.node, self.other):
             self.executor.add_node(node)
