@@ -1,0 +1,93 @@
+"""Two graphs side by side, each in a namespace of its own."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from haptic_accel.bags.reading import Bag, read_bag
+from haptic_accel.core.topics import ACTUATOR_FORCE, MASTER_STOPPED, SIGNALS
+from observing import Observer
+from running import Command
+
+CONDITIONS = {
+    "left": {"controller": "adaptive", "surface": "vinyl"},
+    "right": {"controller": "constant", "surface": "text"},
+}
+"""What each graph is told to run."""
+
+COMMON = ("/diagnostics", "/parameter_events", "/rosout")
+"""Topics that all graphs of a ROS domain share."""
+
+
+def names_of(bag: Bag) -> set[str]:
+    """Return the topics that are in a bag, but for those that all graphs share."""
+    return {name for name, count in bag.counts.items() if count and name not in COMMON}
+
+
+def check_whole(bag: Bag, namespace: str) -> None:
+    """Assert that a bag holds one graph, with all signals, and without gaps in a force's."""
+    assert bag.problems == []
+    assert all(name.startswith(f"/{namespace}/") for name in names_of(bag)), names_of(bag)
+    assert set(bag.signals) == {topic.name for topic in SIGNALS}
+    assert bag.facts["arguments"].items() >= CONDITIONS[namespace].items()
+    reported = {
+        said.values["controller"] for said in bag.diagnostics if said.node == "compensator"
+    }
+    assert reported == {CONDITIONS[namespace]["controller"]}
+
+
+def test_two_graphs_run_side_by_side_and_do_not_mix(
+    haptic_accel: Callable[..., Command],
+    ask: Callable[..., tuple[int, str]],
+    observer: Observer,
+    tmp_path: Path,
+) -> None:
+    graphs = {
+        name: haptic_accel(
+            "teleop",
+            *(f"{key}:={value}" for key, value in given.items()),
+            *(f"namespace:={name}", f"bag:={name}", "rate:=500", "composed:=true"),
+        )
+        for name, given in CONDITIONS.items()
+    }
+    for graph in graphs.values():
+        graph.wait_for("engaged")
+    second = haptic_accel("teleop", "namespace:=left", "record:=false")
+    assert second.end() == 2
+    assert "has a graph in /left already" in second.text
+    status, line = ask("control", "namespace:=left", "surface:=plywood")
+    assert (status, "surface.name vinyl -> plywood" in line) == (0, True), line
+
+    assert ask("estop", "namespace:=right")[0] == 0
+    stopped = {name: replace(MASTER_STOPPED, name=f"{name}/master/stopped") for name in graphs}
+    observer.wait_for_state(stopped["right"], state=True)
+    observer.wait_for_state(stopped["left"], state=False)
+    force = replace(ACTUATOR_FORCE, name=f"left/{ACTUATOR_FORCE.name}")
+    forces = observer.collect((force,), 200)[force.name]
+    assert np.ptp([message.wrench.force.z for message in forces]) > 0
+    status, line = ask("estop", "release:=true", "namespace:=right")
+    assert status == 0, line
+    observer.wait_for_state(stopped["right"], state=False)
+    assert ask("estop")[0] == 0  # of all
+    for topic in stopped.values():
+        observer.wait_for_state(topic, state=True)
+
+    for graph in graphs.values():
+        assert graph.end(signal.SIGINT) == 0, graph.text
+        graph.wait_for(", 0 dropped")
+    bags = {name: read_bag(tmp_path / name) for name in graphs}
+    for name, bag in bags.items():
+        check_whole(bag, name)
+    surfaces = {
+        name: [change.value for change in bag.changes if change.parameter.endswith("surface.name")]
+        for name, bag in bags.items()
+    }
+    assert surfaces["right"] in ([], ["text"])
+    assert surfaces["left"][-1] == "plywood"
+    status, line = ask("analyze", str(tmp_path / "left"), "--out", str(tmp_path / "report"))
+    assert (status, "adaptive" in line) == (0, True), line
