@@ -151,7 +151,6 @@ class Motions:
         parameters: PositionServoParameters,
         limits: ArmLimits,
     ) -> None:
-        self._node = node
         self._limits = limits
         self.servo = PositionServo(parameters)
         self.positions = node.inbox(arm.beside("servo_cp", arm.position.type, reliable=False))
@@ -163,8 +162,7 @@ class Motions:
     def look(self) -> None:
         """Look for publishers."""
         inboxes = self.positions, self._holds, self._frees
-        topics = (inbox.subscription.topic_name for inbox in inboxes)
-        self.expected = any(self._node.count_publishers(topic) for topic in topics)
+        self.expected = any(inbox.senders for inbox in inboxes)
 
     def take(self, position: Vector) -> bool:
         """Follow the commands that came to an arm at a position, m; return if one frees it."""

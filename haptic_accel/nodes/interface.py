@@ -115,6 +115,11 @@ class Inbox:
         self._take: Any = subscription.handle.take_message
         self._type = subscription.msg_type
 
+    @property
+    def senders(self) -> int:
+        """Number of publishers found."""
+        return int(self.subscription.get_publisher_count())
+
     def take(self, unpack: Callable[[bytes], object] = bytes) -> list[tuple[bytes, int]]:
         """Return serialised messages and the times of their reception, system time in ns.
 

@@ -219,7 +219,7 @@ class DrivenArm:
             axis.joint.joint_torque(torque)
             for axis, torque in zip(self._axes, self.torques, strict=True)
         )
-        return Joints(list(self._p.joints), self._angles(), self._speeds(), list(torques))
+        return Joints(list(self._p.joints), list(self._angles()), self._speeds(), list(torques))
 
     def _disarm_for(self, reason: str, *, recovers: bool = False) -> None:
         """Release all axes for a reason; `recovers` allows to arm again without a request."""

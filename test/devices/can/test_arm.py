@@ -210,6 +210,11 @@ def test_gear_direction_and_offset_count() -> None:
         assert sample.position == pytest.approx((0.0, 0.0, 0.04))
         assert sample.velocity == pytest.approx((0.0, 0.0, 0.04))
         assert sample.acceleration == 0.0
+        # The stage moves 0.04 m a turn, so that 2 N are 0.08 J for 2 pi rad.
+        joints = bench.arm.joints()
+        assert joints.names == ["joint1"]
+        assert joints.positions == joints.velocities == pytest.approx([math.tau])
+        assert joints.efforts == pytest.approx([0.08 / math.tau])
 
 
 # Keeping the drives from letting go
