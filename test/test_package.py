@@ -15,6 +15,7 @@ import pytest
 from catkin_pkg.package import Package, parse_package
 
 from haptic_accel import __version__
+from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
 
 SOURCE = Path(__file__).resolve().parents[1]
 NODES = (
@@ -30,26 +31,22 @@ NODES = (
 
 ROSDEP_KEYS = {
     "aiohttp": "python3-aiohttp",
-    # These two come with rosbags.
-    "backports": "python3-rosbags-pip",
     "can": "python3-can",
     "click": "python3-click",
-    "lz4": "python3-rosbags-pip",
     "jinja2": "python3-jinja2",
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
     "pandas": "python3-pandas",
     "rich": "python3-rich",
     "psutil": "python3-psutil",
-    "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
     "serial": "python3-serial",
     "yaml": "python3-yaml",
 }
 """Key of each module that is no ROS package; a ROS package's key is its name."""
 
-OPTIONAL = {"cobs", "vibromaf"}
-"""Modules of extras, which have no key; what needs them says so."""
+OPTIONAL = {"cobs", "vibromaf", *OF_ROSBAGS}
+"""Modules that have no key, or one for pip, which Ubuntu 24.04 refuses; their absence is said."""
 
 
 class Installation:
@@ -183,6 +180,34 @@ def test_type_checkers_of_others_see_the_types(installation: Installation) -> No
 def test_every_import_is_a_dependency(manifest: Package) -> None:
     keys = {ROSDEP_KEYS.get(module, module) for module in third_party_imports()}
     assert keys <= {dependency.name for dependency in manifest.exec_depends}
+
+
+def without_rosbags(code: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a Python that has no rosbags, nor what comes with it."""
+    hidden = f"import sys; sys.modules.update(dict.fromkeys({OF_ROSBAGS}))"
+    return subprocess.run(
+        [sys.executable, "-c", f"{hidden}; {code}"], capture_output=True, text=True, check=False
+    )
+
+
+def test_the_graph_runs_without_rosbags() -> None:
+    nodes = ", ".join(f"haptic_accel.nodes.{node}" for node in NODES if node != "recorder")
+    done = without_rosbags(
+        f"import {nodes}; from haptic_accel.graph.processes import graph;"
+        "from haptic_accel.graph.arguments import GraphArguments;"
+        "print(len(graph(GraphArguments(record=False))))"
+    )
+    assert (done.stdout, done.stderr) == ("4\n", "")
+
+
+@pytest.mark.parametrize(
+    ("words", "status"), [(["bag", "info", "bag"], 1), (["teleop", "duration:=1"], 2)]
+)
+def test_what_needs_rosbags_says_so(words: list[str], status: int) -> None:
+    done = without_rosbags(f"from haptic_accel.cli.main import main; main({words})")
+    assert done.returncode == status
+    assert NO_ROSBAGS in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 NEWER = {"compression"}

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import click
 
 from haptic_accel import __version__
+from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, INTERRUPTED, WRONG_ARGUMENTS
+from haptic_accel.core.process import DONE, FAILED, INTERRUPTED, WRONG_ARGUMENTS
 
 BAG = LazyGroup(
     "bag",
@@ -122,6 +123,11 @@ def run(command: click.Command, name: str, words: Sequence[str] | None = None) -
         if str(end):
             print(f"{name}: {end}", file=sys.stderr)
         sys.exit(end.status)
+    except ModuleNotFoundError as missing:
+        if (missing.name or "").partition(".")[0] not in OF_ROSBAGS:
+            raise
+        print(f"{name}: {NO_ROSBAGS}", file=sys.stderr)
+        sys.exit(FAILED)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED)
 

@@ -6,9 +6,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.bags.facts import facts_text
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.identification.sweep import repeat_samples
@@ -287,7 +289,9 @@ def _check_replay(arguments: GraphArguments, options: Values) -> None:
 
 
 def _check_bag(arguments: Arguments) -> None:
-    """Refuse a bag that would be written over."""
+    """Refuse a bag that would be written over, or that cannot be written."""
+    if not find_spec("rosbags"):
+        raise ParameterError(f"record = true: {NO_ROSBAGS}; or record:=false")
     if arguments.bag and os.path.exists(arguments.bag):
         raise ParameterError(f"bag = '{arguments.bag}': must be a new folder")
 
