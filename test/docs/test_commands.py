@@ -150,10 +150,12 @@ def check_ros2(words: Sequence[str]) -> None:
             assert read_parameter_file(SOURCE / file)[node[1:]], (node, file)
         case ["service", "call", name, kind, *_]:
             assert services()[name[1:]] == kind.replace("/srv/", "/")
-        case ["topic", "echo" | "hz", name]:
-            assert name[1:] in [topic.name for topic in TOPICS]
+        case ["topic", "echo" | "hz", *_, name]:
+            assert name.removeprefix("/") in [topic.name.removeprefix("/") for topic in TOPICS]
         case ["topic", "pub", "--once", name, kind, _]:
             assert (name[1:], kind) in [(topic.name, topic.type) for topic in TOPICS]
+        case ["lifecycle", "get", node]:
+            assert node in ("/master_device", "/slave_device")
         case ["lifecycle", "set", node, transition]:
             assert node in ("/master_device", "/slave_device")
             assert transition in ("configure", "cleanup", "activate", "deactivate", "shutdown")
