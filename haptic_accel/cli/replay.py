@@ -126,7 +126,7 @@ def play_command(asked: Replay) -> str:
     assert asked.bag is not None
     own = asked.own
     found = [
-        (name, f"/{PLAYED}/{topic.name}")
+        (name, f"{asked.graph.namespace}/{PLAYED}/{topic.name}")
         for topic in SLAVE_SIGNALS
         for name in sorted(asked.bag.counts)
         if name.endswith(f"/{topic.name}")

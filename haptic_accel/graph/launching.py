@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -20,10 +21,12 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from haptic_accel.core.parameters import suggestion
 from haptic_accel.core.topics import JOINT_STATE_RATE
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
 from haptic_accel.graph.processes import RESPAWN_DELAY, Process
+from haptic_accel.graph.words import given_keys, unknown_key
 
 PUSHED = "ros_namespace"
 """Launch configuration in which launch_ros keeps what `PushRosNamespace` pushed."""
@@ -46,6 +49,7 @@ def launched(
     """
 
     def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+        _check_spelling([name for name, _, _ in arguments], context)
         given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in arguments}
         given["namespace"] = _pushed(given["namespace"], context)
         found = processes([f"{name}:={value}" for name, value in given.items()])
@@ -63,6 +67,16 @@ def launched(
         for name, default, text in arguments
     ]
     return LaunchDescription([*declared, OpaqueFunction(function=start)])
+
+
+def _check_spelling(names: Sequence[str], context: LaunchContext) -> None:
+    """Refuse a word that nearly is an argument: ``ros2 launch`` takes any in silence."""
+    file = Path(context.locals.current_launch_file_path).name
+    if file not in {Path(word).name for word in sys.argv}:
+        return  # included by another launch file, whose arguments they are
+    for key in given_keys(sys.argv):
+        if key not in names and suggestion(key, names):
+            raise unknown_key(key, names)
 
 
 def _pushed(namespace: str, context: LaunchContext) -> str:

@@ -99,7 +99,8 @@ class Restamper(GraphNode):
         acceleration, position, _ = self._senders
         if min(acceleration.listeners, position.listeners) >= self.parameters.listeners:
             self._looking.cancel()
-            self.get_logger().info(f"ready: play the slave's topics below /{PLAYED}")
+            played = self.resolve_topic_name(PLAYED)
+            self.get_logger().info(f"ready: play the slave's topics below {played}")
 
     def _ignore(self, moment: int, force: Vector) -> None:
         self._forces += 1

@@ -183,6 +183,11 @@ def test_the_line_for_ros2_bag_play_names_every_topic_the_graph_waits_for() -> N
     for topic in topics.SLAVE_SIGNALS:
         assert f" /{topic.name}:=/played/{topic.name}" in line
     assert line.endswith("--loop")
+    words = [f"bag:={DATA / 'text'}", "source:=topics", "namespace:=left"]
+    for topic in topics.SLAVE_SIGNALS:
+        assert f" /{topic.name}:=/left/played/{topic.name}" in play_command(
+            replay_arguments(words)
+        )
 
 
 @pytest.mark.quiet

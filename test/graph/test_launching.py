@@ -80,6 +80,7 @@ def start(monkeypatch: pytest.MonkeyPatch, domain: int, installed: set[str]) -> 
     def started(name: str, **words: str) -> dict[str, SimpleNamespace]:
         context.launch_configurations.clear()
         context.launch_configurations.update(words)
+        context.extend_locals({"current_launch_file_path": f"/ros/{name}.launch.py"})
         found: list[Any] = []
         for entity in description(name).entities:
             found += entity.execute(context) or []
@@ -190,6 +191,17 @@ def test_a_wrong_argument_is_refused_in_one_line_before_anything_starts(start: S
         start("teleop", controller="magic")
     with pytest.raises(ParameterError, match=r"^bag = '': must be"):
         start("replay")
+
+
+def test_a_misspelt_word_is_named_where_the_launch_file_is_the_users(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ["launch", "haptic_accel", "teleop.launch.py", "emulate_tty:=true", "controler:=none"]
+    monkeypatch.setattr(sys, "argv", ["/opt/ros/bin/ros2", *words])
+    with pytest.raises(ParameterError, match=r"^controler: .* \(did you mean controller\?\)"):
+        start("teleop")
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "/mine/lab.launch.py", *words[3:]])
+    assert start("teleop")
 
 
 def test_the_end_of_a_node_ends_all(start: Start) -> None:

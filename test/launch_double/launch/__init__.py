@@ -7,6 +7,7 @@ it only where the original is not there.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 
@@ -25,6 +26,10 @@ class LaunchContext:
 
     def __init__(self) -> None:
         self.launch_configurations: dict[str, str] = {}
+        self.locals = SimpleNamespace()
+
+    def extend_locals(self, extensions: dict[str, Any]) -> None:
+        vars(self.locals).update(extensions)
 
 
 class LaunchDescription(LaunchDescriptionEntity):
