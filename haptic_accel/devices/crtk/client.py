@@ -100,7 +100,7 @@ class ArmClient:
         if find_spec(MESSAGES):
             self._messages: Any = import_module(f"{MESSAGES}.msg")
             self._commands = self._publisher(
-                self._messages.StringStamped, "state_command", _LATCHED
+                self._messages.StringStamped, "state_command", QoSProfile(depth=DEPTH)
             )
             # Latched states reach only a subscriber that asks for them, others only one that
             # does not.
@@ -125,6 +125,11 @@ class ArmClient:
     def push(self, force: Vector) -> None:
         """Send a force, N, as of now."""
         self._force.handle.publish_raw(self._pack(time.time_ns(), force))
+
+    @property
+    def is_heard(self) -> bool:
+        """The arm has been found to take state commands; it keeps none from before that."""
+        return self._commands is not None and self._commands.get_subscription_count() > 0
 
     def command(self, command: str) -> None:
         """Send a state command, if that is possible."""

@@ -46,16 +46,19 @@ class CrtkArm(Device):
             from haptic_accel.devices.crtk.client import ArmClient
         except ModuleNotFoundError as error:
             raise DeviceError(f"crtk: {error.name} is not installed") from None
-        self._client = ArmClient(self._p)
-        self._client.command(ENABLE)
+        client = self._client = ArmClient(self._p)
+        enabled = not client.has_states
         deadline = monotonic() + self._p.start_timeout
-        while self._client.position.newest(self._p.timeout) is None:
-            if monotonic() > deadline:
-                self.close()
-                raise DeviceError(
-                    f"crtk: no {self._p.arm}/measured_cp for {self._p.start_timeout:g} s"
-                )
+        while (self._is_silent or not enabled) and monotonic() < deadline:
+            if not enabled and client.is_heard:
+                client.command(ENABLE)
+                enabled = True
             sleep(POLL_PERIOD)
+        if self._is_silent:
+            self.close()
+            raise DeviceError(
+                f"crtk: no {self._p.arm}/measured_cp for {self._p.start_timeout:g} s"
+            )
 
     def read(self, time: float) -> Sample | None:
         """Return the newest position and velocity, None if the position is too old."""

@@ -81,6 +81,16 @@ def test_an_arm_is_read_and_pushed_and_left_without_force(
         observer.executor.spin_once(timeout_sec=0.01)
 
 
+def test_an_arm_is_enabled_when_it_is_opened(start: Callable[..., Command]) -> None:
+    pytest.importorskip("crtk_msgs.msg")
+    words = ("-r", "__ns:=/somebody", "-p", "autostart:=false")
+    start("-m", "haptic_accel.nodes.slave_device", "--ros-args", *words)
+    arm = built(start_timeout=PATIENCE, timeout=1.0)
+    arm.open()
+    wait_until(lambda: arm.read(0.0) is not None and not arm.problem, "enabled")
+    arm.close()
+
+
 def test_an_arm_that_falls_silent_is_a_problem_and_gives_no_sample(
     arm: CrtkArm, somebody: Command
 ) -> None:
