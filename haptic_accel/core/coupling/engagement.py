@@ -30,7 +30,7 @@ RESTING = "waiting for the arms to come to rest"
 STOPPED = "emergency stop"
 """Reason for free arms while the emergency stop is not released."""
 
-DIFFERING = 1.0
+DIFFERING = 0.5
 """Time for which a device and the coupler may differ about the emergency stop before all are
 stopped, s: a stop or its release does not reach all at once."""
 
