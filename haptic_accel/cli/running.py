@@ -98,6 +98,7 @@ def run_shown(
     StoppedError
         It failed, which has been shown.
     """
+    (namespace,) = {process.namespace for process in processes}
     progress = progress_bar(Console())
     progress.disable = not (expected and progress.console.is_terminal)
     bar = progress.add_task("waiting for the arms", total=expected)
@@ -113,14 +114,13 @@ def run_shown(
 
     def stop_forces() -> None:
         supervisor.stop_forces()
-        print(STOPPED_BY_KEY, flush=True)
+        print(STOPPED_BY_KEY + (f" namespace:={namespace}" if namespace else ""), flush=True)
 
     def stopped() -> bool:
         if engaged:
             progress.update(bar, completed=min(time.monotonic() - engaged[0], expected))
         return stop()
 
-    (namespace,) = {process.namespace for process in processes}
     with (
         sole_graph(namespace),
         stop_on_signal() as stop,
