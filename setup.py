@@ -119,7 +119,7 @@ setup(
     entry_points={
         "console_scripts": [
             f"haptic-accel = {NAME}.cli.main:main",
-            *(f"{node} = {NAME}.nodes.{node}:main" for node in NODES),
+            *(f"{node} = {NAME}.nodes.start:{node}" for node in NODES),
         ],
     },
 )

@@ -1,0 +1,47 @@
+"""Executables of the nodes, as setuptools' scripts call them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = [
+    script
+    for script in entry_points(group="console_scripts")
+    if script.module == "haptic_accel.nodes.start"
+]
+
+
+def test_every_executable_is_a_module_of_a_node() -> None:
+    folder = Path(sys.modules["haptic_accel"].__path__[0], "nodes")
+    assert len(SCRIPTS) >= 9
+    for script in SCRIPTS:
+        assert script.attr == script.name
+        assert "\ndef main() -> None:" in (folder / f"{script.name}.py").read_text()
+
+
+@pytest.mark.parametrize("node", ["coupler", "master_device", "recorder"])
+def test_a_node_that_is_interrupted_while_it_loads_ends_without_a_word(
+    node: str, tmp_path: Path
+) -> None:
+    (tmp_path / "rclpy.py").write_text("import time\nprint('loading', flush=True)\ntime.sleep(60)")
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    program = f"from haptic_accel.nodes.start import {node} as main; main()"
+    with subprocess.Popen(
+        [sys.executable, "-c", program],
+        env=os.environ | {"PYTHONPATH": path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "loading\n"
+        process.send_signal(signal.SIGINT)
+        shown, errors = process.communicate(timeout=30)
+    assert (shown, errors, process.returncode) == ("", "", -signal.SIGINT)
