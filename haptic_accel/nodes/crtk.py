@@ -41,6 +41,9 @@ INVALID = 0
 _JOINTS, _EMPTY = "sensor_msgs/msg/JointState", "std_msgs/msg/Empty"
 _STATE, _TEXT = f"{MESSAGES}/msg/OperatingState", f"{MESSAGES}/msg/StringStamped"
 
+STATE_COMMAND_AGE = 1.0
+"""Age above which a state command is out of date, s: a person, not a control loop, sends it."""
+
 
 class Queries:
     """Joint state, force and set-points of an arm, published while somebody subscribes.
@@ -222,9 +225,7 @@ class OperatingState:
         if find_spec(MESSAGES):
             self._state = node.publisher(topic("operating_state", _STATE))
             commands = arm.beside("state_command", _TEXT)
-            node.create_subscription(
-                message_type(commands), commands.name, lambda sent: self._obey(sent.string), 10
-            )
+            node.create_subscription(message_type(commands), commands.name, self._take, 10)
         else:
             node.get_logger().debug(f"no {MESSAGES}: no operating_state, no state_command")
 
@@ -256,6 +257,15 @@ class OperatingState:
             )
             message.header.stamp = self._node.get_clock().now().to_msg()
             self._state.publish(message)
+
+    def _take(self, command: Any) -> None:
+        """Carry out a command of now, or without a stamp; one from a bag is neither."""
+        sent = command.header.stamp
+        stamp = sent.sec * NANOSECONDS + sent.nanosec
+        if stamp and abs(time.time_ns() - stamp) > STATE_COMMAND_AGE * NANOSECONDS:
+            self._node.get_logger().warning(f"state_command {command.string!r}: out of date")
+        else:
+            self._obey(command.string)
 
     def _obey(self, command: str) -> None:
         """Carry out a state command, or log why not."""

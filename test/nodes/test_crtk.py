@@ -233,6 +233,9 @@ def test_an_arm_is_enabled_paused_and_homed_by_its_commands(client: Client) -> N
         return True
 
     assert leads_to("enable", "ENABLED", True, False)
+    played = messages.StringStamped(string="disable")
+    played.header.stamp.sec = int(time.time()) - 60
+    client.send(played, "state_command")  # not obeyed: a disabled arm could not pause
     assert leads_to("pause", "PAUSED", True, False)
     assert leads_to("enable", "PAUSED", True, False), "invalid"
     assert leads_to("resume", "ENABLED", True, False)
