@@ -22,6 +22,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rcl_interfaces.srv import SetParameters
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -332,8 +333,15 @@ class GraphNode(SupervisedNode):
 
     def subscribe_raw(self, topic: Topic, callback: Callable[[bytes], None]) -> Subscription:
         """Subscribe to a topic's messages as they are serialised."""
+        # A stop that is published without being kept is heard by another subscription: no warning.
+        events = SubscriptionEventCallbacks(use_default_callbacks=not topic.latched)
         return self.create_subscription(
-            message_type(topic), topic.name, callback, quality(topic), raw=True
+            message_type(topic),
+            topic.name,
+            callback,
+            quality(topic),
+            event_callbacks=events,
+            raw=True,
         )
 
     def refuse(self, topic: Topic, reason: str) -> None:

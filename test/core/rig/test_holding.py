@@ -91,9 +91,9 @@ def test_after_a_stop_the_tool_is_dragged_as_before(
 ) -> None:
     rigs = rough_rigs()
     rigs.run(moment)
-    rigs.engagement.stop(True, moment)
+    rigs.engagement.stop.stop()
     rigs.run(stopped)
-    rigs.engagement.stop(False, moment + stopped)
+    rigs.engagement.stop.stopped = False  # by a release at once, which no rule would allow
     after = rigs.run(5.0)
     _, engaged_again = rigs.engaged_at
     assert rigs.origins[1] == rigs.origins[0], "both arms are where they began"
