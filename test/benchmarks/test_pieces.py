@@ -25,7 +25,7 @@ from haptic_accel.core.coupling.position_position import (
 from haptic_accel.core.model import Vector
 from haptic_accel.core.topics import TOOL_ACCELERATION
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
-from haptic_accel.nodes.interface import Sender, message_type, quality
+from haptic_accel.nodes.interface import GraphNode, Sender
 
 # A look at each piece in every run of the tests; for figures to rely on: --benchmark-max-time=5
 pytestmark = pytest.mark.benchmark(max_time=0.1, min_rounds=5)
@@ -112,15 +112,11 @@ def test_reading_of_a_message(benchmark: Benchmark) -> None:
 
 @pytest.fixture
 def sender(domain: int) -> Iterator[Sender]:
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=domain)
-    node = rclpy.create_node("sender", context=context)
-    publisher = node.create_publisher(
-        message_type(TOOL_ACCELERATION), TOOL_ACCELERATION.name, quality(TOOL_ACCELERATION)
-    )
-    yield Sender(publisher, TOOL_ACCELERATION)
+    rclpy.init(domain_id=domain)
+    node = GraphNode("slave_device")
+    yield Sender(node, TOOL_ACCELERATION)
     node.destroy_node()
-    rclpy.shutdown(context=context)
+    rclpy.shutdown()
 
 
 def test_packing_and_publishing_of_a_message(benchmark: Benchmark, sender: Sender) -> None:

@@ -91,6 +91,8 @@ def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     messages = read(tmp_path / "bag")
     assert set(messages) == {
         "/parameter_events",
+        "/rosout",
+        *(f"/{device}/transition_event" for device in ("master_device", "slave_device")),
         *(f"/{topic.name.lstrip('/')}" for topic in TOPICS),
     }
     assert messages[DIAGNOSTICS.name]
