@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from rcl_interfaces.msg import SetParametersResult
@@ -29,7 +30,7 @@ from haptic_accel.core.topics import (
     VECTORS,
     Topic,
 )
-from haptic_accel.graph.files import parameter_text, preset_file, surface_parameters
+from haptic_accel.graph.files import preset_file, surface_parameters
 from haptic_accel.nodes.interface import message_type, quality
 from observing import Observer
 from running import PATIENCE, Command, wait_until
@@ -107,6 +108,11 @@ class Node:
         return future.result()
 
 
+def keyed(key: str, values: dict[str, Any]) -> str:
+    """Return a parameter file with one key."""
+    return str(yaml.safe_dump({key: {"ros__parameters": values}}))
+
+
 @pytest.fixture
 def slave(start: Callable[..., Command], observer: Observer) -> Node:
     """Start a device node of the slave."""
@@ -121,13 +127,13 @@ def test_a_surface_is_loaded_whole_or_not_at_all(slave: Node, tmp_path: Path) ->
         assert {key: slave.values()[key] for key in expected} == expected
     before = slave.values()
     file = tmp_path / "mine.yaml"
-    for key in ("slave_device", "/left/slave_device", "/**/slave_device"):
+    for key in ("slave_device", "/slave_device", "/**"):
         for wrong, named in (
             ({"friction": -1}, "simulated.surface.friction = -1"),
             ({"stifness": 1}, "simulated.surface.stifness: slave_device has no such parameter"),
         ):
             surface = {"name": "mine", "friction": 0.9, **wrong}
-            file.write_text(parameter_text({key: {"simulated": {"surface": surface}}}))
+            file.write_text(keyed(key, {"simulated": {"surface": surface}}))
             results = slave.load(file)
             assert not any(result.successful for result in results)
             assert all(named in result.reason for result in results), results
@@ -137,14 +143,14 @@ def test_a_surface_is_loaded_whole_or_not_at_all(slave: Node, tmp_path: Path) ->
 def test_what_is_dumped_can_be_loaded(slave: Node, tmp_path: Path) -> None:
     # Most of it is read-only.
     file, before = tmp_path / "slave_device.yaml", slave.values()
-    file.write_text(parameter_text({"/slave_device": before}))
+    file.write_text(keyed("/slave_device", before))
     assert all(result.successful for result in slave.load(file))
     assert slave.values() == before
     before["simulated.surface.friction"] = 0.7
-    file.write_text(parameter_text({"/slave_device": before}))
+    file.write_text(keyed("/slave_device", before))
     assert all(result.successful for result in slave.load(file))
     assert slave.values() == before
-    file.write_text(parameter_text({"/slave_device": before | {"rate": 500.0}}))
+    file.write_text(keyed("/slave_device", before | {"rate": 500.0}))
     reasons = {result.reason for result in slave.load(file)}
     assert reasons == {"rate = 500.0: must stay 1000.0 while the node runs"}
 
@@ -158,8 +164,8 @@ def test_only_this_machines_clock_is_taken(slave: Node, start: Callable[..., Com
         words = ["-m", f"haptic_accel.nodes.{executable}", "--ros-args", "-p"]
         refused = start(*words, "use_sim_time:=true")
         assert refused.end() == 2
-        assert refused.text.startswith(f"{executable}: {reason}")
-        assert len(refused.lines) == 1
+        assert refused.lines[-1].startswith(f"{executable}: {reason}")
+        assert "Traceback" not in refused.text
 
 
 def test_numbers_are_taken_as_they_are_written(slave: Node) -> None:

@@ -164,7 +164,7 @@ def test_after_kill_9_the_bag_is_repaired_and_says_what_was_run(
 
 @pytest.mark.parametrize("own", ["", "/left"])
 def test_of_the_graphs_in_other_namespaces_nothing_is_recorded(
-    start: Start, tmp_path: Path, own: str
+    start: Start, observer: Observer, tmp_path: Path, own: str
 ) -> None:
     def node(name: str, namespace: str, *words: str) -> Command:
         place = ("-r", f"__ns:={namespace}") if namespace else ()
@@ -175,6 +175,10 @@ def test_of_the_graphs_in_other_namespaces_nothing_is_recorded(
     couplers = [node("coupler", namespace) for namespace in ("", "/left", "/right")]
     for coupler in couplers:
         coupler.wait_for("waiting for the position of master and slave")
+    stiffer = Parameter(name="k_m", value=ParameterValue(type=3, double_value=300.0))
+    for namespace in ("", "/left", "/right"):
+        service = f"{namespace}/coupler/set_parameters"
+        observer.call(SetParameters, service, SetParameters.Request(parameters=[stiffer]))
     for each in (*couplers, recorder):
         assert each.end(signal.SIGINT) == 0, each.text
     bag, below = tmp_path / "bag", own[1:] and f"{own[1:]}."
