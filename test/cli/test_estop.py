@@ -275,7 +275,7 @@ def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_st
     for topic in STOPPED:
         observer.wait_for_state(topic, True)
     assert applied(observer) == before
-    assert not any("engaged" in line or "released" in line for line in graph.lines[so_far:])
+    assert not any("engaged" in line or "stop released" in line for line in graph.lines[so_far:])
     engage(graph)
     so_far = len(graph.lines)
     start(Path(__file__).parents[1] / "bag_player.py", tmp_path / "bag", "all")
