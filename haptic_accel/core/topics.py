@@ -88,7 +88,8 @@ STOPS = tuple(
 whoever publishes it with less, such as ``ros2 topic pub``."""
 
 COUPLER_STOPPED = Topic("coupler/stopped", _BOOL, "", "", reliable=True, latched=True)
-"""Whether the coupler is stopped; unlike `EMERGENCY_STOP` it has one sender, the graph's own."""
+"""State of the coupler, true while stopped; unlike `EMERGENCY_STOP` it has one sender, the graph's
+own."""
 
 MASTER_STOPPED = Topic("master/stopped", _BOOL, "", "", reliable=True, latched=True)
 SLAVE_STOPPED = Topic("slave/stopped", _BOOL, "", "", reliable=True, latched=True)

@@ -12,9 +12,7 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from rclpy.lifecycle import TransitionCallbackReturn as Outcome
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from haptic_accel.core import operating_state
@@ -33,6 +31,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ArmTopics, Topic
 from haptic_accel.devices.interface import Joints
 from haptic_accel.nodes.interface import GraphNode, Sender, message_type
+from haptic_accel.nodes.joint_states import joint_state
 from haptic_accel.nodes.managed import ACTIVE, INACTIVE, ManagedNode
 
 INVALID = 0
@@ -111,14 +110,14 @@ class Queries:
             self._publish_joints(stamp, joints(sample, force))
 
     def _publish_joints(self, stamp: int, joints: Joints) -> None:
-        message = JointState(
+        message = joint_state(
+            stamp,
+            self._frame,
             name=[self._prefix + name for name in joints.names],
             position=list(joints.positions),
             velocity=list(joints.velocities),
             effort=list(joints.efforts),
         )
-        sec, nanosec = divmod(stamp, NANOSECONDS)
-        message.header.stamp, message.header.frame_id = Time(sec=sec, nanosec=nanosec), self._frame
         self._joints.publish(message)
 
 

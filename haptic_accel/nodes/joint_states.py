@@ -1,6 +1,8 @@
-"""Positions of an arm as the joints that its description has, for displays."""
+"""Joint states of the arms; positions as the joints that their description has, for displays."""
 
 from __future__ import annotations
+
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
@@ -9,6 +11,14 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import JOINT_STATE_RATE, JOINT_STATES, Topic
 from haptic_accel.nodes.interface import GraphNode
+
+
+def joint_state(stamp: int, frame: str = "", **fields: Any) -> JointState:
+    """Return a message with a stamp, system time in ns, a frame, and fields by name."""
+    message = JointState(**fields)
+    sec, nanosec = divmod(stamp, NANOSECONDS)
+    message.header.stamp, message.header.frame_id = Time(sec=sec, nanosec=nanosec), frame
+    return message
 
 
 class JointStates:
@@ -37,7 +47,4 @@ class JointStates:
         self._passed = 0
         if self._publisher.get_subscription_count() == 0:
             return
-        message = JointState(name=self._names, position=position)
-        sec, nanosec = divmod(stamp, NANOSECONDS)
-        message.header.stamp = Time(sec=sec, nanosec=nanosec)
-        self._publisher.publish(message)
+        self._publisher.publish(joint_state(stamp, name=self._names, position=position))
