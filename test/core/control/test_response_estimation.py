@@ -1,0 +1,104 @@
+"""The running estimate of a response: known filters, noise, gaps, forgetting."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from haptic_accel.core.control.response_estimation import ResponseEstimator
+from haptic_accel.core.model import FloatArray
+
+
+def noise(samples: int, seed: int = 1) -> FloatArray:
+    return np.random.default_rng(seed).standard_normal(samples)
+
+
+def feed(estimator: ResponseEstimator, cause: FloatArray, effect: FloatArray) -> None:
+    for given, shown in zip(cause.tolist(), effect.tolist(), strict=True):
+        estimator.sample(given, shown)
+        estimator.step()
+
+
+def within(estimator: ResponseEstimator, low: float, high: float) -> FloatArray:
+    return np.asarray((estimator.frequency >= low) & (estimator.frequency <= high))
+
+
+@pytest.mark.parametrize("rate", [1000.0, 4000.0])
+def test_it_finds_a_filter(rate: float) -> None:
+    sections = signal.butter(2, [60, 200], "bandpass", fs=rate, output="sos")
+    cause = noise(round(8 * rate))
+    estimator = ResponseEstimator(rate, memory=4.0)
+    feed(estimator, cause, signal.sosfilt(sections, cause))
+    band = within(estimator, 60.0, 200.0)
+    true = signal.sosfreqz(sections, estimator.frequency[band], fs=rate)[1]
+    assert estimator.response[band] == pytest.approx(true, abs=0.06)
+    assert estimator.coherence[band].min() > 0.98
+
+
+def test_its_excitation_is_a_density() -> None:
+    estimator = ResponseEstimator(1000.0, memory=4.0)
+    cause = 3.0 * noise(8000)
+    feed(estimator, cause, cause)
+    # White noise of variance 9 at 1 kHz: 9 / 500 per Hz.
+    band = within(estimator, 20.0, 480.0)
+    assert estimator.excitation[band].mean() == pytest.approx(9.0 / 500.0, rel=0.05)
+
+
+def test_independent_noise_is_not_coherent() -> None:
+    estimator = ResponseEstimator(1000.0, memory=2.0)
+    feed(estimator, noise(6000, 1), noise(6000, 2))
+    band = within(estimator, 20.0, 480.0)
+    assert estimator.coherence[band].mean() < 0.15
+
+
+def test_gravity_is_not_part_of_it() -> None:
+    plain, under = ResponseEstimator(1000.0, 1.0), ResponseEstimator(1000.0, 1.0)
+    cause = noise(2000)
+    feed(plain, cause, cause)
+    feed(under, cause, cause + 9.81)
+    assert under.cross == pytest.approx(plain.cross, abs=1e-12)
+
+
+def test_it_follows_a_change_and_forgets() -> None:
+    estimator = ResponseEstimator(1000.0, memory=0.3)
+    cause = noise(4000)
+    feed(estimator, cause[:2000], cause[:2000])
+    feed(estimator, cause[2000:], -2.0 * cause[2000:])
+    band = within(estimator, 20.0, 480.0)
+    assert estimator.response[band].mean() == pytest.approx(-2.0, abs=0.05)
+
+
+def test_silence_keeps_the_response_and_not_the_excitation() -> None:
+    estimator = ResponseEstimator(1000.0, memory=0.3)
+    cause = noise(2000)
+    feed(estimator, cause, 2.0 * cause)
+    response, excitation = estimator.response, estimator.excitation
+    feed(estimator, np.zeros(3000), np.zeros(3000))
+    band = within(estimator, 20.0, 480.0)
+    assert estimator.response[band] == pytest.approx(response[band], abs=0.02)
+    assert estimator.excitation[band].mean() < 1e-3 * excitation[band].mean()
+
+
+def test_windows_with_many_missing_samples_are_left_out() -> None:
+    estimator = ResponseEstimator(1000.0, memory=0.3)
+    cause = noise(2000)
+    effect = cause.copy()
+    effect[::20] = math.nan
+    feed(estimator, cause, effect)
+    assert estimator.looks == 0
+    feed(estimator, cause[:512], cause[:512])
+    assert estimator.looks > 0
+
+
+def test_reset_forgets_all() -> None:
+    used, fresh = ResponseEstimator(1000.0, 1.0), ResponseEstimator(1000.0, 1.0)
+    feed(used, noise(1100, 3), noise(1100, 4))
+    used.reset()
+    cause = noise(1000)
+    for estimator in (used, fresh):
+        feed(estimator, cause, cause)
+    assert np.array_equal(used.cross, fresh.cross)
+    assert used.looks == fresh.looks
