@@ -1,6 +1,6 @@
 """The exact inverse of an identified handle as one causal filter, its prediction and its bound.
 
 `design.design_inverse` makes the filter and `family.design_family` one for every grip,
-`prediction.predict` gives its error, force and travel, and `bound.causal_bound` the smallest
-error of any causal filter.
+`prediction.predict` gives its error, force and travel, `bound.causal_bound` the smallest error of
+any causal filter, and `bound.limited_bound` that within the limits of travel and force.
 """

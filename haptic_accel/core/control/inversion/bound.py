@@ -1,17 +1,38 @@
-"""Smallest error of any causal linear filter on a known plant."""
+"""Smallest errors of causal linear filters on a known plant, without limits and within them."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
 import numpy as np
 
+from haptic_accel.core.actuator.guard import COMFORT
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
-from haptic_accel.core.control.inversion.design import Goal
-from haptic_accel.core.control.inversion.plant import Dynamics, Grid, grid_for
-from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
+from haptic_accel.core.control.inversion.design import Goal, nearest
+from haptic_accel.core.control.inversion.plant import (
+    Dynamics,
+    Grid,
+    grid_for,
+    travel_response,
+)
+from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum, measured_spectrum
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 STEP = 0.05
-"""Distance of the frequencies that the bound is computed at, Hz: a memory of ten seconds."""
+"""Distance of the frequencies that the bounds are computed at, Hz: a memory of ten seconds."""
+
+_TRAVEL_COSTS = [10.0**power for power in range(13)]
+"""Costs of travel, s^-4, from less than all felt motion to none at all: without any, the filter of
+a plant that cannot be inverted integrates twice, and no memory holds what it does."""
+
+_FORCE_COSTS = [10.0**power for power in range(-6, 9)]
+"""Costs of force, (m/s^2 per N)^2: from less than the smallest response of a plant to no force."""
+
+_HALVINGS = 5  # of the logarithmic distance between two of these: to 7 %
 
 
 def causal_bound(
@@ -29,8 +50,7 @@ def causal_bound(
     the desired acceleration, and the plant P as an all-pass A times a minimum phase, the error
     is the part of A* z^-granted_delay Q before time zero (Wiener 1949; Doyle, Francis and
     Tannenbaum, Feedback Control Theory, 1992). It is an infimum: coming near it may take
-    more travel than there is. `design_inverse` for the same spectrum and `predict` give the
-    error within a limit of travel.
+    more travel than there is, see `limited_bound`.
 
     Parameters
     ----------
@@ -58,18 +78,158 @@ def causal_bound(
     ParameterError
         A number is out of range.
     """
+    problem = _problem(plant, rate, spectrum, granted_delay, noise, high_pass_frequency)
+    return problem.best().error
+
+
+def limited_bound(
+    plant: Dynamics,
+    rate: float,
+    acceleration: FloatArray,
+    *,
+    granted_delay: int = 1,
+    noise: float = 0.0,
+    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
+    actuator: ActuatorParameters | None = None,
+    travel_limit: float | None = None,
+) -> float:
+    """Smallest error of causal linear filters that keep travel and force in bounds for an input.
+
+    These are the Wiener filters that give least error^2 + c travel^2 + e force^2 for the
+    input's own spectrum, with constant costs c and e, no limit of memory, and full knowledge of
+    plant and spectrum; c and e are the least with which the largest travel and force that the
+    filter takes for this very input keep their limits. So it is a bound of time-invariant
+    filters that weigh all moments alike. A filter that gives way only where the travel is
+    short, as excursion control does, can be below it where an input is loud for a short time
+    only. Friction, heat and the travel that gravity takes are left out.
+
+    Parameters
+    ----------
+    plant, rate, granted_delay, noise, high_pass_frequency
+        As in `causal_bound`, which it equals for small inputs.
+    acceleration : ndarray, shape (n,)
+        Tool's acceleration, m/s^2. At the first sample the actuator is at rest.
+    actuator : ActuatorParameters, optional
+        Actuator with the limits; Table I's by default.
+    travel_limit : float, optional
+        Largest travel, m; by default where the cushion brings the actuator to rest.
+
+    Returns
+    -------
+    float
+        Percent, as `Evaluation.nrmse_percent`; never below `causal_bound`.
+
+    Raises
+    ------
+    ParameterError
+        A number is out of range.
+    """
+    problem = _problem(
+        *(plant, rate, measured_spectrum(acceleration, rate), granted_delay, noise),
+        high_pass_frequency,
+    )
+    actuator = actuator or ActuatorParameters()
+    longest = COMFORT.cushion_end * actuator.travel if travel_limit is None else travel_limit
+    moved = acceleration - acceleration[0]
+    travel = travel_response(plant.handle, problem.grid.frequency)
+
+    def best(of_travel: float, of_force: float = 0.0) -> _Optimum:
+        return problem.best(of_travel * np.abs(travel) ** 2 + of_force)
+
+    def keeps_travel(of_travel: float) -> bool:
+        return problem.peak(best(of_travel).force * travel, moved) <= longest
+
+    def keeps_force(of_force: float) -> bool:
+        return problem.peak(best(of_travel, of_force).force, moved) <= actuator.peak_force
+
+    of_travel = _least(_TRAVEL_COSTS, keeps_travel)
+    of_force = _least(_FORCE_COSTS, keeps_force)
+    return best(of_travel, of_force).error
+
+
+def _least(costs: Sequence[float], keeps: Callable[[float], bool]) -> float:
+    """Return the least cost that keeps a limit: the first of some, then found by halving.
+
+    A higher cost does not always lower a peak, as the phase changes too.
+    """
+    first = next((number for number, cost in enumerate(costs) if keeps(cost)), len(costs) - 1)
+    if first == 0:
+        return costs[0]
+    low, high = map(math.log, costs[first - 1 : first + 1])
+    return math.exp(nearest(lambda cost: keeps(math.exp(cost)), low, high, _HALVINGS))
+
+
+class _Optimum(NamedTuple):
+    """Response from the tool's acceleration to the force of the best filter, and its error, %."""
+
+    force: ComplexArray
+    error: float
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Tracking of a spectrum by a plant, on a grid of frequencies.
+
+    Attributes
+    ----------
+    grid : Grid
+    response : ndarray, shape (n,)
+        Response of the plant.
+    tool, desired : ndarray, shape (n,)
+        Spectral factors of the tool's acceleration and of what the high-pass makes of it.
+    delay : ndarray, shape (n,)
+        Response of the delay granted.
+    noise : float
+        Power of the sensor's noise in terms of the grid's lines.
+    """
+
+    grid: Grid
+    response: ComplexArray
+    tool: ComplexArray
+    desired: ComplexArray
+    delay: ComplexArray
+    noise: float
+
+    def best(self, cost: FloatArray | float = 0.0) -> _Optimum:
+        """Return the filter of least error, for a cost of the force's power by frequency."""
+        desired = self.desired
+        factor = _minimum_phase(self.grid, np.sqrt(np.abs(self.response) ** 2 + cost))
+        wanted = self.grid.sequence(self.delay * desired * (self.response / factor).conj())
+        wanted[self.grid.points :] = 0.0  # the times before zero
+        driven = self.grid.spectrum(wanted) / factor
+        missed = float(np.sum(np.abs(self.response * driven - self.delay * desired) ** 2))
+        share = (missed + self.noise) / float(np.sum(np.abs(desired) ** 2))
+        return _Optimum(driven / self.tool, 100.0 * math.sqrt(share))
+
+    def peak(self, response: ComplexArray, acceleration: FloatArray) -> float:
+        """Return the largest magnitude of a causal response to a tool's acceleration."""
+        from scipy import signal
+
+        pulse = self.grid.sequence(response)[: self.grid.points]
+        return float(np.abs(signal.oaconvolve(acceleration, pulse)[: len(acceleration)]).max())
+
+
+def _problem(
+    plant: Dynamics,
+    rate: float,
+    spectrum: ToolSpectrum,
+    granted_delay: int,
+    noise: float,
+    high_pass_frequency: float,
+) -> _Problem:
     Goal(granted_delay, high_pass_frequency=high_pass_frequency).check(rate)
     grid = grid_for(rate, step=STEP)
     frequency = grid.frequency
-    passed = np.abs(high_pass_response(high_pass_frequency, frequency, rate)) ** 2
-    desired = spectrum(frequency) * passed
-    response = plant.response(frequency, rate)
-    all_pass = response / _minimum_phase(grid, np.abs(response))
-    factor = _minimum_phase(grid, np.sqrt(desired))
-    wanted = grid.sequence(all_pass.conj() * grid.delay(granted_delay) * factor)
-    missed = float(np.sum(wanted[grid.points :] ** 2) / np.sum(wanted**2))
-    noise_share = 2.0 * noise**2 / rate * len(frequency) / float(np.sum(desired))
-    return 100.0 * float(np.sqrt(missed + noise_share))
+    tool = np.sqrt(spectrum(frequency))
+    passed = np.abs(high_pass_response(high_pass_frequency, frequency, rate))
+    return _Problem(
+        grid,
+        plant.response(frequency, rate),
+        _minimum_phase(grid, tool),
+        _minimum_phase(grid, tool * passed),
+        grid.delay(granted_delay),
+        2.0 * noise**2 / rate * len(frequency),
+    )
 
 
 def _minimum_phase(grid: Grid, magnitude: FloatArray) -> ComplexArray:

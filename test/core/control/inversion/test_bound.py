@@ -1,0 +1,105 @@
+"""The bound within limits of travel and force against what theory says of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.control.inversion.bound import causal_bound, limited_bound
+from haptic_accel.core.control.inversion.plant import IdentifiedPlant, Plant, travel_response
+from haptic_accel.core.control.inversion.spectrum import measured_spectrum
+from haptic_accel.core.identification.discrete import DiscreteModel
+from haptic_accel.core.model import FloatArray, MountParameters, handle_model
+
+RATE = 1000.0
+IDEAL = Plant().coupled().delayed(1)
+LATE = Plant(mount=MountParameters(280.0, 0.127), delay=225e-6).coupled().delayed(1)
+
+
+def texture(low: float, rms: float) -> FloatArray:
+    """Return 4 s of noise between a frequency in Hz and six times it, m/s^2."""
+    noise = np.random.default_rng(3).standard_normal(4000)
+    band = signal.butter(2, [low, min(400.0, 6 * low)], "band", fs=RATE, output="sos")
+    found = signal.sosfilt(band, noise)
+    return np.asarray(found * rms / found.std())
+
+
+@pytest.mark.parametrize("low", [8.0, 30.0])
+def test_a_small_input_has_no_limits(low: float) -> None:
+    small = texture(low, 0.5)
+    free = causal_bound(IDEAL, RATE, measured_spectrum(small, RATE), granted_delay=2)
+    assert limited_bound(IDEAL, RATE, small, granted_delay=2) == pytest.approx(free, abs=0.1)
+
+
+@pytest.mark.parametrize("granted", [1, 2, 3])
+def test_without_limits_it_is_the_bound_of_all_causal_filters(granted: int) -> None:
+    quiet = texture(30.0, 1e-2)
+    free = causal_bound(LATE, RATE, measured_spectrum(quiet, RATE), granted_delay=granted)
+    found = limited_bound(LATE, RATE, quiet, granted_delay=granted, travel_limit=1e6)
+    assert found == pytest.approx(free, abs=0.6)  # which needs motion below 0.2 Hz
+
+
+@pytest.mark.parametrize("low", [8.0, 15.0])
+def test_a_larger_input_costs_more_error_and_never_less_than_without_limits(low: float) -> None:
+    errors = []
+    for rms in (1.0, 4.0, 12.0, 40.0, 200.0):
+        loud = texture(low, rms)
+        errors.append(limited_bound(IDEAL, RATE, loud, granted_delay=2))
+        free = causal_bound(IDEAL, RATE, measured_spectrum(loud, RATE), granted_delay=2)
+        assert errors[-1] >= free
+    assert np.all(np.diff(errors) > -0.1)  # a larger input stands out of the sensor's noise
+    assert errors[-1] == pytest.approx(100.0, abs=10.0)  # hardly anything can be displayed
+
+
+def test_less_travel_costs_more_error() -> None:
+    loud = texture(8.0, 4.0)
+    errors = [
+        limited_bound(LATE, RATE, loud, granted_delay=2, travel_limit=limit)
+        for limit in (3.6e-3, 2.4e-3, 1.2e-3)
+    ]
+    assert errors == sorted(errors)
+    assert errors[0] < errors[-1] - 20.0
+
+
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.2])
+def test_of_a_sine_the_travel_leaves_what_fits_into_it(share: float) -> None:
+    # A sine can only be made smaller: the error is the part of it that is missing.
+    plant, frequency, limit = Plant(), np.array([20.0]), 2e-3
+    travel = travel_response(plant.handle, frequency) / handle_model(plant.handle).response(
+        frequency
+    )
+    amplitude = limit / share / float(np.abs(travel[0]))
+    time = np.arange(8000) / RATE
+    fading_in = np.clip(time / 2.0, 0.0, 1.0)
+    sine = fading_in * amplitude * np.sin(2 * np.pi * frequency[0] * time)
+    passed = float(
+        np.abs(
+            signal.freqz_sos(
+                signal.butter(4, 15.0, "high", fs=RATE, output="sos"), frequency, fs=RATE
+            )[1][0]
+        )
+    )
+    found = limited_bound(plant, RATE, sine / passed, travel_limit=limit)
+    assert found == pytest.approx(100.0 * (1.0 - share), abs=4.0)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.1])
+def test_a_plant_without_dynamics_lacks_the_force_above_the_peak(share: float) -> None:
+    # Handle = gain x force one sample later: the best filter divides by the gain, and what the
+    # peak of the force leaves of it is the same for all frequencies.
+    gain = 2.0
+    plant = IdentifiedPlant(DiscreteModel(np.array([[gain, 0, 0, 1.0, 0, 0]]), RATE, 1))
+    noise = np.random.default_rng(1).standard_normal(6000)
+    noise[0] = 0.0
+    needed = float(np.abs(noise).max()) / gain
+    found = limited_bound(
+        plant,
+        RATE,
+        noise,
+        high_pass_frequency=0.01,
+        actuator=ActuatorParameters(peak_force=share * needed),
+        travel_limit=1e3,
+    )
+    assert found == pytest.approx(100.0 * (1.0 - share), abs=2.0)
