@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -48,7 +48,7 @@ def load(*paths: Path | str, shift: str = "granted", perceptual: bool = True) ->
     *paths : Path or str
         Bags, files of bags, or folders in which to look for bags.
     shift : str
-        ``granted`` for the latency and one sample, ``paper`` for one sample, ``measured``, or
+        ``granted`` for latency and granted delay, ``paper`` for one sample, ``measured``, or
         milliseconds.
     perceptual : bool
         Score ST-SIM and SPQI, which takes longest.
@@ -87,6 +87,7 @@ def _row(trial: AnalysedTrial) -> dict[str, Any]:
         "rate_Hz": segment.rate,
         "high_pass_Hz": segment.high_pass_frequency,
         "latency_samples": segment.latency,
+        "granted_samples": segment.granted_delay,
         "after_samples": round(trial.metrics["shift_ms"] / MILLI * segment.rate, 6),
         **trial.metrics,
         "nrmse_low_percent": trial.error.low,
@@ -174,6 +175,8 @@ class TableTwo:
         Number of trials by controller.
     methods : str
         Methods by which the intervals were found.
+    bounds : dict
+        Mean of a bound over a column's trials, by the bound's name; without those not known.
     """
 
     columns: list[str]
@@ -181,6 +184,11 @@ class TableTwo:
     rows: dict[str, list[Cell]]
     counts: dict[str, int]
     methods: str
+    bounds: dict[str, list[float]]
+
+
+BOUNDS = ("limited_bound_percent", "bound_percent")
+"""Bounds of the error among the metrics, from the higher to the lower."""
 
 
 def table_two(found: pd.DataFrame) -> TableTwo:
@@ -220,7 +228,23 @@ def table_two(found: pd.DataFrame) -> TableTwo:
         rows,
         {c: sum(row["trials"] for (own, _), row in known.items() if own == c) for c in rows},
         "; ".join(dict.fromkeys(row["interval"] for row in known.values())),
+        _table_bounds(found, surfaces, common),
     )
+
+
+def _table_bounds(
+    found: pd.DataFrame, surfaces: Sequence[str], common: Sequence[str]
+) -> dict[str, list[float]]:
+    """Return the mean bounds of each surface over controllers, and their mean if several."""
+    if found.empty:
+        return {}
+    means = found.groupby("surface")[list(BOUNDS)].mean().reindex(list(surfaces))
+    rows = {}
+    for name in BOUNDS:
+        average = [means[name].reindex(list(common)).mean()] * (len(surfaces) > 1)
+        if means[name].notna().any():
+            rows[METRICS[name].label] = [*means[name].tolist(), *average]
+    return rows
 
 
 # Further frames for notebooks

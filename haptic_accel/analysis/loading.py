@@ -16,6 +16,7 @@ from haptic_accel.analysis.segments import VECTORS, Cut, Segment, cut
 from haptic_accel.bags.folder import find_bags
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.trial import RigParameters
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,8 @@ def analyse(
     shift: Shift | None = None,
     *,
     perceptual: bool = True,
+    rig: RigParameters | None = None,
+    rate: float | None = None,
     begun: Callable[[int, int, str], None] | None = None,
 ) -> Analysis:
     """Read all bags at some places and measure every trial in them.
@@ -61,16 +64,18 @@ def analyse(
     paths : sequence of Path
         Bags, files of bags, or folders in which to look for bags.
     shift : Shift, optional
-        By default, each trial's latency and one sample.
+        By default, each trial's latency and granted delay.
     perceptual : bool
         Score ST-SIM and SPQI, which takes longest.
+    rig, rate
+        Of bags that do not describe themselves, see `cut`.
     begun : callable, optional
         Called before each bag with its number from 0, the number of bags, and its name.
 
     Raises
     ------
     ParameterError
-        A place does not exist, or has no bag.
+        A place does not exist, or has no bag, or a bag states what rig or rate would replace.
     """
     shift = shift or Shift()
     found = {bag.resolve(): (bag, path) for path in paths for bag in find_bags(path)}
@@ -83,9 +88,11 @@ def analyse(
         if begun:
             begun(number, len(found), name)
         try:
-            parts = cut(read_bag(bag, VECTORS))
+            recorded = read_bag(bag, VECTORS)
         except ParameterError as error:
             parts = Cut([], [str(error)])
+        else:
+            parts = cut(recorded, rig, rate)
         complaints = list(parts.problems)
         for segment in parts.segments:
             own = name if segment.number == 1 else f"{name} #{segment.number}"

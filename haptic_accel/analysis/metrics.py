@@ -17,6 +17,7 @@ from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.filters import without_hand_motion
+from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.evaluation.bands import band_nrmse, bands
 from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
@@ -72,6 +73,8 @@ class Metric:
 
 METRICS: Mapping[str, Metric] = {
     "nrmse_percent": Metric("NRMSE", "%", 1),
+    "bound_percent": Metric("bound", "%", 1),
+    "limited_bound_percent": Metric("bound within limits", "%", 1),
     "slope_desired_on_actual": Metric("slope, desired on actual", "", 2),
     "slope_actual_on_desired": Metric("slope, actual on desired", "", 2),
     "r2": Metric("R²", "", 2),
@@ -99,9 +102,9 @@ class Shift:
     Attributes
     ----------
     kind : str
-        ``granted`` for each trial's latency and one sample more, ``paper`` for one sample (the
-        paper's 1 ms at its 1 kHz), ``measured`` for each trial's own estimated delay, ``fixed``
-        for `seconds`.
+        ``granted`` for each trial's latency and its controller's granted delay, ``paper`` for one
+        sample (the paper's 1 ms at its 1 kHz), ``measured`` for each trial's own estimated delay,
+        ``fixed`` for `seconds`.
     seconds : float
         Shift of the kind ``fixed``, s.
     """
@@ -137,23 +140,21 @@ class Shift:
             return self.seconds
         if self.kind == MEASURED_SHIFT and math.isfinite(delay.seconds):
             return delay.seconds
-        samples = 1 if self.kind == PAPER_SHIFT else granted(segment)
+        samples = 1 if self.kind == PAPER_SHIFT else segment.after
         return samples / segment.rate
 
     def words(self, segments: Iterable[Segment]) -> str:
         """Return the shift of some trials in words."""
         if self.kind == GRANTED_SHIFT:
-            found = sorted({granted(segment) for segment in segments})
-            return " or ".join(map(str, found)) + (" sample" if found == [1] else " samples")
+            found = sorted({(segment.after, segment.rate) for segment in segments})
+            return " or ".join(
+                f"{samples} sample{'s' * (samples > 1)} ({1e3 * samples / rate:g} ms granted)"
+                for samples, rate in found
+            )
         return {
             PAPER_SHIFT: "one sample, as in the paper",
             MEASURED_SHIFT: "the delay measured in each trial",
         }.get(self.kind, f"{1e3 * self.seconds:g} ms")
-
-
-def granted(segment: Segment) -> int:
-    """Return the samples after which a force can be seen: the latency and one more."""
-    return segment.latency + 1
 
 
 @dataclass(frozen=True)
@@ -245,6 +246,7 @@ def measure(
         )
     elif desired is not None and actual is not None:
         likeness = _compared(desired, actual, segment, shift, perceptual, notes, begin)
+        likeness.metrics.update(_bounds(segment, likeness.shift, notes))
     travel = _travel(segment)
     signals = {"desired": desired, "actual": actual, "force": force, "travel": travel}
     drawn = {name: values for name, values in signals.items() if values is not None}
@@ -332,6 +334,28 @@ def _compared(
     nrmse = replace(own, value=evaluation.nrmse_percent, low=low, high=high)
     by_band = {band: PERCENT * value for band, value in errors.items()}
     return _Likeness(metrics, seconds, by_band, nrmse, portrait)
+
+
+def _bounds(segment: Segment, shift: float, notes: list[str]) -> dict[str, float]:
+    """Return the bounds of a trial's error after a shift, s, of whole samples at least."""
+    tool = segment.signals.get(topics.TOOL_ACCELERATION.name)
+    granted = round(shift * segment.rate, 6) - segment.latency
+    if tool is None or segment.plant is None or granted < 0 or granted % 1:
+        return {}
+    try:
+        found = bounds(
+            segment.plant,
+            segment.rate,
+            tool,
+            granted_delay=int(granted),
+            noise=segment.noise,
+            high_pass_frequency=segment.high_pass_frequency,
+            actuator=segment.actuator,
+        )
+    except ParameterError as error:
+        notes.append(f"no bound of the error: {error}")
+        return {}
+    return {"bound_percent": found.causal, "limited_bound_percent": found.limited}
 
 
 def _travel(segment: Segment) -> FloatArray | None:

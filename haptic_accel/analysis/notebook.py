@@ -98,7 +98,12 @@ class NotebookTrial(Trial):
             axes = pyplot.subplots(figsize=size, layout="constrained")[1]
         desired, actual = self.desired_acceleration, self.actual_acceleration
         axes.plot(self.time, desired, **plots.DESIRED, label="desired")
-        axes.plot(self.time - self.shift, actual, **plots.ACTUAL, label="actual, shifted back")
+        axes.plot(
+            self.time - self.after / self.rate,
+            actual,
+            **plots.ACTUAL,
+            label="actual, shifted back",
+        )
         begin = excerpt_of(desired, self.rate).start / self.rate
         axes.set(xlim=(begin, begin + EXCERPT), xlabel="time (s)", ylabel="acceleration (m/s²)")
         axes.set_title(f"{self.controller} on {self.surface}: NRMSE {self.nrmse():.1f} %")

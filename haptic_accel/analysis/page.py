@@ -41,7 +41,7 @@ _OMITTED = "nrmse_percent delay_correlation shift_ms age_p50_us age_max_us"
 PER_TRIAL = tuple(name for name in METRICS if name not in _OMITTED.split())
 """Columns of the table of trials behind the error."""
 
-_REGRESSION_AND_DELAY = PER_TRIAL[:4]
+_REGRESSION_AND_DELAY = PER_TRIAL[2:6]
 _BESIDE = ("delay_correlation", "st_sim", "spqi", "deadlines_missed_percent")
 PER_GROUP = (*_REGRESSION_AND_DELAY, *_BESIDE)
 """Columns of the table of groups, each with its interval over trials."""

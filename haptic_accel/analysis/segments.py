@@ -15,13 +15,17 @@ from haptic_accel.bags.delivery import Delivery, delivery
 from haptic_accel.bags.reading import Bag, Change
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.control.compensation import FADING, LISTENING
+from haptic_accel.core.control.compensation import FADING, LISTENING, PLANT
+from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass
-from haptic_accel.core.model import ACTUATOR, FloatArray
+from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, BoolArray, sampling_rate
-from haptic_accel.graph.arguments import PLAYED_TOPICS, RECORDING, REPLAY
+from haptic_accel.core.trial import RigParameters
+from haptic_accel.graph.arguments import PLAYED_TOPICS, RECORDING, REPLAY, SIMULATED
 from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.graph.processes import rig_parameters
 
 RINGING = 0.2
 """Time that handle and tool ring after a change, s: eight times Table I's 2 m_h / b_u."""
@@ -96,6 +100,12 @@ class Segment:
         Assumptions, and what is missing.
     latency : int
         Samples from the one that caused a force to the tick at which the force was due.
+    granted_delay : int
+        Samples beside the latency that the controller was granted.
+    plant : Plant or None
+        Handle with everything between a command and a sample, for the bounds of the error.
+    noise : float
+        Standard deviation of a sample of the handle's accelerometer, m/s^2, as far as known.
     """
 
     bag: Path
@@ -111,6 +121,14 @@ class Segment:
     pair: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     latency: int = 0
+    granted_delay: int = 1
+    plant: Plant | None = None
+    noise: float = 0.0
+
+    @property
+    def after(self) -> int:
+        """Samples from a desired acceleration to the response that it is compared with."""
+        return self.latency + self.granted_delay
 
 
 @dataclass(frozen=True)
@@ -128,20 +146,29 @@ class Cut:
     problems: list[str]
 
 
-def cut(recorded: Bag) -> Cut:
+def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = None) -> Cut:
     """Cut a bag where the condition changes and where the arms let go.
 
     Parameters
     ----------
     recorded : Bag
+    rig : RigParameters, optional
+        Rig whose handle stands for that of a bag that does not describe its own.
+    asked : float, optional
+        Samples per second of a bag that does not state them, where its stamps agree.
 
     Returns
     -------
     Cut
         Signals that are missing, and segments too short to be looked at, are in its problems.
+
+    Raises
+    ------
+    ParameterError
+        The bag states what rig or rate would replace.
     """
     problems = list(recorded.problems)
-    rate = _rate(recorded, problems)
+    rate = _rate(recorded, asked, problems)
     present = [recorded.signals[name] for name in _NAMES if name in recorded.signals]
     if not present:
         problems.append("none of the signals of this graph is in it: it is of another rig")
@@ -149,7 +176,7 @@ def cut(recorded: Bag) -> Cut:
         return Cut([], problems)
     missing = [name for name in _NAMES if name not in recorded.signals]
     problems += [f"has no {name}{_consequence(name, missing)}" for name in missing]
-    known = _known(recorded, rate, problems)
+    known = _known(recorded, rate, rig, problems)
     begin = max(int(signal.stamps.min()) for signal in present)
     end = min(int(signal.stamps.max()) for signal in present)
     if end <= begin:
@@ -177,7 +204,7 @@ def _consequence(name: str, missing: Sequence[str]) -> str:
     return _NEEDED_FOR.get(name, "")
 
 
-def _rate(recorded: Bag, problems: list[str]) -> float | None:
+def _rate(recorded: Bag, asked: float | None, problems: list[str]) -> float | None:
     """Return the samples per second that the stamps have, as stated where they agree with that."""
     signals = [recorded.signals.get(topic.name) for topic in (*topics.ANALYSED, *topics.SIGNALS)]
     found = next((signal.stamps for signal in signals if signal and len(signal.stamps) > 1), None)
@@ -188,6 +215,9 @@ def _rate(recorded: Bag, problems: list[str]) -> float | None:
     except (TypeError, ValueError):
         stated = 0.0
     stated = stated if math.isfinite(stated) else 0.0
+    if asked and stated and asked != stated:
+        raise ParameterError(f"rate = {asked:g}: must be {stated:g} Hz, as {recorded.path} states")
+    stated = stated or asked or 0.0
     try:
         rate = sampling_rate(found, stated or None)
     except ParameterError as error:
@@ -208,19 +238,38 @@ class _Known:
         Condition at the beginning.
     slave : dict
         Parameters of the slave's device at the beginning, by dotted name.
+    controllers : dict
+        Parameters of the controllers by name.
+    rig : RigParameters or None
+        Virtual rig that was run, or stands for the handle.
+    seed : int
+        Seed of the user's grip on it.
     rate, high_pass_frequency, actuator, pair
         See `Segment`.
     """
 
     condition: Condition
     slave: dict[str, Any]
+    controllers: dict[str, Any]
+    rig: RigParameters | None
+    seed: int
     rate: float
     high_pass_frequency: float
     actuator: ActuatorParameters
     pair: tuple[str, ...]
 
+    def plant(self, condition: Condition) -> Plant | None:
+        """Return the plant under a condition: as simulated, or as the compensator was told."""
+        if self.rig is None:
+            found = self.controllers.get(PLANT)
+            return found.coupled() if found else None
+        grip = self.rig.master.grip
+        if condition.grip in POSTURES:
+            grip = replace(grip, posture=condition.grip)
+        return self.rig.plant(held(self.rig.master.handle, grip, self.seed))
 
-def _known(recorded: Bag, rate: float, problems: list[str]) -> _Known:
+
+def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list[str]) -> _Known:
     """Read how a bag was made from its facts."""
     arguments, parameters = (
         _mapping(recorded.facts.get(name)) for name in ("arguments", "parameters")
@@ -232,9 +281,15 @@ def _known(recorded: Bag, rate: float, problems: list[str]) -> _Known:
             f" stand for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the actuator"
         )
     corner, actuator = HIGH_PASS_FREQUENCY, ActuatorParameters()
+    options: dict[str, Any] = {}
+    if rig and parameters:
+        raise ParameterError(f"rig: {recorded.path} describes its own handle")
     try:
-        around, options = node_parameters("compensator", nodes["compensator"])
-        corner, actuator = around.high_pass_frequency, options[ACTUATOR]
+        if parameters:
+            around, options = node_parameters("compensator", nodes["compensator"])
+            corner, actuator = around.high_pass_frequency, options[ACTUATOR]
+        if arguments.get("master") == SIMULATED:
+            rig = rig_parameters({name: _mapping(parameters.get(name)) for name in _RIG})
     except ParameterError as error:
         problems.append(f"its parameters are not ours ({error}): defaults stand for them")
     stated = {
@@ -247,7 +302,14 @@ def _known(recorded: Bag, rate: float, problems: list[str]) -> _Known:
         seed = arguments.get("seed", nodes["slave_device"].get("seed", ""))
         source = next((str(arguments[key]) for key in _SOURCES if arguments.get(key)), "")
         pair = (f"seed {seed}", *([Path(source).name] if source else []))
-    return _Known(condition, nodes["slave_device"], rate, corner, actuator, pair)
+    seed = arguments.get("seed")
+    user = seed if isinstance(seed, int) and seed >= 0 else 0
+    around_trial = rate, corner, actuator, pair
+    return _Known(condition, nodes["slave_device"], options, rig, user, *around_trial)
+
+
+_RIG = ("master_device", "slave_device", "coupler")
+"""Nodes whose parameters describe the virtual rig."""
 
 
 def _surface(arguments: Mapping[str, Any], slave: Mapping[str, Any]) -> str:
@@ -367,6 +429,9 @@ def _segment(
         known.pair,
         tuple(notes),
         recorded.latency,
+        granted_delay(condition.controller, known.controllers),
+        known.plant(condition),
+        known.rig.master.accelerometer.noise if known.rig else 0.0,
     )
 
 

@@ -22,8 +22,8 @@ from haptic_accel.cli.options import FILE, json_option, out_option, verb
     default="granted",
     metavar="granted|paper|measured|MS",
     help="Time by which the actual acceleration is shifted back before it is compared: the latency"
-    " and one sample, one sample as in the paper, the delay measured in each trial, or"
-    " milliseconds.",
+    " and the controller's granted delay, one sample as in the paper, the delay measured in each"
+    " trial, or milliseconds.",
 )
 @click.option(
     "--compare",

@@ -15,9 +15,10 @@ from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseParameters
-from haptic_accel.core.control.inversion.bound import causal_bound
+from haptic_accel.core.control.inversion.bound import causal_bound, limited_bound
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import ToolSpectrum, measured_spectrum
+from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import RECORDING, GraphArguments, parse_arguments
@@ -30,6 +31,9 @@ SHOWN = (10.0, 15.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 400.0)
 
 DESIGNED = ("inverse", "feedback", "adaptive")
 """Controllers that are designed for a plant."""
+
+DRAWN = 10.0
+"""Length of the texture that is drawn for the limits of travel and force, s: a trial's."""
 
 
 @verb(
@@ -60,6 +64,8 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
             arguments.recording, arguments.recording_rate, loop.rate, arguments.recording_column
         )
         spectrum = measured_spectrum(samples, loop.rate)
+    else:
+        samples = _drawn(spectrum, loop.rate)
     found = predict(parameters.filter(loop), loop.plant, spectrum)
     granted = parameters.goal(loop).granted_delay
     bound = causal_bound(
@@ -68,6 +74,14 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         spectrum,
         granted_delay=granted,
         high_pass_frequency=loop.high_pass_frequency,
+    )
+    limited = limited_bound(
+        loop.plant,
+        loop.rate,
+        samples,
+        granted_delay=granted,
+        high_pass_frequency=loop.high_pass_frequency,
+        actuator=options[ACTUATOR],
     )
     frequencies = [frequency for frequency in SHOWN if frequency < found.frequency[-1]]
     nearest = [int(np.argmin(np.abs(found.frequency - frequency))) for frequency in frequencies]
@@ -79,7 +93,8 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
     title = f"handle over desired acceleration, after the granted delay of {granted} samples"
     print_table(("frequency (Hz)", "gain", "phase (degrees)"), rows, left=0, title=title)
     print(
-        f"error {found.nrmse_percent:.1f} % (no causal linear filter below {bound:.1f} %),"
+        f"error {found.nrmse_percent:.1f} % after {1e3 * granted / loop.rate:g} ms granted (no"
+        f" causal linear filter below {bound:.1f} %, none within limits below {limited:.1f} %),"
         f" force {found.force_rms:.2f} N RMS, travel {1e3 * found.travel_rms:.2f} mm RMS and"
         f" {1e3 * found.landing_travel:.2f} mm after a landing"
     )
@@ -90,6 +105,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         "granted_samples": granted,
         "nrmse_percent": found.nrmse_percent,
         "bound_percent": bound,
+        "limited_bound_percent": limited,
         "force_rms_n": found.force_rms,
         "travel_rms_mm": 1e3 * found.travel_rms,
         "landing_travel_mm": 1e3 * found.landing_travel,
@@ -102,3 +118,11 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         print(summary)
         metrics["feedback"] = summary.splitlines()
     save(metrics, json_file)
+
+
+def _drawn(spectrum: ToolSpectrum, rate: float) -> FloatArray:
+    """Return a texture with the expected spectrum, m/s^2, the same each time."""
+    white = np.random.default_rng(0).standard_normal(round(DRAWN * rate))
+    lines = np.fft.rfftfreq(len(white), 1.0 / rate).astype(np.float64)
+    density = spectrum(lines) * rate / 2.0
+    return np.asarray(np.fft.irfft(np.fft.rfft(white) * np.sqrt(density), len(white)))

@@ -15,7 +15,7 @@ import click
 from rich.console import Console
 
 from haptic_accel.analysis.loading import Analysis, analyse
-from haptic_accel.analysis.metrics import AnalysedTrial, granted
+from haptic_accel.analysis.metrics import AnalysedTrial
 from haptic_accel.analysis.page import Beside, Setting
 from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
@@ -42,7 +42,10 @@ SURFACES = ("plywood", "text", "vinyl")
 PAPER_CONTROLLERS = ("none", "constant", "dynamic")
 """The paper's conditions."""
 
-EVALUATED = ("nrmse_percent", "slope_desired_on_actual", "slope_actual_on_desired", "r2")
+EVALUATED = (
+    *("nrmse_percent", "bound_percent", "limited_bound_percent"),
+    *("slope_desired_on_actual", "slope_actual_on_desired", "r2"),
+)
 """Metrics of a condition in the JSON file."""
 
 AGES = ("p50", "p99", "max")
@@ -293,7 +296,8 @@ def _metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:
         **{name: trial.metrics[name] for name in EVALUATED},
         "seconds": trial.segment.seconds,
         "latency_samples": trial.segment.latency,
-        "after_samples": granted(trial.segment),
+        "granted_samples": trial.segment.granted_delay,
+        "after_samples": trial.segment.after,
     }
     if not lockstep:
         delivery = trial.segment.delivery

@@ -21,12 +21,9 @@ from haptic_accel.cli.running import progress_bar
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.control.inversion.bound import causal_bound
-from haptic_accel.core.control.inversion.plant import Plant
-from haptic_accel.core.control.inversion.spectrum import measured_spectrum
 from haptic_accel.core.model import HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.trial import GripChange, RigParameters, Trial
+from haptic_accel.core.trial import GripChange
 from haptic_accel.graph.arguments import RECORDING, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
 from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
@@ -49,6 +46,9 @@ CHANGES = 10
 SPREAD = {"m_h": (0.7, 1.3), "k_u": (0.5, 2.0), "b_u": (0.5, 2.0)}
 """Ranges of random hands relative to Table I: mass uniform, the others logarithmically uniform."""
 
+
+BOUNDS = {"limited_bound": "bound within limits", "bound": "bound"}
+"""Headings of the bounds by name."""
 
 Row = dict[str, Any]
 """Metrics of a trial: a row of the JSON file."""
@@ -191,38 +191,28 @@ def run_case(case: Case) -> Row:
     trial = lockstep_trial(arguments, grips=case.grips)
     first = round(case.start * trial.rate)
     evaluation = trial.evaluate(first)
+    handle = held(rig.master.handle, rig.master.grip, arguments.seed)
+    if case.grips:
+        _, handle = case.grips[-1]
+    bound = trial.bounds(rig, handle, first)
     travel = TravelEstimator(rig.master.handle, trial.rate)
     pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
     return {
         "condition": case.condition,
         "rig": arguments.rig,
         "rate_hz": trial.rate,
-        "delay_ms": 1e3 / trial.rate,
+        "delay_ms": 1e3 * trial.after / trial.rate,
         "input": Path(arguments.recording).stem or arguments.surface,
         "grip": case.grip,
         "controller": arguments.controller,
         "nrmse_percent": evaluation.nrmse_percent,
         "slope_desired_on_actual": evaluation.slope_desired_on_actual,
         "r2": evaluation.r2,
-        "bound_percent": _bound(case, rig, trial, first),
+        "bound_percent": bound.causal,
+        "limited_bound_percent": bound.limited,
         "force_rms_n": float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
         "travel_peak_mm": 1e3 * max([abs(travel.sample(*pair)) for pair in pairs][first:]),
     }
-
-
-def _bound(case: Case, rig: RigParameters, trial: Trial, first: int) -> float:
-    """Return the lowest error that a causal linear filter could reach with this grip, percent."""
-    master = rig.master
-    handle = held(master.handle, master.grip, case.arguments.seed)
-    if case.grips:
-        _, handle = case.grips[-1]
-    return causal_bound(
-        Plant(handle, master.mount, master.drive.delay, master.accelerometer.bandwidth),
-        trial.rate,
-        measured_spectrum(trial.tool_acceleration[first:], trial.rate),
-        noise=master.accelerometer.noise,
-        high_pass_frequency=trial.high_pass_frequency,
-    )
 
 
 def _summary(rows: Sequence[Row]) -> list[Row]:
@@ -237,6 +227,7 @@ def _summary(rows: Sequence[Row]) -> list[Row]:
             "mean_percent": fmean(row["nrmse_percent"] for row in found),
             "worst_percent": max(row["nrmse_percent"] for row in found),
             "mean_bound_percent": fmean(row["bound_percent"] for row in found),
+            "mean_limited_bound_percent": fmean(row["limited_bound_percent"] for row in found),
             "mean_force_rms_n": fmean(row["force_rms_n"] for row in found),
             "largest_travel_mm": max(row["travel_peak_mm"] for row in found),
             "trials": len(found),
@@ -253,10 +244,14 @@ def _print(summary: Sequence[Row]) -> None:
         (
             condition,
             *(f"{one['mean_percent']:.1f} ({one['worst_percent']:.1f})" for one in lines),
-            f"{fmean(one['mean_bound_percent'] for one in lines):.1f}",
+            *(f"{fmean(one[f'mean_{bound}_percent'] for one in lines):.1f}" for bound in BOUNDS),
         )
         for condition, lines in rows.items()
     ]
-    headings = ("condition", *dict.fromkeys(line["controller"] for line in summary), "bound")
+    headings = (
+        "condition",
+        *dict.fromkeys(line["controller"] for line in summary),
+        *BOUNDS.values(),
+    )
     title = "error of the handle, %: mean (worst) over inputs and grips"
     print_table(headings, cells, title=title)

@@ -210,7 +210,7 @@ def _metrics(bag: str, trial: Trial, track: Track) -> Metrics:
         "seconds": trial.seconds,
         "rate_hz": trial.rate,
         "latency_samples": trial.latency,
-        "after_samples": trial.latency + 1,
+        "after_samples": trial.after,
         "lost": int(track.lost.sum()),
     }
 

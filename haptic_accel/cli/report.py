@@ -98,6 +98,9 @@ def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str
         rows = [
             (controller, str(table.counts[controller]), *map(_cell, cells))
             for controller, cells in table.rows.items()
+        ] + [
+            (name, "", *(number(value, 1) for value in values))
+            for name, values in table.bounds.items()
         ]
         print_table(
             ("controller", "trials", *table.columns),

@@ -10,7 +10,10 @@ import numpy as np
 
 from haptic_accel.core import topics
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_motion
+from haptic_accel.core.control.inversion.bound import Bounds, bounds
+from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
     PositionPositionCoupling,
@@ -40,6 +43,12 @@ class RigParameters:
     slave: SlaveRigParameters = field(default_factory=SlaveRigParameters)
     coupling: CouplingParameters = field(default_factory=CouplingParameters)
 
+    def plant(self, handle: HandleParameters) -> Plant:
+        """Return the plant that a controller meets, with a handle as one user holds it."""
+        master = self.master
+        sensor, delay = master.accelerometer.bandwidth, master.drive.delay
+        return Plant(handle, master.mount, delay, sensor, coupling=self.coupling.k_m).coupled()
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -65,6 +74,8 @@ class Trial:
         Corner of the compensator's high-pass, Hz.
     latency : int
         Samples from the one that caused a force to the tick at which the force took effect.
+    granted_delay : int
+        Samples beside the latency by which the handle may lag behind the tool.
     arms : dict of ndarray, shape (n, 3)
         Positions (m), velocities (m/s) and motor forces (N) of both arms, by the name of their
         topic; empty where they are not known.
@@ -80,6 +91,7 @@ class Trial:
     actuator_force: FloatArray
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
     latency: int = LATENCY
+    granted_delay: int = 1
     arms: dict[str, FloatArray] = field(default_factory=dict)
 
     @property
@@ -92,12 +104,12 @@ class Trial:
         return without_hand_motion(self.handle_acceleration, self.high_pass_frequency, self.rate)
 
     @property
-    def shift(self) -> float:
-        """Time from a desired acceleration to the response that it is compared with, s.
+    def after(self) -> int:
+        """Samples from a desired acceleration to the response that it is compared with.
 
-        A force is seen one sample after it takes effect, the paper's tau_d.
+        A force is seen one sample after it takes effect, the paper's tau_d, at the earliest.
         """
-        return (self.latency + 1) / self.rate
+        return self.latency + self.granted_delay
 
     @property
     def seconds(self) -> float:
@@ -105,7 +117,7 @@ class Trial:
         return len(self.time) / self.rate
 
     def evaluate(self, first: int = 0) -> Evaluation:
-        """Return the paper's metrics from a sample on, shifted by the latency and one sample.
+        """Return the paper's metrics from a sample on, after latency and granted delay.
 
         Raises
         ------
@@ -113,7 +125,20 @@ class Trial:
             The desired acceleration is zero, or there are too few samples.
         """
         desired, actual = self.desired_acceleration[first:], self.actual_acceleration[first:]
-        return evaluate(desired, actual, self.rate, self.shift)
+        return evaluate(desired, actual, self.rate, self.after / self.rate)
+
+    def bounds(self, rig: RigParameters, handle: HandleParameters, first: int = 0) -> Bounds:
+        """Return the bounds of the error from a sample on, for a handle on a rig."""
+        master = rig.master
+        return bounds(
+            rig.plant(handle),
+            self.rate,
+            self.tool_acceleration[first:],
+            granted_delay=self.granted_delay,
+            noise=master.accelerometer.noise,
+            high_pass_frequency=self.high_pass_frequency,
+            actuator=master.actuator,
+        )
 
 
 def run_trial(
@@ -204,7 +229,9 @@ def run_trial(
     vectors = dict(zip(_ARMS, np.array(arms, dtype=float).swapaxes(0, 1), strict=True))
     surface, corner = rig.slave.surface.name, around.high_pass_frequency
     return Trial(
-        surface, controller, rate, time, tool, desired, handle, force, corner, latency, vectors
+        *(surface, controller, rate, time, tool, desired, handle, force, corner, latency),
+        granted_delay(controller, controllers or {}),
+        vectors,
     )
 
 

@@ -13,12 +13,13 @@ import pytest
 from bagging import BagContent, of_trial, write_bag
 from haptic_accel.analysis import bands, compare, groups, load, signals, spectra, trials
 from haptic_accel.analysis.comparison import RUNS
+from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.writing import as_json
 from haptic_accel.core import topics
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.trial import Trial
+from haptic_accel.core.trial import RigParameters, Trial
 
 RATE = 1000.0
 
@@ -94,8 +95,50 @@ def test_a_bag_is_shifted_by_its_latency_and_one_sample(
     assert found["shift_ms"] == samples
     assert found["latency_samples"] == samples - 1
     assert found["nrmse_percent"] < 3.0
-    words = "1 sample" if samples == 1 else f"{samples} samples"
+    words = f"{samples} sample{'s' * (samples > 1)} ({samples} ms granted)"
     assert any(f"after {words}: dynamic" in sentence for sentence in summary(analysis))
+
+
+def test_a_bag_is_shifted_by_the_delay_that_its_controller_is_granted(tmp_path: Path) -> None:
+    for controller, samples in (("inverse", 4), ("dynamic", 2)):
+        content = copy(controller, gain=1.0, delay=samples, seconds=2.0)
+        content.facts["arguments"]["latency"] = 1
+        content.facts["parameters"]["compensator"]["inverse.granted_delay"] = 3
+        write_bag(tmp_path / controller, content)
+    found = trials(load(tmp_path, perceptual=False)).set_index("controller")
+    assert found.shift_ms.to_dict() == {"inverse": 4.0, "dynamic": 2.0}
+    assert found.granted_samples.to_dict() == {"inverse": 3, "dynamic": 1}
+    assert (found.nrmse_percent < 3.0).all()
+
+
+def test_the_bounds_are_those_of_the_handle_that_was_simulated(tmp_path: Path) -> None:
+    bounds = {}
+    for name, delay in (("prompt", 0.0), ("late", 1.5e-3)):
+        content = copy(seconds=4.0)
+        content.facts["arguments"]["master"] = "simulated"
+        content.facts["parameters"]["master_device"] = {"simulated.drive.delay": delay}
+        write_bag(tmp_path / name, content)
+        analysis = load(tmp_path / name, perceptual=False)
+        found = trials(analysis).iloc[0]
+        assert found.bound_percent <= found.limited_bound_percent
+        bounds[name] = found.bound_percent
+    assert bounds["prompt"] < 5.0
+    assert bounds["late"] > 20.0  # half a millisecond of it has to be foreseen
+
+
+def test_a_rig_stands_for_the_handle_of_a_bag_that_does_not_describe_it(tmp_path: Path) -> None:
+    content = copy(seconds=2.0)
+    write_bag(tmp_path / "described", content)
+    content.facts.clear()
+    bag = write_bag(tmp_path / "bare", content)
+    (unknown,) = analyse([bag], perceptual=False).trials
+    (known,) = analyse([bag], perceptual=False, rig=RigParameters(), rate=RATE).trials
+    assert math.isnan(unknown.metrics["bound_percent"])
+    assert known.metrics["bound_percent"] < 5.0
+    with pytest.raises(ParameterError, match="described describes its own handle"):
+        analyse([tmp_path / "described"], rig=RigParameters())
+    with pytest.raises(ParameterError, match=r"^rate = 2000: must be 1000 Hz, as .*described"):
+        analyse([tmp_path / "described"], rate=2000.0)
 
 
 def test_bags_of_several_latencies_are_named_together(tmp_path: Path) -> None:
@@ -103,7 +146,9 @@ def test_bags_of_several_latencies_are_named_together(tmp_path: Path) -> None:
         content = copy(delay=latency + 1, seed=latency, seconds=2.0)
         content.facts["arguments"]["latency"] = latency
         write_bag(tmp_path / f"bag{latency}", content)
-    assert load(tmp_path, perceptual=False).after == "1 or 2 samples"
+    assert load(tmp_path, perceptual=False).after == (
+        "1 sample (1 ms granted) or 2 samples (2 ms granted)"
+    )
 
 
 def test_controllers_without_a_surface_in_common_have_their_errors_told(tmp_path: Path) -> None:
@@ -124,7 +169,8 @@ def test_an_average_is_over_the_surfaces_that_have_all_errors(tmp_path: Path) ->
     del blind.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
     write_bag(tmp_path / "blind", blind)
     told = summary(load(tmp_path, perceptual=False))[1]
-    assert told.startswith("Error (NRMSE, averaged over text) after 1 sample: dynamic 10.0 %")
+    after = "after 1 sample (1 ms granted)"
+    assert told.startswith(f"Error (NRMSE, averaged over text) {after}: dynamic 10.0 %")
 
 
 def test_where_no_trial_has_an_error_none_is_told(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ def test_it_prints_and_saves_what_a_design_will_do(
     assert command.end() == 0, command.text
     figures = json.loads((tmp_path / "figures.json").read_text())
     # Eq. (3) alone, one sample late: next to nothing is left, and less than the bound cannot be.
+    assert figures["bound_percent"] <= figures["limited_bound_percent"]
     assert figures["bound_percent"] < figures["nrmse_percent"] < 5.0
     assert 0.0 < figures["landing_travel_mm"] <= 3.55
     assert len(figures["frequency_hz"]) == len(figures["gain"]) == len(figures["phase_deg"])

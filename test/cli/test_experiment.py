@@ -18,11 +18,14 @@ KEYS = {
     "controller",
     "seed",
     "nrmse_percent",
+    "bound_percent",
+    "limited_bound_percent",
     "slope_desired_on_actual",
     "slope_actual_on_desired",
     "r2",
     "seconds",
     "latency_samples",
+    "granted_samples",
     "after_samples",
 }
 
@@ -52,7 +55,9 @@ def test_lockstep_gives_the_nine_conditions_and_again_the_same(
         assert set(condition) == KEYS
         assert condition["seconds"] == 2.0
         assert (condition["latency_samples"], condition["after_samples"]) == (1, 2)
-    assert "after 2 samples" in command.text
+        assert condition["bound_percent"] <= condition["limited_bound_percent"]
+    assert "after 2 samples (2 ms granted)" in command.text
+    assert "bound within limits" in command.text
     assert conditions[2::3] == figures(tmp_path / "b.json")
     for name in ("index.html", "fig9_time.png", "fig10_regression.png", "fig11_spectra.png"):
         assert (tmp_path / "a" / name).stat().st_size > 1000

@@ -14,6 +14,7 @@ from scipy import signal
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers.constant import ConstantParameters
+from haptic_accel.core.control.controllers.inverse import InverseParameters
 from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate
 from haptic_accel.core.identification.sweep import SweepParameters
@@ -274,6 +275,19 @@ def options_of(rig: str) -> dict[str, Checked]:
 
 
 # Parameters
+
+
+def test_a_trial_is_scored_after_the_delay_that_its_controller_is_granted(
+    ideal_rig: RigParameters,
+) -> None:
+    granted = {"inverse": InverseParameters(granted_delay=3)}
+    trial = run_trial("inverse", ideal_rig, duration=2.0, controllers=granted)
+    assert trial.after == trial.latency + 3
+    early = replace(trial, granted_delay=2).evaluate().nrmse_percent
+    late = replace(trial, granted_delay=4).evaluate().nrmse_percent
+    assert trial.evaluate().nrmse_percent < 0.5 * min(early, late)
+    other = run_trial("dynamic", ideal_rig, duration=0.1, controllers=granted)
+    assert other.after == other.latency + 1
 
 
 def test_controllers_take_their_parameters() -> None:

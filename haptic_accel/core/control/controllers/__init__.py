@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from haptic_accel.core.control.controllers.adaptive import AdaptiveController
 from haptic_accel.core.control.controllers.constant import ConstantController
 from haptic_accel.core.control.controllers.dynamic import DynamicController
@@ -9,6 +11,7 @@ from haptic_accel.core.control.controllers.feedback import FeedbackController
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.controllers.inverse import InverseController
 from haptic_accel.core.control.controllers.none import NoController
+from haptic_accel.core.parameters import Checked
 
 CONTROLLERS: dict[str, type[Controller]] = {
     "none": NoController,
@@ -19,4 +22,16 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "adaptive": AdaptiveController,
 }
 
-__all__ = ["CONTROLLERS", "Controller", "Loop"]
+
+def granted_delay(controller: str, parameters: Mapping[str, Checked]) -> int:
+    """Return the samples beside the latency after which a controller's response is scored.
+
+    That is its parameter of this name; of a controller that has none, the paper's one.
+    """
+    own = parameters.get(controller)
+    if own is None and controller in CONTROLLERS:
+        own = CONTROLLERS[controller].Parameters()
+    return int(getattr(own, "granted_delay", 1))
+
+
+__all__ = ["CONTROLLERS", "Controller", "Loop", "granted_delay"]

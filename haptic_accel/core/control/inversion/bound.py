@@ -147,6 +147,44 @@ def limited_bound(
     return best(of_travel, of_force).error
 
 
+class Bounds(NamedTuple):
+    """`causal_bound` of an input's spectrum and `limited_bound` of the input, percent."""
+
+    causal: float
+    limited: float
+
+
+def bounds(
+    plant: Dynamics,
+    rate: float,
+    acceleration: FloatArray,
+    *,
+    granted_delay: int,
+    noise: float,
+    high_pass_frequency: float,
+    actuator: ActuatorParameters,
+) -> Bounds:
+    """Return both bounds of an input; parameters and errors are those of `limited_bound`."""
+    causal = causal_bound(
+        plant,
+        rate,
+        measured_spectrum(acceleration, rate),
+        granted_delay=granted_delay,
+        noise=noise,
+        high_pass_frequency=high_pass_frequency,
+    )
+    limited = limited_bound(
+        plant,
+        rate,
+        acceleration,
+        granted_delay=granted_delay,
+        noise=noise,
+        high_pass_frequency=high_pass_frequency,
+        actuator=actuator,
+    )
+    return Bounds(causal, limited)
+
+
 def _least(costs: Sequence[float], keeps: Callable[[float], bool]) -> float:
     """Return the least cost that keeps a limit: the first of some, then found by halving.
 
