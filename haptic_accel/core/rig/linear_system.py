@@ -45,9 +45,25 @@ class LinearSystem:
         self.inputs = self._joint[states:]
         """The inputs, shape (m,): a view that may be written."""
 
+    def step_response(self, index: int) -> FloatArray:
+        """Return what one unit of an input, held over a number of steps, adds to the state.
+
+        Parameters
+        ----------
+        index : int
+            Index of the input.
+
+        Returns
+        -------
+        ndarray, shape (longest, n)
+            After 1, 2, ... steps.
+        """
+        return np.array([each[:, len(self.state) + index] for each in self._transitions])
+
     def advance(self, steps: int) -> None:
         """Advance the state by a number of steps with the inputs as they are."""
         while steps > 0:
             block = min(steps, self._longest)
-            self.state[:] = self._transitions[block - 1] @ self._joint
+            # For so small a matrix `dot` takes a third of the time of `@`.
+            self.state[:] = self._transitions[block - 1].dot(self._joint)
             steps -= block

@@ -29,9 +29,6 @@ from haptic_accel.core.rig.linear_system import LinearSystem
 STOP_STEPS = 5
 """Steps between updates of the travel stops' force when a stop is near (50 us)."""
 
-FRICTION_STEPS = 25
-"""Steps between updates of dry friction, if there is any (250 us)."""
-
 NOISE_STREAM = 1
 """Random stream of the handle's accelerometer, independent of the slave's of the same seed."""
 
@@ -64,7 +61,7 @@ class DriveParameters(Checked):
     )
     coulomb_friction: float = parameter(0.0, "dry friction of the actuator's bearing", "N", 0, 1.0)
     slip_velocity: float = parameter(
-        2e-3, "slip velocity at which dry friction has 0.76 of its force", "m/s", 2e-3, 1.0
+        2e-3, "slip velocity from which dry friction has its full force", "m/s", 2e-3, 1.0
     )
 
 
@@ -86,10 +83,11 @@ class MasterRig:
     """Eq. (1) and (2) of the paper along the actuator's axis (z), a mass along x.
 
     Linear between commands and advanced exactly; only the travel stops and dry friction are
-    not linear. The stops' force is updated every 50 us when one is within reach, friction every
-    250 us if there is any. Everything stands still until the first force. The hand rests until
-    the arm receives its first one (the coupling has engaged), then starts to explore. An arm that
-    has been let go is put back to where it began, and the hand starts over with its next force.
+    not linear. The stops' force is updated every 50 us when one is within reach; friction holds
+    for a sample at most and follows the mean slip. Everything stands still until the first force.
+    The hand rests until the arm receives its first one (the coupling has engaged), then starts to
+    explore. An arm that has been let go is put back to where it began, and the hand starts over
+    with its next force.
 
     Parameters
     ----------
@@ -112,7 +110,7 @@ class MasterRig:
         self._step = clock_step(rate)
         self._stall = round(LONGEST_ADVANCE / self._step)
         self._longest = min(round(1.0 / rate / self._step), round(TABLE_STEP / self._step))
-        self._system = self._mechanics()
+        self._build_mechanics()
         self._exploration = Exploration(parameters.exploration)
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
         self._converter = Quantizer(parameters.actuator.peak_force, parameters.drive.bits)
@@ -122,8 +120,7 @@ class MasterRig:
         self._started = False
         self._holding = Holding()
         self._explored_since: int | None = None
-        # The hand's state at the end of a step is that at the start of the next.
-        self._hand_ahead = -1, (0.0, 0.0, 0.0, 0.0)
+        self._hand_until = 0  # up to here the hand's acceleration is as set
         self._touching = False
         self._stop_hits = 0
         self._rest()
@@ -163,7 +160,7 @@ class MasterRig:
         """Set the force of the arm's motors, N, each axis up to their limit."""
         if self._explored_since is None:
             self._started = True
-            self._explored_since = self._now
+            self._explored_since = self._hand_until = self._now
         inputs, motor_force = self._system.inputs, self._p.arm.motor_force
         f_x, f_z = motor_force(force[0]), motor_force(force[2])
         inputs[F_X], inputs[F_Z] = f_x, f_z
@@ -183,7 +180,7 @@ class MasterRig:
         """Change the parameters of the handle from now on; nothing moves at that moment."""
         before = self._system
         self.handle = handle
-        self._system = self._mechanics()
+        self._build_mechanics()
         self._system.state[:], self._system.inputs[:] = before.state, before.inputs
         if not self._started:
             self._rest()
@@ -224,40 +221,41 @@ class MasterRig:
         self._system.state[V_H] = handle_velocity
         self._system.state[V_A] = actuator_velocity
 
-    def _mechanics(self) -> LinearSystem:
-        """Return the mechanics of the handle with its present grip."""
-        return LinearSystem(*_mechanics(self._p, self.handle), self._step, self._longest)
+    def _build_mechanics(self) -> None:
+        """Build the mechanics of the handle with its present grip."""
+        h, drive = self.handle, self._p.drive
+        self._system = LinearSystem(*_mechanics(self._p, h), self._step, self._longest)
+        response = self._system.step_response(F_BETWEEN)
+        self._friction_response = list(response)
+        self._friction_travel = (response[:, Y_A] - response[:, Y_H]).tolist()
+        self._friction_steps = self._longest
+        if drive.coulomb_friction:
+            # Within its time constant, friction that is held does not reverse a slip.
+            reduced_mass = 1 / (1 / h.m_a + 1 / h.m_h)
+            relaxation = reduced_mass * drive.slip_velocity / drive.coulomb_friction
+            self._friction_steps = max(1, min(self._longest, int(relaxation / self._step)))
 
     def _advance(self, due: int) -> int:
         """Advance by due steps until an input may change; return their number."""
         system = self._system
         self._take_commands()
+        if self._now >= self._hand_until:
+            self._lead_hand()
         y_a, v_a, y_h, v_h = system.state[ACTUATOR_AND_HANDLE].tolist()
         offset, slip = y_a - y_h, v_a - v_h
         steps = self._step_limit(due, offset, slip)
-        system.inputs[F_BETWEEN] = self._stop_force(offset, slip) + self._friction(slip)
-        now, hand = self._hand_ahead
-        if now != self._now:
-            hand = self._hand(self._now)
-        ahead = self._hand(self._now + steps)
-        self._hand_ahead = self._now + steps, ahead
-        duration = steps * self._step
-        system.state[HAND] = hand
-        system.inputs[HAND_ACCELERATION] = (
-            (ahead[2] - hand[2]) / duration,
-            (ahead[3] - hand[3]) / duration,
-        )
+        system.inputs[F_BETWEEN] = self._stop_force(offset, slip)
         system.advance(steps)
+        if self._p.drive.coulomb_friction:
+            self._rub(offset, steps)
         self._now += steps
         return steps
 
     def _step_limit(self, due: int, offset: float, slip: float) -> int:
-        """Return the number of steps until commands, stops and friction must be updated."""
-        steps = min(due, self._longest)
+        """Return the number of steps until an input must be updated."""
+        steps = min(due, self._hand_until - self._now, self._friction_steps)
         if self._commands:
             steps = min(steps, max(1, self._commands[0][0] - self._now))
-        if self._p.drive.coulomb_friction:
-            steps = min(steps, FRICTION_STEPS)
         reach = abs(offset) + 2 * abs(slip) * steps * self._step
         return min(steps, STOP_STEPS) if reach > self._p.actuator.travel / 2 else steps
 
@@ -269,7 +267,7 @@ class MasterRig:
     def _put_back(self) -> None:
         """Let hand and handle rest where they began."""
         self._explored_since = None
-        self._hand_ahead = -1, (0.0, 0.0, 0.0, 0.0)
+        self._hand_until = self._now
         self._system.state[:] = 0.0
         self._rest()
 
@@ -282,6 +280,17 @@ class MasterRig:
         state[Y_H] = state[Y_M] = state[Y_U] - sag
         state[Y_A] = state[Y_H] - (h.m_a * gravity / h.k_s if h.k_s else 0.0)
         state[X_H] = state[X_U]
+
+    def _lead_hand(self) -> None:
+        """Set the hand's motion from now on, for at most a step of its table."""
+        self._hand_until = self._now + self._longest
+        hand, ahead = self._hand(self._now), self._hand(self._hand_until)
+        duration = self._longest * self._step
+        self._system.state[HAND] = hand
+        self._system.inputs[HAND_ACCELERATION] = (
+            (ahead[2] - hand[2]) / duration,
+            (ahead[3] - hand[3]) / duration,
+        )
 
     def _hand(self, now: int) -> tuple[float, float, float, float]:
         steps = 0 if self._explored_since is None else now - self._explored_since
@@ -301,16 +310,20 @@ class MasterRig:
         push = p.stop_stiffness * (overrun + outward * held / 2) + p.stop_damping * outward
         return -math.copysign(max(0.0, push), offset)
 
-    def _friction(self, slip: float) -> float:
-        """Dry friction of the bearing on the actuator's mass, N."""
-        p = self._p.drive
-        if not p.coulomb_friction:
-            return 0.0
-        force = p.coulomb_friction * math.tanh(abs(slip) / p.slip_velocity)
-        # Held until the next update, it may at most stop the slip, never reverse it.
-        reduced_mass = 1 / (1 / self.handle.m_a + 1 / self.handle.m_h)
-        stopping = reduced_mass / (FRICTION_STEPS * self._step)
-        return -math.copysign(min(force, stopping * abs(slip)), slip)
+    def _rub(self, offset: float, steps: int) -> None:
+        """Add the effect of dry friction, held over the steps just made, to the state.
+
+        It is that of the mean slip that remains under it: so it only takes energy, and is right to
+        second order in the time for which it is held.
+        """
+        p, state = self._p.drive, self._system.state
+        y_a, _, y_h, _ = state[ACTUATOR_AND_HANDLE].tolist()
+        travelled = y_a - y_h - offset
+        slipping = p.slip_velocity * steps * self._step
+        share = travelled / (slipping + p.coulomb_friction * self._friction_travel[steps - 1])
+        state -= (
+            p.coulomb_friction * min(1.0, max(-1.0, share)) * self._friction_response[steps - 1]
+        )
 
 
 def _mechanics(

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, Sample, Vector
 from haptic_accel.core.parameters import Checked, parameter
@@ -95,7 +98,7 @@ class SlaveRig:
         self._longest_step = physics_step
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
         self._seed = seed
-        self._profile = height_profile(parameters.surface, seed).tolist()
+        self._tip = tip_law(parameters.tool, parameters.surface, seed)
         self._recording = None if recording is None else recording.tolist()
         self._corner = 2 * math.pi * parameters.accelerometer.bandwidth
         self._force_x = self._force_z = 0.0
@@ -109,7 +112,8 @@ class SlaveRig:
     @property
     def contact_force(self) -> float:
         """Normal force of the surface on the tip, N."""
-        return self._contact()[0]
+        normal, _ = self._tip(self._x, self._z - self._lift, self._v_x, self._v_z, 0.0, 0.0)[2:]
+        return normal
 
     def advance(self, time: float) -> None:
         """Let physics run until a time in s; a time that has passed changes nothing."""
@@ -148,7 +152,7 @@ class SlaveRig:
         # The same elastic force out of another stiffness (Hertz).
         pressed *= (self._p.surface.stiffness / surface.stiffness) ** (2 / 3)
         self._p = replace(self._p, surface=surface)
-        self._profile = height_profile(surface, self._seed).tolist()
+        self._tip = tip_law(self._p.tool, surface, self._seed)
         self._lift = 0.0
         excess = self._penetration() - pressed
         if pressed > 0 or excess > 0:
@@ -173,7 +177,6 @@ class SlaveRig:
         """Set the tip's velocity, m/s: a throw, for tests and experiments."""
         self._started = True
         self._v_x, self._v_z = velocity_x, velocity_z
-        self._acceleration_x, self._acceleration_z = self._accelerations()
 
     def _put_back(self) -> None:
         """Let the tip rest where it began, above the surface."""
@@ -181,25 +184,34 @@ class SlaveRig:
         self._x, self._v_x = 0.0, 0.0
         self._z, self._v_z = self._p.tool.height, 0.0
         self._low_passed = 0.0
-        self._acceleration_x, self._acceleration_z = self._accelerations()
 
     def _move(self, due: float) -> None:
-        """Integrate the motion over a time in s."""
+        """Integrate for a time in s by the velocity Verlet scheme, whose energy does not drift."""
         steps = max(1, math.ceil(due / self._longest_step - 1e-6))
         step = due / steps
+        half = step / 2
         decay = math.exp(-self._corner * step)
         # A step's share of its first and last acceleration in the low-pass, the
         # acceleration taken as linear in between.
         mean = (1 - decay) / (self._corner * step)
         first, last = mean - decay, 1 - mean
+        tip, low_passed = self._tip, self._low_passed
+        motor_x, motor_z = self._force_x, self._force_z
+        x, z, v_x, v_z = self._x, self._z - self._lift, self._v_x, self._v_z
         # The motors' force changes only here: the low-pass must see its jump.
-        self._acceleration_x, self._acceleration_z = self._accelerations()
+        a_x, a_z, _, _ = tip(x, z, v_x, v_z, motor_x, motor_z)
         for _ in range(steps):
-            before = self._acceleration_z
-            self._step(step)
-            self._low_passed = (
-                decay * self._low_passed + first * before + last * self._acceleration_z
-            )
+            half_x, half_z, before = v_x + half * a_x, v_z + half * a_z, a_z
+            x += step * half_x
+            z += step * half_z
+            # Friction depends on velocity: a predicted one keeps the scheme second-order.
+            v_x, v_z = v_x + step * a_x, v_z + step * a_z
+            a_x, a_z, _, _ = tip(x, z, v_x, v_z, motor_x, motor_z)
+            v_x = half_x + half * a_x
+            v_z = half_z + half * a_z
+            low_passed = decay * low_passed + first * before + last * a_z
+        self._x, self._z, self._v_x, self._v_z = x, z + self._lift, v_x, v_z
+        self._low_passed = low_passed
 
     def _tool_acceleration(self) -> float:
         if self._recording is None:
@@ -213,53 +225,60 @@ class SlaveRig:
         index = round((self._now - self._played_since) * self._clock_step * self._rate)
         return float(self._recording[index % len(self._recording)])
 
-    def _step(self, step: float) -> None:
-        """One step of the velocity Verlet scheme, whose energy does not drift."""
-        a_x, a_z = self._acceleration_x, self._acceleration_z
-        half_x, half_z = self._v_x + step / 2 * a_x, self._v_z + step / 2 * a_z
-        self._x += step * half_x
-        self._z += step * half_z
-        # Friction depends on velocity: a predicted one keeps the scheme second-order.
-        self._v_x += step * a_x
-        self._v_z += step * a_z
-        self._acceleration_x, self._acceleration_z = self._accelerations()
-        self._v_x = half_x + step / 2 * self._acceleration_x
-        self._v_z = half_z + step / 2 * self._acceleration_z
-
-    def _accelerations(self) -> tuple[float, float]:
-        tool = self._p.tool
-        normal, slope = self._contact()
-        v_x, v_z = self._v_x, self._v_z
-        slipping = math.sqrt(v_x * v_x + v_z * v_z + tool.slip_velocity**2)
-        joints = tool.viscous_friction + tool.coulomb_friction / slipping
-        force_x = self._force_x - joints * v_x
-        force_z = self._force_z - joints * v_z
-        if normal > 0:
-            friction = self._p.surface.friction * normal
-            force_x -= friction * v_x / slipping + normal * slope
-            force_z += normal
-        return force_x / tool.mass, force_z / tool.mass
-
-    def _contact(self) -> tuple[float, float]:
-        """Return the normal force in N, never negative, and the slope of the surface."""
-        height, slope = self._height()
-        penetration = height - self._z
-        if penetration <= 0:
-            return 0.0, slope
-        surface = self._p.surface
-        approach = slope * self._v_x - self._v_z
-        elastic = surface.stiffness * penetration * math.sqrt(penetration)
-        return max(0.0, elastic * (1 + surface.contact_damping * approach)), slope
-
     def _penetration(self) -> float:
         """Depth of the tip in the surface, m; negative above it."""
-        return float(self._height()[0] - self._z)
+        return self._tip(self._x, self._z - self._lift, 0.0, 0.0, 0.0, 0.0)[3]
 
-    def _height(self) -> tuple[float, float]:
-        """Height in m and slope of the surface at the tip, linear between profile points."""
-        place = self._x / PROFILE_STEP
-        index = math.floor(place)
-        profile = self._profile
-        height = profile[index % PROFILE_POINTS]
-        rise = profile[(index + 1) % PROFILE_POINTS] - height
-        return self._lift + height + rise * (place - index), rise / PROFILE_STEP
+
+def tip_law(
+    tool: ToolParameters, surface: SurfaceParameters, seed: int
+) -> Callable[[float, float, float, float, float, float], tuple[float, float, float, float]]:
+    """Return the law of a tip on one piece of a material.
+
+    A closure, with all it needs in local variables: a simulation spends most of its time here.
+
+    Parameters
+    ----------
+    tool : ToolParameters
+    surface : SurfaceParameters
+    seed : int
+        Seed of the texture.
+
+    Returns
+    -------
+    callable
+        From place and velocity of the tip and the motors' force, each along the surface and
+        normal to it (m, m/s, N), to the accelerations along both in m/s^2, the normal force of
+        the contact in N, never negative, and the penetration in m.
+    """
+    profile = height_profile(surface, seed)
+    heights, rises = profile.tolist(), (np.roll(profile, -1) - profile).tolist()
+    points, spacing = PROFILE_POINTS, PROFILE_STEP
+    stiffness, damping, sliding = surface.stiffness, surface.contact_damping, surface.friction
+    mass, viscous, dry = tool.mass, tool.viscous_friction, tool.coulomb_friction
+    slow = tool.slip_velocity**2
+    floor, sqrt = math.floor, math.sqrt
+
+    def tip(
+        x: float, z: float, v_x: float, v_z: float, force_x: float, force_z: float
+    ) -> tuple[float, float, float, float]:
+        slipping = sqrt(v_x * v_x + v_z * v_z + slow)
+        joints = viscous + dry / slipping
+        force_x -= joints * v_x
+        force_z -= joints * v_z
+        # The height is linear between the points of the profile.
+        place = x / spacing
+        before = floor(place)
+        index = before % points
+        rise = rises[index]
+        penetration = heights[index] + rise * (place - before) - z
+        normal = 0.0
+        if penetration > 0:
+            slope = rise / spacing
+            elastic = stiffness * penetration * sqrt(penetration)
+            normal = max(0.0, elastic * (1 + damping * (slope * v_x - v_z)))
+            force_x -= sliding * normal * v_x / slipping + normal * slope
+            force_z += normal
+        return force_x / mass, force_z / mass, normal, penetration
+
+    return tip

@@ -88,3 +88,10 @@ def test_no_step_changes_nothing() -> None:
     system.state[:] = 1.0, 2.0
     system.advance(0)
     assert system.state.tolist() == [1.0, 2.0]
+
+
+def test_a_step_of_force_on_a_free_mass() -> None:
+    a, b = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[1.0, 0.0], [0.0, 1.0]])
+    time = STEP * np.arange(1, 11)
+    response = LinearSystem(a, b, STEP, 10).step_response(1)
+    assert response == pytest.approx(np.stack([time**2 / 2, time], axis=1), rel=1e-12)

@@ -482,6 +482,28 @@ def test_dry_friction_stops_a_small_swing_away_from_the_middle() -> None:
     assert all(after <= before for before, after in pairwise(amplitudes[50:]))
 
 
+def test_friction_held_for_a_sample_is_close_to_friction_that_follows_the_slip(
+    ideal_master: MasterRigParameters,
+) -> None:
+    def shaken(friction: float, reads: int) -> np.ndarray:
+        """Return the acceleration under forces of 1 ms, with a number of reads in each."""
+        drive = replace(ideal_master.drive, coulomb_friction=friction)
+        still = replace(ideal_master, exploration=STILL.exploration, drive=drive)
+        rig = MasterRig(still, RATE * reads)
+        found = []
+        for index in range(500):
+            for read in range(reads):
+                rig.advance((index + read / reads) * PERIOD)
+            found.append(rig.measure().acceleration)
+            rig.apply_actuator_force(0.5 * math.sin(2 * math.pi * 80.0 * index * PERIOD))
+        return np.array(found)
+
+    free, coarse, fine = shaken(0.0, 1), shaken(0.016, 1), shaken(0.016, 100)
+    effect = np.std(fine - free)
+    assert effect > 0.02 * np.std(free)
+    assert np.std(coarse - fine) < 0.3 * effect
+
+
 def test_a_handle_held_against_gravity_is_at_rest_and_its_sensor_tells_gravity(
     ideal_master: MasterRigParameters,
 ) -> None:
