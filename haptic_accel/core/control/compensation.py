@@ -10,6 +10,8 @@ from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION as LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
+from haptic_accel.core.control.controllers.inverse import InverseParameters
+from haptic_accel.core.control.fallback import DYNAMIC, Fallback
 from haptic_accel.core.control.filters import (
     HIGH_PASS_FREQUENCY,
     SampleFilter,
@@ -17,7 +19,7 @@ from haptic_accel.core.control.filters import (
     high_pass,
 )
 from haptic_accel.core.control.inversion.plant import Plant
-from haptic_accel.core.model import ACTUATOR, GRAVITY
+from haptic_accel.core.model import ACTUATOR, GRAVITY, ApproximateModel
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.sampling import LATENCY
 
@@ -144,6 +146,10 @@ class Compensation:
         for name in (parameters.controller, *prepared):
             self._build(name)
         self._active = self._built[parameters.controller]
+        approximate = self._options.get(DYNAMIC, ApproximateModel())
+        assert isinstance(approximate, ApproximateModel)
+        self._fallback = Fallback(self._loop, approximate)
+        self._fallback.reset(self._active.name, self._granted_delay(self._active.name))
         self._follower: _Channel | None = None
         self._waiting: _Channel | None = None
         self._listened = 0
@@ -163,7 +169,8 @@ class Compensation:
 
         For `LISTENING` it only receives samples, so that its filters settle, then it is faded in
         over `FADING`. A fade that has begun is completed before another controller starts. While
-        nothing has moved yet, it takes over at once.
+        nothing has moved yet, it takes over at once. A controller that was replaced because it
+        was worse than no compensation has another turn if it is selected anew.
 
         Raises
         ------
@@ -172,9 +179,12 @@ class Compensation:
         """
         self._build(name)
         if name == self.controller:
+            if name == self._active.name:
+                self._judge_anew()
             return
         if self._asleep:
             self._active, self._follower, self._waiting = self._built[name], None, None
+            self._judge_anew()
         elif self._follower and self._listened > self._listening:
             self._waiting = self._built[name]
         else:
@@ -211,21 +221,26 @@ class Compensation:
             # An unstable controller: a filter that holds infinity never recovers.
             self.reset()
             desired = force = 0.0
+        force = self._fallback.force(desired, force)
         # Where it is not known, the handle's acceleration is taken for what it was: gravity.
         self._handle = measured if math.isfinite(measured) else self._handle
         force = self.guard.limited(force, self._handle)
         self._active.controller.applied(force)
         if self._follower:
             self._follower.controller.applied(force)
+        self._fallback.sample(desired, measured, force)
         return desired, force
 
     def adapt(self) -> None:
         """Do a piece of the controller's slow work; call it when no force is due."""
         if self._asleep:
             return
-        self._active.controller.adapt()
-        if self._follower:
-            self._follower.controller.adapt()
+        channels = [self._active, self._follower] if self._follower else [self._active]
+        judged = self._fallback.step()
+        for channel in channels:
+            channel.controller.adapt()
+            if judged:
+                channel.controller.judged(self._fallback.supervisor.fitting)
 
     def freeze(self, frozen: bool) -> None:
         """Stop or resume the adaptation of all controllers."""
@@ -240,14 +255,16 @@ class Compensation:
         for channel in self._built.values():
             channel.reset()
         self._rest = 0.0
+        self._fallback.reset(self._active.name, self._granted_delay(self._active.name))
         self._fall_asleep()
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return a warning, empty for none, and values with units for diagnostics."""
         guard = self.guard
         controller = self._active.controller
-        return controller.warning, {
+        return "; ".join(filter(None, (self._fallback.warning, controller.warning))), {
             "controller": self.controller,
+            "replaced by": self._fallback.substitute or "-",
             "saturated": str(guard.saturated),
             "limited by heat": str(guard.heated),
             "limited by travel": str(guard.cushioned),
@@ -308,9 +325,18 @@ class Compensation:
     def _take_over(self, channel: _Channel) -> None:
         self._active.reset()
         self._active, self._follower = channel, None
+        self._judge_anew()
         waiting, self._waiting = self._waiting, None
         if waiting:
             self._listen(waiting)
+
+    def _judge_anew(self) -> None:
+        self._fallback.follow(self._active.name, self._granted_delay(self._active.name))
+
+    def _granted_delay(self, name: str) -> int:
+        """Return the samples by which a controller may lag beside the latency."""
+        own = self._options.get(name)
+        return own.granted_delay if isinstance(own, InverseParameters) else 1
 
     def _plausible(self, acceleration: float) -> float:
         if abs(acceleration) <= LARGEST_ACCELERATION:  # false for NaN too
@@ -319,7 +345,7 @@ class Compensation:
         return 0.0
 
     def _trusted(self, acceleration: float | None) -> float:
-        """Return the handle's acceleration, NaN where it is missing or saturated."""
+        """Return the handle's acceleration, NaN where missing, infinite where saturated."""
         if acceleration is None:
             self.untrusted += 1
             return math.nan
@@ -327,9 +353,9 @@ class Compensation:
             return acceleration
         if not abs(acceleration) <= LARGEST_ACCELERATION:
             self.rejected += 1
-        else:
-            self.untrusted += 1
-        return math.nan
+            return math.nan
+        self.untrusted += 1
+        return math.copysign(math.inf, acceleration)
 
 
 class _Channel:

@@ -50,15 +50,18 @@ class ResponseEstimator:
         Their cross-spectrum, complex: the density of the input times the response.
     looks : int
         Number of evaluations.
+    interval : float
+        Time between two of them, s.
     """
 
     def __init__(self, rate: float, memory: float) -> None:
         self._length = 1 << max(4, round(math.log2(WINDOW * rate)))
         self._hop = self._length // LOOKS
+        self.interval = self._hop / rate
         self.frequency: FloatArray = np.fft.rfftfreq(self._length, 1.0 / rate).astype(np.float64)
         shape = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(self._length) + 0.5) / self._length)
         self._shape = shape * math.sqrt(2.0 / rate / float(np.sum(shape**2)))
-        self._kept = math.exp(-self._hop / rate / memory)
+        self._kept = math.exp(-self.interval / memory)
         self._input, self._output = SampleWindow(self._length), SampleWindow(self._length)
         # Missing samples in the part of the window that is being filled, and in those before.
         self._missing: deque[int] = deque(maxlen=LOOKS)

@@ -30,6 +30,10 @@ FADING = 5e-3
 REGAINED = 20e-3
 """Time of valid handle samples without a gap before the feedback is faded in again, s."""
 
+FITTING = 2.0
+"""Time for which the response must fit the plant before the feedback returns after the sensor was
+at its range, s of excitation: a loop that is unstable gets there, again and again."""
+
 INVERSE = "inverse"
 """Name of the feedforward whose feedback only acts on deviations from the model."""
 
@@ -87,7 +91,9 @@ class FeedbackController(Controller):
 
     While the measurement is missing the feedback fades out, and its filters receive their last
     input: a zero would be a step as large as gravity. It is faded in again when valid samples have
-    come for `REGAINED`. For the same reason the first measurement is taken as the offset.
+    come for `REGAINED`. For the same reason the first measurement is taken as the offset. A sensor
+    at its range may be the end of an unstable loop: then it stays out until the response has been
+    found to fit the plant for `FITTING`.
 
     Attributes
     ----------
@@ -119,6 +125,7 @@ class FeedbackController(Controller):
         self._surplus = 0.0  # the last force beside that, N
         self._share, self._gaps = 1.0, 0
         self._valid = self._regained  # samples without a gap
+        self._distrusted = False  # since the sensor was at its range
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the feedforward's force and the feedback's."""
@@ -138,6 +145,7 @@ class FeedbackController(Controller):
         else:
             self._gaps += self._valid >= self._regained
             self._valid = 0
+            self._distrusted |= math.isinf(measured_acceleration)
         self._share = self._faded()
         self._known = 0.0 if self._foreseen else force
         force += self._share * self._answer.sample(self._high_pass.sample(self._surprise))
@@ -151,6 +159,11 @@ class FeedbackController(Controller):
             taken = self._feedforward.friction_force
         self._surplus = actuator_force - taken - self._known
 
+    def judged(self, fitting: float) -> None:
+        """Trust the measurement again when the response has fitted the plant for long enough."""
+        if fitting >= FITTING:
+            self._distrusted = False
+
     def status(self) -> dict[str, str]:
         """Return the feedback's gain and margin, and the number of times it was switched off."""
         return {
@@ -161,9 +174,14 @@ class FeedbackController(Controller):
 
     @property
     def warning(self) -> str:
-        """Warning while the handle's acceleration is missing or saturated; otherwise empty."""
+        """Warning while the feedback is off; otherwise empty."""
+        if self._distrusted:
+            return (
+                "feedback off: handle acceleration was saturated; it returns when the response has"
+                f" fitted the plant for {FITTING:g} s"
+            )
         if self._valid < self._regained:
-            return "feedback off: handle acceleration stale or saturated"
+            return "feedback off: handle acceleration stale"
         return ""
 
     def reset(self) -> None:
@@ -174,7 +192,7 @@ class FeedbackController(Controller):
         self._start()
 
     def _faded(self) -> float:
-        if self._valid >= self._regained:
+        if self._valid >= self._regained and not self._distrusted:
             return min(1.0, self._share + self._fade)
         return max(0.0, self._share - self._fade)
 

@@ -67,8 +67,8 @@ class Controller(ABC):
         desired_acceleration : float
             High-passed tool acceleration, m/s^2.
         measured_acceleration : float
-            The latest handle acceleration, m/s^2; NaN where it is stale or its sensor was at its
-            range, and must not be used.
+            The latest handle acceleration, m/s^2; NaN where it is stale, infinite where its
+            sensor was at its range: it must not be used then.
 
         Returns
         -------
@@ -81,6 +81,9 @@ class Controller(ABC):
 
     def adapt(self) -> None:  # noqa: B027 - most have none
         """Do a piece of slow work, some tens of microseconds, while no force is due."""
+
+    def judged(self, fitting: float) -> None:  # noqa: B027 - most need not know
+        """Receive for how long the handle's response has fitted the plant, s of excitation."""
 
     def freeze(self, frozen: bool) -> None:  # noqa: B027 - most have nothing to
         """Stop or resume adaptation."""

@@ -15,6 +15,7 @@ from haptic_accel.core.control.compensation import LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import CONTROLLERS, Loop
 from haptic_accel.core.control.controllers.feedback import (
     FADING,
+    FITTING,
     REGAINED,
     FeedbackController,
     FeedbackParameters,
@@ -159,7 +160,7 @@ def test_it_fades_out_without_measurement_and_comes_back() -> None:
     assert max(map(abs, with_feedback)) > 0.1
     assert controller.warning == ""
     without = [answer(tick, NAN) for tick in range(800, 900)]
-    assert controller.warning == "feedback off: handle acceleration stale or saturated"
+    assert controller.warning == "feedback off: handle acceleration stale"
     assert controller.status()["feedback off"] == "1"
     assert controller.status()["feedback gain (N per m/s^2)"] == "0.000"
     fading = round(FADING * RATE)
@@ -174,6 +175,20 @@ def test_it_fades_out_without_measurement_and_comes_back() -> None:
     # No step on the way: nothing faster than what the feedback does by itself.
     largest = max(np.abs(np.diff(with_feedback)))
     assert max(np.abs(np.diff([*with_feedback, *without, *waiting, *back]))) < 1.5 * largest
+
+
+def test_after_saturation_it_stays_off_until_the_response_fits() -> None:
+    controller = fresh()
+    for measured in [*texture(RATE, 0.2), math.inf, *texture(RATE, 0.5)]:
+        controller.force(1.0, measured)
+    controller.judged(FITTING - 0.1)
+    assert controller.warning.startswith("feedback off: handle acceleration was saturated")
+    assert controller.status()["feedback gain (N per m/s^2)"] == "0.000"
+    controller.judged(FITTING)
+    assert controller.warning == ""
+    for measured in texture(RATE, 0.1):
+        controller.force(1.0, measured)
+    assert controller.status()["feedback gain (N per m/s^2)"] != "0.000"
 
 
 numbers = st.floats(-LARGEST_ACCELERATION, LARGEST_ACCELERATION)

@@ -1,0 +1,214 @@
+"""Comparison of the handle's response with that of the plant model, by band, while it is used."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from haptic_accel.core.control.feedback_design import MODEL_MEMORY, GripRange
+from haptic_accel.core.control.inversion.convolution import SampleConvolution
+from haptic_accel.core.control.inversion.plant import Plant, grid_for
+from haptic_accel.core.control.response_estimation import ResponseEstimator
+from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
+from haptic_accel.core.sampling import BoolArray
+
+MEMORY = 0.5
+"""Time constant of the comparison, s: some eight independent windows, and told within a second."""
+
+LOWEST, HIGHEST = 60.0, 450.0
+"""Range of the bands, Hz: below, it is the hand that decides; above, textures have little."""
+
+BANDS_PER_OCTAVE = 3
+"""Third-octaves, as for spectra of vibration; each has at least four lines of the estimate."""
+
+HIGHEST_SHARE = 0.45
+"""Upper end of the range as a fraction of the rate, where that is less."""
+
+LEAST_EXPECTED = 0.05
+"""Expected acceleration in a band below which it is not judged, m/s^2 RMS: three times the noise
+of the paper's accelerometer in a third-octave."""
+
+LEAST_COHERENCE = 0.7
+"""Coherence below which a band is not judged: of independent noise it is 0.2 after a second."""
+
+TOLERANCE = 0.15
+"""Relative deviation of the response that is accepted beside that of ordinary hands: of the
+estimate, and of the mount from one grip to another (assumed)."""
+
+RAISING = 0.4
+"""Time for which a band must deviate before it is told, s: a single window is always coherent."""
+
+FITTING = 2.0
+"""Time for which a band must fit, s, until nothing more is said of it."""
+
+RELEASE = 0.8
+"""Fraction of the tolerated deviation below which a band fits again: it would come and go."""
+
+CONTINUOUS = 15.0
+"""Frequency above which the force counts against dry friction, Hz: the high-pass' corner."""
+
+ORDINARY = GripRange()
+"""Hands that count as described: m_h within 30 %, k_u and b_u within a factor of two."""
+
+
+class ResponseSupervisor:
+    """Tells in which bands the handle does not respond as the plant model says.
+
+    The measured acceleration is compared with the one that the model expects for the forces that
+    were really applied. Their ratio is 1 on the handle as described. In each band its deviation
+    from 1 is held against the largest that ordinary hands cause, and against the share that dry
+    friction can have in so small a force. Bands with little excitation or coherence are not
+    judged, and keep their verdict.
+
+    Parameters
+    ----------
+    plant : Plant
+        Plant as identified, with the coupling and the latency.
+    rate : float
+        Samples per second.
+
+    Attributes
+    ----------
+    taps : ndarray, shape (n,)
+        Impulse response of the model from force to acceleration, m/s^2 per N.
+    fitting : float
+        Time for which all bands that could be judged have fitted, s, since the last that did not,
+        or the last sample at the range of its sensor.
+    """
+
+    def __init__(self, plant: Plant, rate: float) -> None:
+        length = max(2, round(MODEL_MEMORY * rate))
+        grid = grid_for(rate, length)
+        self.taps = grid.sequence(plant.response(grid.frequency, rate))[:length]
+        self._model = SampleConvolution(self.taps)
+        self._estimator = ResponseEstimator(rate, MEMORY)
+        self._edges = _edges(rate)
+        lines = self._estimator.frequency
+        inside = [(lines >= low) & (lines < high) for low, high in self._edges]
+        self._bands = np.array(inside, dtype=float).reshape(len(self._edges), len(lines))
+        self._tolerated = TOLERANCE + _ordinary_deviation(plant, lines, self._bands)
+        self._friction = plant.friction
+        self._per_force = np.zeros(len(lines))
+        counted = lines >= CONTINUOUS
+        self._expected = 0.0  # acceleration of the model at the tick of the next measured, m/s^2
+        self._per_force[counted] = 1.0 / np.abs(plant.response(lines[counted], rate)) ** 2
+        self.reset()
+
+    @property
+    def frequency(self) -> FloatArray:
+        """Lines of `ratio`, Hz."""
+        return self._estimator.frequency
+
+    @property
+    def ratio(self) -> ComplexArray:
+        """Measured over expected response on the lines; 1 where it is not known."""
+        known = self._estimator.coherence >= LEAST_COHERENCE
+        return np.where(known, self._estimator.response, 1.0)
+
+    @property
+    def described(self) -> bool:
+        """Whether the handle responds as described in all bands, as far as is known."""
+        return not self._bad.any()
+
+    @property
+    def warning(self) -> str:
+        """The bands that deviate, and what to do; empty for none."""
+        bad = np.flatnonzero(self._bad)
+        if not len(bad):
+            return ""
+        low, high = self._edges[bad[0]][0], self._edges[bad[-1]][1]
+        fits_above = (self._judged_once & ~self._bad)[bad[-1] + 1 :].any()
+        low, high = (round(frequency, -1) for frequency in (low, high))
+        where = f"between {low:g} and {high:g} Hz" if fits_above else f"above {low:g} Hz"
+        return f"the handle is not as described {where}: run identify"
+
+    def sample(self, measured_acceleration: float, actuator_force: float) -> None:
+        """Take one sample.
+
+        Parameters
+        ----------
+        measured_acceleration : float
+            Handle acceleration of the sample before, m/s^2; NaN where it is missing, infinite
+            where its sensor was at its range.
+        actuator_force : float
+            Force sent at this sample, N.
+        """
+        if math.isinf(measured_acceleration):
+            self.fitting = 0.0
+        self._estimator.sample(self._expected, measured_acceleration)
+        self._expected = self._model.sample(actuator_force)
+
+    def step(self) -> bool:
+        """Do a piece of the pending work; return True when there is a new verdict."""
+        done = self._estimator.step()
+        if done:
+            self._judge()
+        return done
+
+    def reset(self) -> None:
+        """Forget all samples and verdicts."""
+        self._model.reset()
+        self._estimator.reset()
+        self._expected = 0.0
+        bands = len(self._edges)
+        self._over, self._under = np.zeros(bands), np.zeros(bands)
+        self._bad, self._judged_once = np.zeros(bands, dtype=bool), np.zeros(bands, dtype=bool)
+        self.fitting = 0.0
+
+    def _judge(self) -> None:
+        judged, deviation, tolerated = self._deviations()
+        if not judged.any():
+            return
+        over = judged & (deviation > tolerated)
+        interval = self._estimator.interval
+        self._over = _counted(self._over, judged, over, interval)
+        fits = deviation < RELEASE * tolerated
+        self._under = _counted(self._under, judged, judged & fits, interval)
+        self._bad = (self._bad | (self._over >= RAISING)) & (self._under < FITTING)
+        self._judged_once |= judged
+        self.fitting = 0.0 if over.any() else self.fitting + interval
+
+    def _deviations(self) -> tuple[BoolArray, FloatArray, FloatArray]:
+        """Return which bands can be judged, their deviations, and those tolerated."""
+        estimator = self._estimator
+        tiny = np.finfo(float).tiny
+        expected, cross = estimator.excitation, estimator.cross
+        power = np.maximum(self._bands @ expected, tiny)
+        off = np.abs(cross - expected) ** 2 / np.maximum(expected, tiny)
+        coherent = np.abs(cross) ** 2 / np.maximum(estimator.output, tiny)
+        step = float(estimator.frequency[1])
+        judged = (power * step >= LEAST_EXPECTED**2) & (
+            self._bands @ coherent >= LEAST_COHERENCE * power
+        )
+        force = math.sqrt(float(self._per_force @ expected) * step)
+        tolerated = self._tolerated + self._friction / max(force, 1e-9)
+        return judged, np.sqrt(self._bands @ off / power), tolerated
+
+
+def _counted(time: FloatArray, judged: BoolArray, holds: BoolArray, interval: float) -> FloatArray:
+    """Return for how long something has held in each band that could be judged, s."""
+    return np.where(judged, np.where(holds, time + interval, 0.0), time)
+
+
+def _edges(rate: float) -> list[tuple[float, float]]:
+    """Return the lower and upper ends of the bands, Hz; none at a very low rate."""
+    highest = min(HIGHEST, HIGHEST_SHARE * rate)
+    if highest <= LOWEST:
+        return []
+    bands = math.ceil(BANDS_PER_OCTAVE * math.log2(highest / LOWEST))
+    lower = [LOWEST * 2 ** (band / BANDS_PER_OCTAVE) for band in range(bands)]
+    return list(zip(lower, [*lower[1:], highest], strict=True))
+
+
+def _ordinary_deviation(plant: Plant, lines: FloatArray, bands: FloatArray) -> FloatArray:
+    """Return the largest deviation, RMS over each band, that ordinary hands cause."""
+    described, *others = ORDINARY.grips(plant.handle)
+    inner = slice(1, None)  # nothing moves at 0 Hz
+    response = handle_model(described).response(lines[inner])
+    counts = np.maximum(bands.sum(axis=1), 1.0)
+    largest = np.zeros(len(bands))
+    for grip in others:
+        off = np.abs(handle_model(grip).response(lines[inner]) / response - 1.0) ** 2
+        largest = np.maximum(largest, np.sqrt(bands[:, inner] @ off / counts))
+    return largest
