@@ -74,7 +74,7 @@ class Metric:
 METRICS: Mapping[str, Metric] = {
     "nrmse_percent": Metric("NRMSE", "%", 1),
     "bound_percent": Metric("bound", "%", 1),
-    "limited_bound_percent": Metric("bound within limits", "%", 1),
+    "limited_bound_percent": Metric("limited bound", "%", 1),
     "slope_desired_on_actual": Metric("slope, desired on actual", "", 2),
     "slope_actual_on_desired": Metric("slope, actual on desired", "", 2),
     "r2": Metric("R²", "", 2),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, replace
 from operator import itemgetter
@@ -21,6 +22,7 @@ from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.jobs import jobs_option, side_by_side
 from haptic_accel.cli.output import results_folder
 from haptic_accel.cli.report import print_analysis
 from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
@@ -29,6 +31,7 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.topics import ANALYSED
+from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import SIMULATED, GraphArguments, parse_arguments
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
@@ -104,6 +107,7 @@ AVERAGE_NOTE = (
     default=1,
     help="Number of users and pieces of material, in lockstep.",
 )
+@jobs_option
 @options.json_option
 @options.out_option
 def experiment(
@@ -114,6 +118,7 @@ def experiment(
     out: Path | None,
     seeds: int,
     controllers: Sequence[str],
+    jobs: int,
 ) -> int:
     """Run the paper's three surfaces under its three controllers.
 
@@ -137,12 +142,12 @@ def experiment(
     with nullcontext() if lockstep else sole_graph(arguments.namespace):
         folder = results_folder(out)
         try:
-            _run(plan, lockstep, folder / "bags", done)
+            _run(_bags(plan, folder / "bags"), jobs if lockstep else 0, done)
         except StoppedError as end:
             status = end.status
             if status == INTERRUPTED:
                 print(f"interrupted after {len(done)} of {len(plan)} conditions", file=sys.stderr)
-    if done and not _report(done, arguments, lockstep, folder, json_file):
+    if done and not _report(done, arguments, lockstep, folder, json_file, jobs):
         status = status or FAILED
     return status
 
@@ -168,43 +173,76 @@ def _checked(
     return arguments
 
 
-def _run(
-    plan: Sequence[GraphArguments], lockstep: bool, folder: Path, done: dict[Path, GraphArguments]
-) -> None:
-    """Run one condition after the other, with a progress bar; add each to those done, by its bag.
+def _bags(plan: Sequence[GraphArguments], folder: Path) -> dict[Path, GraphArguments]:
+    """Return the conditions by the bags that they will be recorded to."""
+    several = plan[0].seed != plan[-1].seed
+    return {
+        folder
+        / f"{Path(each.surface).stem}_{each.controller}{f'_seed{each.seed}' * several}": each
+        for each in plan
+    }
+
+
+def _run(bags: Mapping[Path, GraphArguments], jobs: int, done: dict[Path, GraphArguments]) -> None:
+    """Run all conditions, in lockstep if there are jobs, and print the error of each as it ends.
+
+    Adds each to those done, by its bag.
 
     Raises
     ------
     StoppedError
         A graph failed, or the user asked to stop.
     """
-    several = plan[0].seed != plan[-1].seed
-    with stop_on_signal() as stop, progress_bar(Console()) as progress:
-        bar = progress.add_task("", total=len(plan))
-        for index, arguments in enumerate(plan):
-            surface = Path(arguments.surface).stem
-            name = f"{surface} / {arguments.controller} / seed {arguments.seed}"
-            label = f"{index + 1} of {len(plan)}: {name}"
-            progress.update(bar, description=label, completed=index)
-            if not progress.console.is_terminal:
-                progress.console.print(label)
+    progress = progress_bar(Console())
+    bar = progress.add_task("conditions", total=len(bags))
+    with stop_on_signal() as stop:
+        errors = (
+            side_by_side(_run_lockstep, list(bags.items()), jobs, stop)
+            if jobs
+            else _run_live(bags, stop, lambda part: progress.update(bar, completed=part))
+        )
+        with progress:
+            for (bag, arguments), error in zip(bags.items(), errors, strict=True):
+                done[bag] = arguments
+                name = f"{Path(arguments.surface).stem} / {arguments.controller}"
+                line = f"{len(done)} of {len(bags)}: {name} / seed {arguments.seed}:"
+                progress.console.print(f"{line} {number(error, 1)} %", highlight=False)
+                progress.update(bar, completed=len(done))
 
-            def asked(index: int = index, started: float = time.monotonic()) -> bool:
-                part = (time.monotonic() - started) / (arguments.duration + AROUND)  # noqa: B023
-                progress.update(bar, completed=index + min(part, 1.0))
-                return stop()
 
-            seed = f"_seed{arguments.seed}" if several else ""
-            bag = folder / f"{surface}_{arguments.controller}{seed}"
-            if lockstep:
-                start = time.time_ns()
-                record_trial(bag, lockstep_trial(arguments), arguments, start)
-            else:
-                run_to_end(Supervisor(graph(replace(arguments, bag=str(bag)))), asked)
-            done[bag] = arguments
-            if stop():
-                raise StoppedError(status=INTERRUPTED)
-        progress.update(bar, completed=len(plan), description="done")
+def _run_lockstep(condition: tuple[Path, GraphArguments]) -> float:
+    """Run and record one condition in lockstep; return its error, %."""
+    bag, arguments = condition
+    start = time.time_ns()
+    trial = lockstep_trial(arguments)
+    record_trial(bag, trial, arguments, start)
+    return _error(trial)
+
+
+def _run_live(
+    bags: Mapping[Path, GraphArguments], stop: Callable[[], bool], show: Callable[[float], None]
+) -> Iterator[float]:
+    """Run one condition after the other through the graph; yield their errors, %."""
+    for index, (bag, arguments) in enumerate(bags.items()):
+
+        def asked(index: int = index, started: float = time.monotonic()) -> bool:
+            part = (time.monotonic() - started) / (arguments.duration + AROUND)  # noqa: B023
+            show(index + min(part, 1.0))
+            return stop()
+
+        run_to_end(Supervisor(graph(replace(arguments, bag=str(bag)))), asked)
+        trials = analyse([bag], perceptual=False).trials
+        yield trials[0].metrics["nrmse_percent"] if trials else math.nan
+        if stop():
+            raise StoppedError(status=INTERRUPTED)
+
+
+def _error(trial: Trial) -> float:
+    """Return the error of a trial, %; NaN without any desired acceleration."""
+    try:
+        return trial.evaluate().nrmse_percent
+    except ValueError:
+        return math.nan
 
 
 def _report(
@@ -213,11 +251,12 @@ def _report(
     lockstep: bool,
     folder: Path,
     json_file: Path | None,
+    jobs: int,
 ) -> bool:
     """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
     analysis = analyse(list(done))
     warnings = list(_warnings(analysis))
-    expected = {} if lockstep else _in_lockstep(done)
+    expected = {} if lockstep else _in_lockstep(done, jobs)
     beside = _beside_lockstep(analysis, expected)
     notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, AVERAGE_NOTE]
     notes += [RIG_NOTES[arguments.rig]] if arguments.rig in RIG_NOTES else []
@@ -262,16 +301,18 @@ def _report(
     return {trial.segment.bag for trial in analysis.trials} == set(done)
 
 
-def _in_lockstep(done: Mapping[Path, GraphArguments]) -> dict[Path, float]:
+def _in_lockstep(done: Mapping[Path, GraphArguments], jobs: int) -> dict[Path, float]:
     """Return the errors of the same conditions in lockstep, %, by bag; none with real devices."""
-    errors = {}
-    with progress_bar(Console()) as progress:
-        bar = progress.add_task("the same in lockstep", total=len(done))
-        for bag, arguments in done.items():
-            if arguments.master == arguments.slave == SIMULATED:
-                errors[bag] = lockstep_trial(arguments).evaluate().nrmse_percent
-            progress.advance(bar)
-    return errors
+    simulated = {
+        bag: given for bag, given in done.items() if given.master == given.slave == SIMULATED
+    }
+    with stop_on_signal() as stop:
+        errors = side_by_side(_lockstep_error, list(simulated.values()), jobs, stop)
+        return dict(zip(simulated, errors, strict=True))
+
+
+def _lockstep_error(arguments: GraphArguments) -> float:
+    return _error(lockstep_trial(arguments))
 
 
 def _beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> Beside | None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from statistics import fmean
@@ -13,19 +13,26 @@ from typing import Any
 
 import click
 import numpy as np
+from scipy import signal
 
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.experiment import SURFACES
-from haptic_accel.cli.options import controllers_option, json_option, verb
+from haptic_accel.cli.jobs import jobs_option, side_by_side
+from haptic_accel.cli.options import controllers_option, json_option, one_of, verb
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import progress_bar
+from haptic_accel.cli.running import progress_bar, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.model import HandleParameters, held
+from haptic_accel.core.model import FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.trial import GripChange
+from haptic_accel.core.process import INTERRUPTED
+from haptic_accel.core.resampling import crossfaded
+from haptic_accel.core.trial import DEFAULT_RATE, GripChange, Trial
+from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import RECORDING, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
+from haptic_accel.graph.node_parameters import HIGHEST_RATE
 from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
 
 DURATION = 8.0
@@ -43,12 +50,42 @@ USERS = 3
 CHANGES = 10
 """Number of trials in which the grip changes once a second."""
 
+WINDOW = 2.0
+"""Length of the parts of a trial whose errors are compared with those of no controller, s."""
+
 SPREAD = {"m_h": (0.7, 1.3), "k_u": (0.5, 2.0), "b_u": (0.5, 2.0)}
 """Ranges of random hands relative to Table I: mass uniform, the others logarithmically uniform."""
 
+WIDE = {"m_h": (0.4, 3.0), "k_u": (0.2, 8.0), "b_u": (0.2, 6.0)}
+"""Ranges of unusual hands, from a light touch to a firm grip."""
 
-BOUNDS = {"limited_bound": "bound within limits", "bound": "bound"}
+GRANTED = (2, 3)
+"""Delays granted besides the default's one, samples."""
+
+TEXTURE_LOWS = (8.0, 15.0, 30.0, 60.0)
+"""Frequencies from which textures have energy, Hz."""
+
+TEXTURE_RMS = (0.5, 1.0, 3.0, 6.0)
+"""Root mean squares of textures, m/s^2."""
+
+TAP_PEAKS = (5.0, 15.0, 45.0)
+"""Peaks of taps, m/s^2: up to the range of the paper's accelerometer."""
+
+RECORDING_RMS = (0.6, 3.0)
+"""Root mean squares that recordings are scaled to, m/s^2."""
+
+MODE_FREQUENCIES = (120.0, 180.0, 250.0, 320.0)
+"""Frequencies of a mode that the controllers do not know, Hz."""
+
+MODE_DAMPINGS = (0.03, 0.05, 0.3)
+"""Damping ratios of that mode."""
+
+
+BOUNDS = {"limited_bound": "limited bound", "bound": "bound"}
 """Headings of the bounds by name."""
+
+GRANT = "granted_delay"
+"""Parameter of the controllers that a delay can be granted to."""
 
 Row = dict[str, Any]
 """Metrics of a trial: a row of the JSON file."""
@@ -60,24 +97,55 @@ class Case:
 
     Attributes
     ----------
-    condition, grip : str
-        Names of the condition and of the grip.
+    condition, input, grip : str
+        Names of the condition, of the tool's acceleration and of the grip.
     arguments : GraphArguments
         Rig, rate, input, controller and seed.
     grips : tuple of GripChange
     start : float
         Beginning of the evaluated part, s.
+    recording : ndarray, optional
+        Tool acceleration in place of the arguments', m/s^2.
+    changes : dict
+        Values by node and dotted name that the rig and the controllers have besides.
     """
 
     condition: str
+    input: str
     grip: str
     arguments: GraphArguments
     grips: tuple[GripChange, ...] = ()
     start: float = 0.0
+    recording: FloatArray | None = None
+    changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
-@verb()
+@dataclass(frozen=True)
+class Wanted:
+    """What a user asked for: inputs, rigs and rates of all conditions, hands and their seed."""
+
+    inputs: Sequence[GraphArguments]
+    rig: str
+    rate: float
+    hands: int
+    seed: int
+
+    def on(self, rig: str = "ideal", rate: float = DEFAULT_RATE) -> GraphArguments:
+        """Return the arguments of a condition's rig, unless another one was asked for."""
+        return GraphArguments(rig=self.rig or rig, rate=self.rate or rate)
+
+
+@verb(
+    "haptic-accel bench fidelity",
+    "haptic-accel bench fidelity textures taps --controllers none,inverse --json figures.json",
+    "haptic-accel bench fidelity recordings --recording drag.csv --recording-rate 10000",
+)
+@click.argument("conditions", nargs=-1, metavar="[CONDITION ...]")
 @controllers_option(CONTROLLERS, default=CONTROLLERS)
+@click.option("--rig", default="", metavar="RIG", help="Virtual rig of all conditions.")
+@click.option(
+    "--rate", type=click.FloatRange(50.0, HIGHEST_RATE), metavar="HZ", help="Rate of all, Hz."
+)
 @click.option(
     "--recording",
     "recordings",
@@ -96,38 +164,52 @@ class Case:
 )
 @click.option("--hands", type=click.IntRange(0, 1000), default=50, help="Number of random hands.")
 @click.option("--seed", default=1, help="Seed of the random hands.")
+@jobs_option
 @json_option
 def fidelity(
     *,
+    conditions: Sequence[str],
     controllers: Sequence[str],
+    rig: str,
+    rate: float | None,
     recordings: Sequence[str],
     recording_rates: Sequence[float],
     hands: int,
     seed: int,
+    jobs: int,
     json_file: Path | None,
 ) -> None:
     """Measure the tracking error of all controllers in lockstep.
 
-    Runs both rigs at 1 and 4 kHz, with Table I's grip, with many hands, and with grips that
-    change. Prints errors beside the lowest that any causal linear filter could reach.
+    Conditions are surfaces (both rigs, also at 4 kHz), granted (more delay granted), hands, wide
+    (unusual hands), grips (that change), textures, taps, modes (of a handle that the controllers
+    do not know), and recordings (scaled); surfaces, hands and grips by default. Prints errors
+    beside the lowest that a causal linear filter could reach, without limits and within them.
     """
-    inputs = _inputs(recordings, recording_rates)
-    cases = list(_cases(controllers, inputs, hands, seed))
-    for case in cases[:: len(controllers)]:
+    names = [one_of(CONDITIONS)(name) for name in conditions] or DEFAULT_CONDITIONS
+    if "recordings" in names and not recordings:
+        raise ParameterError("recordings: needs --recording")
+    wanted = Wanted(_inputs(recordings, recording_rates), rig, rate or 0.0, hands, seed)
+    trials = [case for name in dict.fromkeys(names) for case in CONDITIONS[name](wanted)]
+    cases = [case for trial in trials for case in _with_controllers(trial, controllers)]
+    for case in trials:
         graph(case.arguments)  # so that a wrong file is named before all trials
-    rows = []
-    with ProcessPoolExecutor() as pool, progress_bar() as bar:
-        task = bar.add_task("trials", total=len(cases))
-        try:
-            for row in pool.map(run_case, cases):
+    rows: list[Row] = []
+    with stop_on_signal() as stop:
+        results = side_by_side(run_case, cases, jobs, stop)
+        with progress_bar() as bar, suppress(StoppedError):
+            task = bar.add_task("trials", total=len(cases))
+            for row in results:
                 rows.append(row)
                 bar.update(task, advance=1, description=row["condition"])
-        except KeyboardInterrupt:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    summary = _summary(rows)
-    _print(summary)
-    save({"rows": rows, "summary": summary}, json_file)
+                print(_line(row), flush=True)
+    if rows:
+        summary = _summary(rows)
+        _print(summary)
+        save({"rows": rows, "summary": summary}, json_file)
+    if len(rows) < len(cases):
+        line = f"interrupted after {len(rows)} of {len(cases)} trials"
+        raise StoppedError(line, INTERRUPTED)
 
 
 def _inputs(recordings: Sequence[str], rates: Sequence[float]) -> list[GraphArguments]:
@@ -148,47 +230,191 @@ def _inputs(recordings: Sequence[str], rates: Sequence[float]) -> list[GraphArgu
     ]
 
 
-def hand(seed: int, number: int) -> HandleParameters:
-    """Return a random hand within the ranges of `SPREAD`."""
+def _with_controllers(case: Case, controllers: Sequence[str]) -> Iterator[Case]:
+    """Yield a trial under each controller; under those alone that can be granted a delay."""
+    for name in controllers:
+        if "compensator" not in case.changes or hasattr(CONTROLLERS[name].Parameters, GRANT):
+            yield replace(case, arguments=replace(case.arguments, controller=name))
+
+
+# Inputs and hands
+
+
+def hand(
+    seed: int, number: int, spread: Mapping[str, tuple[float, float]] = SPREAD
+) -> HandleParameters:
+    """Return a random hand within the ranges of a spread."""
     draw = np.random.default_rng((seed, number)).uniform
-    factors = {"m_h": draw(*SPREAD["m_h"])}
-    factors |= {name: math.exp(draw(*np.log(SPREAD[name]))) for name in ("k_u", "b_u")}
+    factors = {"m_h": draw(*spread["m_h"])}
+    factors |= {name: math.exp(draw(*np.log(spread[name]))) for name in ("k_u", "b_u")}
     average = HandleParameters()
     return replace(average, **{name: getattr(average, name) * f for name, f in factors.items()})
 
 
-def _cases(
-    controllers: Sequence[str], inputs: Sequence[GraphArguments], hands: int, seed: int
+def texture(low: float, rms: float, rate: float) -> FloatArray:
+    """Return noise from a frequency in Hz to six times that, at most 400 Hz, m/s^2."""
+    noise = np.random.default_rng(3).standard_normal(round(DURATION * rate))
+    band = signal.butter(2, [low, min(400.0, 6 * low)], "band", fs=rate, output="sos")
+    found = signal.sosfilt(band, noise)
+    fading_in = np.minimum(np.arange(len(noise)) / (0.2 * rate), 1.0)
+    return np.asarray(fading_in * found * (rms / np.std(found)))
+
+
+def taps(peak: float, rate: float) -> FloatArray:
+    """Return a tap every 0.3 to 0.7 s: a mode of 60 to 300 Hz that dies in 3 to 20 ms, m/s^2."""
+    draw = np.random.default_rng(4).uniform
+    time = np.arange(round(DURATION * rate)) / rate
+    found, begin = np.zeros(len(time)), 0.3
+    while begin < DURATION:
+        since = np.maximum(time - begin, 0.0)
+        ringing = np.sin(2 * np.pi * draw(60.0, 300.0) * since)
+        found += ringing * np.exp(-since / draw(3e-3, 20e-3))
+        begin += draw(0.3, 0.7)
+    return np.asarray(found * (peak / np.abs(found).max()))
+
+
+# Conditions
+
+
+def _given(case: GraphArguments, around: GraphArguments, seed: int = 0) -> GraphArguments:
+    """Return the arguments of an input on a rig."""
+    return replace(case, rig=around.rig, rate=around.rate, seed=seed)
+
+
+def _name(given: GraphArguments) -> str:
+    return Path(given.recording).stem or given.surface
+
+
+def _rig(around: GraphArguments) -> str:
+    return f"{Path(around.rig).stem}, {around.rate / 1e3:g} kHz"
+
+
+def _surfaces(wanted: Wanted) -> Iterator[Case]:
+    rigs = (wanted.on(), wanted.on(rate=4000.0), wanted.on("paper"))
+    for around, given in product(dict.fromkeys(rigs), wanted.inputs):
+        for user in range(USERS if around.rig == "paper" else 1):
+            grip = f"user {user}" if around.rig == "paper" else "Table I"
+            yield Case(_rig(around), _name(given), grip, _given(given, around, user))
+
+
+def _granted(wanted: Wanted) -> Iterator[Case]:
+    names = [name for name, kind in CONTROLLERS.items() if hasattr(kind.Parameters, GRANT)]
+    rigs = dict.fromkeys((wanted.on(), wanted.on("paper")))
+    for around, samples, given in product(rigs, GRANTED, wanted.inputs):
+        changes = {"compensator": {f"{name}.{GRANT}": samples for name in names}}
+        condition = f"{_rig(around)}, {samples} samples granted"
+        arguments = _given(given, around)
+        yield Case(condition, _name(given), "user 0", arguments, changes=changes)
+
+
+def _hands(wanted: Wanted) -> Iterator[Case]:
+    yield from _held(wanted, "hands", SPREAD, wanted.hands)
+
+
+def _wide(wanted: Wanted) -> Iterator[Case]:
+    yield from _held(wanted, "wide hands", WIDE, wanted.hands // 2)
+
+
+def _held(
+    wanted: Wanted, condition: str, spread: Mapping[str, tuple[float, float]], count: int
 ) -> Iterator[Case]:
-    for rig, rate, grips in (
-        ("ideal", 1000.0, ["Table I"]),
-        ("ideal", 4000.0, ["Table I"]),
-        ("paper", 1000.0, [f"user {user}" for user in range(USERS)]),
-    ):
-        for each, (user, grip), name in product(inputs, enumerate(grips), controllers):
-            arguments = replace(each, rig=rig, rate=rate, controller=name, seed=user)
-            yield Case(f"{rig}, {rate / 1e3:g} kHz", grip, arguments)
+    for number in range(count):
+        grips = ((CHANGED_AT, hand(wanted.seed, number, spread)),)
+        yield _changing(wanted, condition, number, grips, CHANGED_AT + SETTLING)
+
+
+def _grips(wanted: Wanted) -> Iterator[Case]:
     seconds = range(round(CHANGED_AT), round(DURATION))
-    changed = [((CHANGED_AT, hand(seed, number)),) for number in range(hands)]
-    changing = [
-        tuple((float(second), hand(seed + 1, 100 * number + second)) for second in seconds)
-        for number in range(CHANGES if hands else 0)
-    ]
-    for condition, grip, changes, start in (
-        ("hands", "hand", changed, CHANGED_AT + SETTLING),
-        ("grip changes every second", "changing", changing, CHANGED_AT),
-    ):
-        for (number, given), name in product(enumerate(changes), controllers):
-            each = inputs[number % len(inputs)]
-            arguments = replace(each, rig="ideal", rate=1000.0, controller=name, seed=number)
-            yield Case(condition, f"{grip} {number}", arguments, given, start)
+    for number in range(CHANGES if wanted.hands else 0):
+        grips = tuple((float(s), hand(wanted.seed + 1, 100 * number + s)) for s in seconds)
+        yield _changing(wanted, "grip changes every second", number, grips, CHANGED_AT)
+
+
+def _changing(
+    wanted: Wanted, condition: str, number: int, grips: tuple[GripChange, ...], start: float
+) -> Case:
+    given = wanted.inputs[number % len(wanted.inputs)]
+    arguments = _given(given, wanted.on(), number)
+    return Case(condition, _name(given), f"hand {number}", arguments, grips, start)
+
+
+def _textures(wanted: Wanted) -> Iterator[Case]:
+    for low, rms in product(TEXTURE_LOWS, TEXTURE_RMS):
+        yield _played(wanted.on(), "textures", f"{low:g} Hz, {rms:g} m/s^2", texture, low, rms)
+
+
+def _taps(wanted: Wanted) -> Iterator[Case]:
+    for peak in TAP_PEAKS:
+        yield _played(wanted.on(), "taps", f"taps, {peak:g} m/s^2", taps, peak)
+
+
+def _recordings(wanted: Wanted) -> Iterator[Case]:
+    for around in dict.fromkeys((wanted.on(), wanted.on("paper"))):
+        for given, rms in product(wanted.inputs, RECORDING_RMS):
+            samples = read_recording(
+                given.recording, given.recording_rate, around.rate, given.recording_column
+            )
+            samples = crossfaded(samples - np.mean(samples), around.rate)
+            condition, name = f"recordings, {_rig(around)}", f"{_name(given)}, {rms:g} m/s^2"
+            scaled = samples * (rms / np.std(samples))
+            yield Case(
+                condition, name, "user 0", _given(GraphArguments(), around), recording=scaled
+            )
+
+
+def _played(
+    around: GraphArguments,
+    condition: str,
+    name: str,
+    make: Callable[..., FloatArray],
+    *values: float,
+) -> Case:
+    return Case(condition, name, "Table I", around, recording=make(*values, around.rate))
+
+
+def _modes(wanted: Wanted) -> Iterator[Case]:
+    for number, (frequency, damping) in enumerate(product(MODE_FREQUENCIES, MODE_DAMPINGS)):
+        mount = {"simulated.mount.frequency": frequency, "simulated.mount.damping": damping}
+        given = wanted.inputs[number % len(wanted.inputs)]
+        yield Case(
+            "unknown modes",
+            _name(given),
+            f"{frequency:g} Hz, {damping:g}",
+            _given(given, wanted.on()),
+            changes={"master_device": mount},
+        )
+
+
+CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
+    "surfaces": _surfaces,
+    "granted": _granted,
+    "hands": _hands,
+    "wide": _wide,
+    "grips": _grips,
+    "textures": _textures,
+    "taps": _taps,
+    "modes": _modes,
+    "recordings": _recordings,
+}
+"""Trials of each condition, without their controllers, by name."""
+
+DEFAULT_CONDITIONS = ["surfaces", "hands", "grips"]
+"""Conditions that run where none is named."""
+
+
+# Trials
 
 
 def run_case(case: Case) -> Row:
     """Run one trial and evaluate its part from `start` on."""
     arguments = replace(case.arguments, duration=DURATION)
-    rig = rig_parameters(graph_parameters(arguments))
-    trial = lockstep_trial(arguments, grips=case.grips)
+    values = graph_parameters(arguments)
+    for node, own in case.changes.items():
+        values[node] |= own
+    rig = rig_parameters(values)
+    trial = lockstep_trial(
+        arguments, recording=case.recording, grips=case.grips, changes=case.changes
+    )
     first = round(case.start * trial.rate)
     evaluation = trial.evaluate(first)
     handle = held(rig.master.handle, rig.master.grip, arguments.seed)
@@ -202,7 +428,7 @@ def run_case(case: Case) -> Row:
         "rig": arguments.rig,
         "rate_hz": trial.rate,
         "delay_ms": 1e3 * trial.after / trial.rate,
-        "input": Path(arguments.recording).stem or arguments.surface,
+        "input": case.input,
         "grip": case.grip,
         "controller": arguments.controller,
         "nrmse_percent": evaluation.nrmse_percent,
@@ -210,13 +436,34 @@ def run_case(case: Case) -> Row:
         "r2": evaluation.r2,
         "bound_percent": bound.causal,
         "limited_bound_percent": bound.limited,
+        "nrmse_by_2_s_percent": list(_by_window(trial, first)),
         "force_rms_n": float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
         "travel_peak_mm": 1e3 * max([abs(travel.sample(*pair)) for pair in pairs][first:]),
     }
 
 
+def _by_window(trial: Trial, first: int) -> Iterator[float | None]:
+    """Yield the error of each `WINDOW` of a trial, %; None where nothing is desired."""
+    length = round(WINDOW * trial.rate)
+    for begin in range(first, len(trial.time) - length + 1, length):
+        try:
+            yield trial.evaluate(begin, begin + length).nrmse_percent
+        except ValueError:
+            yield None
+
+
+def _line(row: Row) -> str:
+    """Return a trial's error and bounds for a reader."""
+    return (
+        f"{row['condition']}: {row['input']}, {row['grip']}, {row['controller']}:"
+        f" {row['nrmse_percent']:.1f} % after {row['delay_ms']:g} ms granted (limited bound"
+        f" {row['limited_bound_percent']:.1f}, bound {row['bound_percent']:.1f})"
+    )
+
+
 def _summary(rows: Sequence[Row]) -> list[Row]:
-    """Return mean and worst error, and mean bound, by condition and controller."""
+    """Return mean and worst error, and mean bounds, by condition and controller."""
+    idle = {_key(row): row for row in rows if row["controller"] == "none"}
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row["condition"], row["controller"]), []).append(row)
@@ -230,28 +477,50 @@ def _summary(rows: Sequence[Row]) -> list[Row]:
             "mean_limited_bound_percent": fmean(row["limited_bound_percent"] for row in found),
             "mean_force_rms_n": fmean(row["force_rms_n"] for row in found),
             "largest_travel_mm": max(row["travel_peak_mm"] for row in found),
+            "above_none_points": _above(found, idle),
             "trials": len(found),
         }
         for (condition, controller), found in groups.items()
     ]
 
 
+def _key(row: Row) -> tuple[str, str, str]:
+    """Return what trials of several controllers have in common."""
+    return row["condition"], row["input"], row["grip"]
+
+
+def _above(rows: Sequence[Row], idle: Mapping[tuple[str, str, str], Row]) -> float | None:
+    """Return by how much any window's error is above that without control, points, at most."""
+    name = "nrmse_by_2_s_percent"
+    differences = [
+        own - without
+        for row in rows
+        if _key(row) in idle
+        for own, without in zip(row[name], idle[_key(row)][name], strict=True)
+        if own is not None and without is not None
+    ]
+    return max(differences, default=None)
+
+
 def _print(summary: Sequence[Row]) -> None:
-    rows: dict[str, list[Row]] = {}
+    rows: dict[str, dict[str, Row]] = {}
     for line in summary:
-        rows.setdefault(line["condition"], []).append(line)
+        rows.setdefault(line["condition"], {})[line["controller"]] = line
+    controllers = list(dict.fromkeys(line["controller"] for line in summary))
     cells = [
         (
             condition,
-            *(f"{one['mean_percent']:.1f} ({one['worst_percent']:.1f})" for one in lines),
-            *(f"{fmean(one[f'mean_{bound}_percent'] for one in lines):.1f}" for bound in BOUNDS),
+            *(_cell(lines[name]) if name in lines else "" for name in controllers),
+            *(
+                f"{fmean(one[f'mean_{bound}_percent'] for one in lines.values()):.1f}"
+                for bound in BOUNDS
+            ),
         )
         for condition, lines in rows.items()
     ]
-    headings = (
-        "condition",
-        *dict.fromkeys(line["controller"] for line in summary),
-        *BOUNDS.values(),
-    )
-    title = "error of the handle, %: mean (worst) over inputs and grips"
-    print_table(headings, cells, title=title)
+    title = "error of the handle after the delay granted, %: mean (worst) over inputs and grips"
+    print_table(("condition", *controllers, *BOUNDS.values()), cells, title=title)
+
+
+def _cell(line: Row) -> str:
+    return f"{line['mean_percent']:.1f} ({line['worst_percent']:.1f})"

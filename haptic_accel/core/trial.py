@@ -116,15 +116,16 @@ class Trial:
         """Duration of the trial, s."""
         return len(self.time) / self.rate
 
-    def evaluate(self, first: int = 0) -> Evaluation:
-        """Return the paper's metrics from a sample on, after latency and granted delay.
+    def evaluate(self, first: int = 0, end: int | None = None) -> Evaluation:
+        """Return the paper's metrics from a sample on to an end, after latency and granted delay.
 
         Raises
         ------
         ValueError
             The desired acceleration is zero, or there are too few samples.
         """
-        desired, actual = self.desired_acceleration[first:], self.actual_acceleration[first:]
+        part = slice(first, end)
+        desired, actual = self.desired_acceleration[part], self.actual_acceleration[part]
         return evaluate(desired, actual, self.rate, self.after / self.rate)
 
     def bounds(self, rig: RigParameters, handle: HandleParameters, first: int = 0) -> Bounds:

@@ -10,6 +10,7 @@ from typing import Any
 
 from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.trial_bag import write_trial
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.track import Track
 from haptic_accel.core.trial import GripChange, Trial, run_trial
 from haptic_accel.devices.simulated import played
@@ -22,6 +23,7 @@ def lockstep_trial(
     arguments: GraphArguments,
     *,
     track: Track | None = None,
+    recording: FloatArray | None = None,
     grips: Sequence[GripChange] = (),
     changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Trial:
@@ -34,6 +36,8 @@ def lockstep_trial(
     track : Track, optional
         Recorded slave at the arguments' rate, which is played to its end, from the sample after
         the first force.
+    recording : ndarray, optional
+        Tool acceleration at the arguments' rate in place of a simulated one or a file's, m/s^2.
     grips : sequence of GripChange
         Changes of grip, in order of time.
     changes : mapping
@@ -44,10 +48,10 @@ def lockstep_trial(
         values[node] |= own
     rig = rig_parameters(values)
     around, controllers = node_parameters("compensator", values["compensator"])
-    recording = None
     if track is None:
         duration = arguments.duration
-        recording = played(rig.slave.recording, arguments.rate)  # type: ignore[attr-defined]
+        if recording is None:
+            recording = played(rig.slave.recording, arguments.rate)  # type: ignore[attr-defined]
     else:
         duration = track.seconds + (arguments.latency + 1) / arguments.rate
     return run_trial(

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,6 +29,7 @@ ROW = {
     "limited_bound_percent",
     "force_rms_n",
     "travel_peak_mm",
+    "nrmse_by_2_s_percent",
 }
 
 
@@ -69,6 +71,50 @@ def test_the_table_is_printed_and_saved(haptic_accel: Start, tmp_path: Path) -> 
     assert "ideal, 4 kHz" in command.text
 
 
+@pytest.mark.quiet
+def test_chosen_conditions_give_the_same_with_any_number_of_jobs(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    found = {}
+    for jobs in ("1", "3"):
+        command = haptic_accel(
+            *("bench", "fidelity", "taps", "--controllers", "none,dynamic", "--rig", "paper"),
+            *("--rate", "500", "--jobs", jobs, "--json", f"{jobs}.json"),
+        )
+        assert command.end() == 0, command.text
+        found[jobs] = json.loads((tmp_path / f"{jobs}.json").read_text())
+    assert found["1"] == found["3"]
+    for row in found["1"]["rows"]:
+        assert (row["condition"], row["rig"], row["rate_hz"]) == ("taps", "paper", 500.0)
+        assert f"{row['input']}, Table I, {row['controller']}: " in command.text
+        assert len(row["nrmse_by_2_s_percent"]) == 4
+    idle, dynamic = found["1"]["summary"]
+    assert idle["above_none_points"] == 0.0
+    assert dynamic["above_none_points"] == pytest.approx(
+        max(
+            own - without
+            for row, other in zip(found["1"]["rows"][1::2], found["1"]["rows"][::2], strict=True)
+            for own, without in zip(
+                row["nrmse_by_2_s_percent"], other["nrmse_by_2_s_percent"], strict=True
+            )
+        )
+    )
+
+
+@pytest.mark.quiet
+def test_what_is_done_is_printed_and_saved_at_ctrl_c(haptic_accel: Start, tmp_path: Path) -> None:
+    command = haptic_accel(
+        *("bench", "fidelity", "hands", "--controllers", "none", "--json", "figures.json")
+    )
+    command.wait_for("hand 1, none: ")
+    assert command.end(signal.SIGINT) == 130, command.text
+    assert "Traceback" not in command.text
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    assert 2 <= len(figures["rows"]) < 50
+    assert f"interrupted after {len(figures['rows'])} of 50 trials" in command.text
+    assert figures["summary"][0]["trials"] == len(figures["rows"])
+
+
 @pytest.mark.slow
 def test_adaptation_halves_what_another_hand_costs() -> None:
     grips = ((1.0, hand(2, 3)),)
@@ -76,6 +122,7 @@ def test_adaptation_halves_what_another_hand_costs() -> None:
         run_case(
             Case(
                 "hands",
+                "text",
                 "hand",
                 GraphArguments(rig="ideal", surface="text", controller=name),
                 grips,
@@ -103,6 +150,11 @@ def test_hands_lie_within_their_spread_and_are_the_same_again() -> None:
     ("words", "named"),
     [
         (["--controllers", "none,magic"], "magic"),
+        (["texture"], "'texture': must be one of surfaces"),
+        (["recordings"], "recordings: needs --recording"),
+        (["--rig", "no.yaml"], "no.yaml"),
+        (["--rate", "10"], "rate"),
+        (["--jobs", "0"], "jobs"),
         (["--hands", "-1"], "hands"),
         (["--recording", "no.csv", "--recording-rate", "1000"], "no.csv"),
         (["--recording", "a", "--recording", "b", "--recording-rate", "1"] * 1, "a"),
