@@ -18,6 +18,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.filters import without_hand_motion
 from haptic_accel.core.control.inversion.bound import bounds
+from haptic_accel.core.control.supervision import supervise
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.evaluation.bands import band_nrmse, bands
 from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
@@ -247,6 +248,7 @@ def measure(
     elif desired is not None and actual is not None:
         likeness = _compared(desired, actual, segment, shift, perceptual, notes, begin)
         likeness.metrics.update(_bounds(segment, likeness.shift, notes))
+    notes += _deviation(segment)
     travel = _travel(segment)
     signals = {"desired": desired, "actual": actual, "force": force, "travel": travel}
     drawn = {name: values for name, values in signals.items() if values is not None}
@@ -270,6 +272,20 @@ def measure(
     kept, unique = replace(segment, signals={}), tuple(dict.fromkeys(notes))
     compared = likeness.bands, likeness.error, likeness.portrait
     return AnalysedTrial(name, source, kept, metrics, *compared, traces, unique, contact)
+
+
+def _deviation(segment: Segment) -> list[str]:
+    """Return where the handle did not respond as the compensator was told, and since when."""
+    force = segment.signals.get(topics.ACTUATOR_FORCE.name)
+    handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
+    if segment.told is None or force is None or handle is None:
+        return []
+    try:
+        plant = segment.told.delayed(segment.latency)
+        warning, first = supervise(plant, segment.rate, force, handle)
+    except ParameterError as error:
+        return [f"the handle's response could not be compared: {error}"]
+    return [f"{warning} (from {first:.1f} s on)"] if warning else []
 
 
 def actual_acceleration(segment: Segment) -> FloatArray | None:

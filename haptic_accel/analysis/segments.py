@@ -106,6 +106,8 @@ class Segment:
         Handle with everything between a command and a sample, for the bounds of the error.
     noise : float
         Standard deviation of a sample of the handle's accelerometer, m/s^2, as far as known.
+    told : Plant or None
+        Handle as the compensator was told of it.
     """
 
     bag: Path
@@ -124,6 +126,7 @@ class Segment:
     granted_delay: int = 1
     plant: Plant | None = None
     noise: float = 0.0
+    told: Plant | None = None
 
     @property
     def after(self) -> int:
@@ -258,11 +261,16 @@ class _Known:
     actuator: ActuatorParameters
     pair: tuple[str, ...]
 
+    @property
+    def told(self) -> Plant | None:
+        """The plant as the compensator was told."""
+        found = self.controllers.get(PLANT)
+        return found.coupled() if found else None
+
     def plant(self, condition: Condition) -> Plant | None:
         """Return the plant under a condition: as simulated, or as the compensator was told."""
         if self.rig is None:
-            found = self.controllers.get(PLANT)
-            return found.coupled() if found else None
+            return self.told
         grip = self.rig.master.grip
         if condition.grip in POSTURES:
             grip = replace(grip, posture=condition.grip)
@@ -432,6 +440,7 @@ def _segment(
         granted_delay(condition.controller, known.controllers),
         known.plant(condition),
         known.rig.master.accelerometer.noise if known.rig else 0.0,
+        known.told,
     )
 
 

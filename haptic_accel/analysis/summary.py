@@ -11,6 +11,7 @@ from haptic_accel.analysis.frames import Cell, groups, rank, table_two, trials
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import BEYOND_STOPS, CONTACT, MILLI
 from haptic_accel.analysis.plots import number, percent
+from haptic_accel.core.control.supervision import DEVIATES
 
 
 def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[str]:
@@ -27,6 +28,7 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
         _losses(frame, analysis),
         *_deadlines(analysis),
         *_forces(frame, analysis),
+        *_deviations(analysis),
     ]
     if comparison:
         sentences.append(difference(comparison))
@@ -147,6 +149,15 @@ def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
             f" and used {number(travel, 1)} mm of the {number(free, 1)} mm it may move either way"
         )
     return [sentence + "."]
+
+
+def _deviations(analysis: Analysis) -> list[str]:
+    """Return a sentence on trials whose handle was not as the compensator was told."""
+    found = [note for t in analysis.trials for note in t.notes if note.startswith(DEVIATES)]
+    if not found:
+        return []
+    where = found[0].split(" (")[0]
+    return [f"In {len(found)} of {_many(len(analysis.trials), 'trial')} {where}."]
 
 
 def difference(comparison: Comparison) -> str:

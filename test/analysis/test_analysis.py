@@ -17,7 +17,8 @@ from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.writing import as_json
 from haptic_accel.core import topics
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.model import FloatArray, MountParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import RigParameters, Trial
 
@@ -304,6 +305,32 @@ def test_a_travel_beyond_the_stops_is_left_out_and_said(tmp_path: Path) -> None:
     (told,) = [line for line in summary(analysis) if "actuator gave" in line]
     assert "came to its stops, 3.8 mm either way, in 1 of 2 trials" in told
     assert "5.6" not in told
+
+
+def test_a_handle_that_is_not_as_the_compensator_was_told_is_named(tmp_path: Path) -> None:
+    desired = texture(0, 3.0)
+    time = np.arange(len(desired)) / RATE
+    lines = np.fft.rfftfreq(len(desired), 1.0 / RATE)
+
+    def trial(frequency: float) -> Trial:
+        plant = Plant(mount=MountParameters(frequency, 0.05)).coupled()
+        response = np.append(0.0, plant.delayed(0).response(lines[1:], RATE))
+        handle = np.fft.irfft(response * np.fft.rfft(0.128 * desired), len(desired))
+        signals = desired, desired, handle, 0.128 * desired
+        return Trial("plywood", "constant", RATE, time, *signals, latency=0)
+
+    for name, frequency in (("unknown", 180.0), ("known", 290.0)):
+        content = of_trial(trial(frequency), seed=0)
+        mount = {"plant.mount.frequency": 290.0, "plant.mount.damping": 0.05}
+        content.facts["parameters"]["compensator"] |= mount
+        write_bag(tmp_path / name, content)
+    analysis = load(tmp_path, perceptual=False)
+    told = {t.name: [n for n in t.notes if "not as described" in n] for t in analysis.trials}
+    assert told["known"] == []
+    assert len(told["unknown"]) == 1
+    assert "run identify (from 0." in told["unknown"][0]
+    sentence = next(line for line in summary(analysis) if "not as described" in line)
+    assert sentence.startswith("In 1 of 2 trials the handle is not as described ")
 
 
 def test_trials_without_contact_are_in_no_mean(tmp_path: Path) -> None:

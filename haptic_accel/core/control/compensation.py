@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION as LARGEST_ACCELERATION
-from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
-from haptic_accel.core.control.controllers.inverse import InverseParameters
+from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop, granted_delay
 from haptic_accel.core.control.fallback import DYNAMIC, Fallback
 from haptic_accel.core.control.filters import (
     HIGH_PASS_FREQUENCY,
@@ -149,7 +148,7 @@ class Compensation:
         approximate = self._options.get(DYNAMIC, ApproximateModel())
         assert isinstance(approximate, ApproximateModel)
         self._fallback = Fallback(self._loop, approximate)
-        self._fallback.reset(self._active.name, self._granted_delay(self._active.name))
+        self._start_judging()
         self._follower: _Channel | None = None
         self._waiting: _Channel | None = None
         self._listened = 0
@@ -255,14 +254,14 @@ class Compensation:
         for channel in self._built.values():
             channel.reset()
         self._rest = 0.0
-        self._fallback.reset(self._active.name, self._granted_delay(self._active.name))
+        self._start_judging()
         self._fall_asleep()
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return a warning, empty for none, and values with units for diagnostics."""
         guard = self.guard
         controller = self._active.controller
-        return "; ".join(filter(None, (self._fallback.warning, controller.warning))), {
+        return ", ".join(filter(None, (self._fallback.warning, controller.warning))), {
             "controller": self.controller,
             "replaced by": self._fallback.substitute or "-",
             "saturated": str(guard.saturated),
@@ -330,13 +329,13 @@ class Compensation:
         if waiting:
             self._listen(waiting)
 
-    def _judge_anew(self) -> None:
-        self._fallback.follow(self._active.name, self._granted_delay(self._active.name))
+    def _start_judging(self) -> None:
+        name = self._active.name
+        self._fallback.reset(name, granted_delay(name, self._options))
 
-    def _granted_delay(self, name: str) -> int:
-        """Return the samples by which a controller may lag beside the latency."""
-        own = self._options.get(name)
-        return own.granted_delay if isinstance(own, InverseParameters) else 1
+    def _judge_anew(self) -> None:
+        name = self._active.name
+        self._fallback.follow(name, granted_delay(name, self._options))
 
     def _plausible(self, acceleration: float) -> float:
         if abs(acceleration) <= LARGEST_ACCELERATION:  # false for NaN too

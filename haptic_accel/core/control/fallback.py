@@ -95,7 +95,7 @@ class Fallback:
             if self.substitute
             else ""
         )
-        return "; ".join(filter(None, (self.supervisor.warning, replaced)))
+        return ", ".join(filter(None, (self.supervisor.warning, replaced)))
 
     def reset(self, name: str, granted_delay: int) -> None:
         """Return to the state at the start, with a controller and its delay beside the latency."""

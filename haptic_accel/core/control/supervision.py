@@ -48,6 +48,9 @@ RELEASE = 0.8
 CONTINUOUS = 15.0
 """Frequency above which the force counts against dry friction, Hz: the high-pass' corner."""
 
+DEVIATES = "the handle is not as described"
+"""Beginning of the warning."""
+
 ORDINARY = GripRange()
 """Hands that count as described: m_h within 30 %, k_u and b_u within a factor of two."""
 
@@ -121,7 +124,7 @@ class ResponseSupervisor:
         fits_above = (self._judged_once & ~self._bad)[bad[-1] + 1 :].any()
         low, high = (round(frequency, -1) for frequency in (low, high))
         where = f"between {low:g} and {high:g} Hz" if fits_above else f"above {low:g} Hz"
-        return f"the handle is not as described {where}: run identify"
+        return f"{DEVIATES} {where}: run identify"
 
     def sample(self, measured_acceleration: float, actuator_force: float) -> None:
         """Take one sample.
@@ -184,6 +187,39 @@ class ResponseSupervisor:
         force = math.sqrt(float(self._per_force @ expected) * step)
         tolerated = self._tolerated + self._friction / max(force, 1e-9)
         return judged, np.sqrt(self._bands @ off / power), tolerated
+
+
+def supervise(
+    plant: Plant, rate: float, force: FloatArray, acceleration: FloatArray
+) -> tuple[str, float]:
+    """Return what a supervisor would tell of a trial last, and when first; empty for nothing.
+
+    Parameters
+    ----------
+    plant : Plant
+        Plant as described, with the latency.
+    rate : float
+        Samples per second.
+    force : ndarray, shape (n,)
+        Force that each sample caused, N.
+    acceleration : ndarray, shape (n,)
+        Handle acceleration at each sample, m/s^2.
+
+    Returns
+    -------
+    warning : str
+    time : float
+        Since the beginning, s; NaN where there is no warning.
+    """
+    supervisor = ResponseSupervisor(plant, rate)
+    last, first = "", math.nan
+    before = [math.nan, *acceleration.tolist()]
+    for index, sent in enumerate(force.tolist()):
+        supervisor.sample(before[index], sent)
+        if supervisor.step() and supervisor.warning:
+            last = supervisor.warning
+            first = index / rate if math.isnan(first) else first
+    return last, first
 
 
 def _counted(time: FloatArray, judged: BoolArray, holds: BoolArray, interval: float) -> FloatArray:
