@@ -11,17 +11,23 @@ import numpy as np
 
 from haptic_accel.core.control.inversion.convolution import SampleWindow
 from haptic_accel.core.control.inversion.plant import Plant
-from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
+from haptic_accel.core.model import FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import Checked, parameter
 
-WINDOW = 0.5
-"""Length of signal for one evaluation, s: some periods of the slowest mode of handle and grip."""
+GRIP = {"m_h": "kg", "b_u": "N s/m", "k_u": "N/m"}
+"""Parameters of the grip, in the order of all arrays, with their units."""
 
-LOOKS = 4
-"""Number of evaluations per window."""
+HOP = 0.016
+"""Time between evaluations, s: a texture has some independent values in it."""
+
+LENGTH = 0.192
+"""Length of the filters' impulse responses, s: little is left of them then."""
+
+AHEAD = 0.012
+"""Part of it that looks ahead, which delays the estimate, s: for the upper edge of the band."""
 
 THINNED_RATE = 1000.0
-"""Rate to which faster signals are decimated for evaluation, Hz."""
+"""Rate at which the equation of faster signals is evaluated, Hz."""
 
 MOST_MISSING = 0.02
 """Maximum fraction of missing samples in a window; they repeat the value before."""
@@ -29,13 +35,37 @@ MOST_MISSING = 0.02
 LOWEST, HIGHEST = 15.0, 250.0
 """Frequency band of the estimate, Hz: above the hand's own motion, below the mount's mode."""
 
-SMALLEST = np.array([0.4, 0.1, 0.05])
-LARGEST = np.array([2.5, 6.0, 6.0])
+STEEPNESS = 4
+"""Order of the band's lower edge: two for the integrations, two for the hand's own motion."""
+
+SMALLEST = np.array([0.35, 0.1, 0.05])
+LARGEST = np.array([3.5, 8.0, 9.0])
 """Bounds of the estimate as factors of the assumed m_h, b_u and k_u: wider than hands vary."""
 
-PULL = 1e-3
+INSIDE = 0.95
+"""Fraction of a bound below which a parameter is no longer at it."""
+
+PERSISTENT = 20
+"""Number of successive evaluations with a parameter at a bound until it is said to be there."""
+
+PULL = 1e-4
 """Weight of the assumed grip relative to the excitation: it decides what a texture of one
 frequency leaves undetermined, as mass and stiffness cannot be distinguished there."""
+
+SURPRISE = 3.0
+"""Squared error of the newest hop with the present grip, relative to the least that any grip
+leaves, above which the past is forgotten: with three parameters fitted to some ten independent
+values the least is smaller by a third, and a few times that is chance."""
+
+NEGLIGIBLE = 3e-4
+"""Squared error, relative to the squared force, that always counts as noise: 2 % of the force."""
+
+NOTICEABLE = 3e-3
+"""Least relative change of a parameter for which the grip is changed."""
+
+
+Factors = list[float]
+"""m_h, b_u and k_u relative to those assumed."""
 
 
 @dataclass(frozen=True)
@@ -55,14 +85,18 @@ class AdaptationParameters(Checked):
 
 
 class GripEstimator:
-    """Recursive least squares for m_h, b_u and k_u, block by block.
+    """Recursive least squares for m_h, b_u and k_u, hop by hop.
 
     Eq. (2) of the paper is linear in them. With eq. (1) for the actuator, whose mass, spring and
     bearing are known, and everything between command and sample (hold, delay, mount, low-pass)
     as the ratio P/H of the plant assumed,
     m_a s^2/A F' - m_a (b_s s + k_s)/A A_h = (m_h + b_u/s + k_u/s^2) A_h,
-    A = m_a s^2 + b_s s + k_s, F' = (P/H) F. All terms pass one zero-phase band-pass, in which
-    integrations do no harm, and are compared behind it.
+    A = m_a s^2 + b_s s + k_s, F' = (P/H) F. All terms pass one band-pass, in which integrations do
+    no harm, and are compared behind it.
+
+    Each hop counts by the inverse of the error that the best grip for it alone leaves: the jolt of
+    a loaded grip that changes, which no grip explains, hardly counts. Where the present grip
+    leaves much more error than that, the hand has changed, and the past is forgotten.
 
     A sample only stores two values; all else is done in pieces by `step`.
 
@@ -79,25 +113,38 @@ class GripEstimator:
     grip : ndarray, shape (3,)
         Estimated m_h, b_u and k_u: kg, N s/m, N/m.
     looks : int
-        Number of evaluations that updated the estimate.
+        Number of evaluations of an excited handle.
     """
 
     def __init__(self, plant: Plant, rate: float, parameters: AdaptationParameters) -> None:
         handle = plant.handle
-        self._assumed = np.array([handle.m_h, handle.b_u, handle.k_u])
+        self._assumed = np.array([getattr(handle, name) for name in GRIP])
         thinning = max(1, math.floor(rate / THINNED_RATE))
-        self._thinned = 1 << max(6, round(math.log2(WINDOW * rate / thinning)))
-        self._length = self._thinned * thinning
-        self._hop = self._length // LOOKS
-        self._kernels = _kernels(plant, rate, self._length, self._thinned)
+        rows = max(8, round(HOP * rate / thinning))
+        self._hop = rows * thinning
+        kernels = _kernels(plant, rate)
+        kernels[:3] *= self._assumed[:, np.newaxis]
+        filters = np.stack([_sliding(kernel, rows, thinning) for kernel in kernels])
+        self._length = filters.shape[-1]
+        self._of_acceleration = filters[:4].reshape(-1, self._length)
+        self._of_force = filters[4]
         self._force, self._acceleration = SampleWindow(self._length), SampleWindow(self._length)
         self._kept = math.exp(-self._hop / rate / parameters.memory)
-        self._least_force = parameters.least_force
+        self._least_energy = rows * parameters.least_force**2
         self._work: Iterator[bool] = iter(())
-        # Missing samples in the part of the window that is being filled, and in those before.
-        self._missing: deque[int] = deque(maxlen=LOOKS)
         self._last = 0.0
+        # Missing samples in the part of the window that is being filled, and in those before.
+        self._missing: deque[int] = deque(maxlen=math.ceil(self._length / self._hop))
         self.reset()
+
+    @property
+    def at_end(self) -> dict[str, str]:
+        """The parameters that stay at the end of their range, each with "upper" or "lower"."""
+        return {
+            name: "upper" if count > 0 else "lower"
+            for name, count in zip(GRIP, self._beyond, strict=True)
+            if abs(count) >= PERSISTENT
+        }
 
     def sample(self, actuator_force: float, handle_acceleration: float) -> None:
         """Store force (N) and handle acceleration (m/s^2; NaN where unknown) of one sample."""
@@ -115,14 +162,15 @@ class GripEstimator:
         self._missing.append(0)
 
     def step(self) -> bool:
-        """Do a piece of the pending work; return True when there is a new estimate."""
+        """Do a piece of the pending work; return True when the grip has changed."""
         return next(self._work, False)
 
     def reset(self) -> None:
         """Return to the assumed grip."""
         self.grip = self._assumed.copy()
-        self._information = np.zeros((3, 3))
-        self._evidence = np.zeros(3)
+        self._moments = np.zeros((4, 4))
+        self._energy = 0.0
+        self._beyond = [0, 0, 0]  # successive looks at the upper bound; at the lower, negative
         self._samples = self.looks = 0
         self._last = 0.0
         self._missing.clear()
@@ -132,63 +180,93 @@ class GripEstimator:
         self._acceleration.reset()
 
     def _look(self) -> Iterator[bool]:
-        """Evaluate the latest window; yield between pieces, at last True if it was updated."""
-        lines = self._thinned // 2 + 1
-        # Gravity is not part of the response, and would be cut off at the window's ends.
-        measured = self._acceleration.latest()[::-1]
-        measured = measured - measured.mean()
-        scale = self._thinned / self._length
-        force = np.fft.rfft(self._force.latest()[::-1])[:lines] * scale
+        """Evaluate the latest hop; yield between pieces, at last True if the grip changed."""
+        driving = self._of_force @ self._force.latest()
+        terms = (self._of_acceleration @ self._acceleration.latest()).reshape(4, -1)
         yield False
-        acceleration = np.fft.rfft(measured)[:lines] * scale
-        yield False
-        shown = slice(-(self._thinned // LOOKS), None)  # what no look before has seen
+        energy = float(driving.dot(driving))
+        if energy > self._least_energy:
+            terms[3] += driving
+            yield self._learn(terms @ terms.T, energy)
 
-        def passed(kernel: ComplexArray, spectrum: ComplexArray) -> FloatArray:
-            return np.asarray(np.fft.irfft(kernel * spectrum)[shown])
+    def _learn(self, moments: FloatArray, energy: float) -> bool:
+        """Take the terms' second moments in a hop and its energy; return whether the grip changed.
 
-        from_force = passed(self._kernels[0], force)
-        yield False
-        driven = from_force + passed(self._kernels[1], acceleration)
-        yield False
-        felt = np.empty((3, len(driven)))
-        for index, kernel in enumerate(self._kernels[2:]):
-            felt[index] = passed(kernel, acceleration) * self._assumed[index]
-            yield False
-        if float(np.sqrt(np.mean(from_force**2))) >= self._least_force:
-            self._learn(felt, driven)
-            yield True
-
-    def _learn(self, felt: FloatArray, driven: FloatArray) -> None:
-        """Solve for the grip as factors of the assumed one."""
-        self._information = self._kept * self._information + felt @ felt.T
-        self._evidence = self._kept * self._evidence + felt @ driven
-        pull = PULL * float(np.trace(self._information))
-        if pull < np.finfo(float).tiny:
-            return  # the measured acceleration is zero, as without an accelerometer
-        factors = np.linalg.solve(
-            self._information + pull * np.eye(3), self._evidence + pull * np.ones(3)
-        )
-        self.grip = self._assumed * np.clip(factors, SMALLEST, LARGEST)
+        The terms are those of m_h, b_u and k_u with the assumed values, and what their sum equals.
+        """
         self.looks += 1
+        self._energy = self._kept * self._energy + (1.0 - self._kept) * energy
+        present = (self.grip / self._assumed).tolist()
+        error = _error(moments, present)
+        noise = _error(moments, _solution(moments)) + NEGLIGIBLE * max(energy, self._energy)
+        trust = min(1.0, SURPRISE * noise / error) if error > 0.0 else 1.0
+        self._moments = self._kept * trust**2 * self._moments + moments / noise
+        found = self._within_bounds(_solution(self._moments))
+        if all(abs(new - old) < NOTICEABLE * old for new, old in zip(found, present, strict=True)):
+            return False
+        self.grip = self._assumed * found
+        return True
+
+    def _within_bounds(self, factors: Factors) -> Factors:
+        """Return the nearest factors within the bounds, and count how often each was beyond."""
+        found = []
+        for index, (factor, low, high) in enumerate(zip(factors, SMALLEST, LARGEST, strict=True)):
+            count = self._beyond[index]
+            if factor >= (INSIDE * high if count >= PERSISTENT else high):
+                self._beyond[index] = max(0, count) + 1
+            elif factor <= (low / INSIDE if count <= -PERSISTENT else low):
+                self._beyond[index] = min(0, count) - 1
+            else:
+                self._beyond[index] = 0
+            found.append(min(max(factor, low), high))
+        return found
 
 
-def _kernels(plant: Plant, rate: float, length: int, thinned: int) -> ComplexArray:
-    """Return the transfer functions of the regression's terms on the lines of a window.
+def _error(moments: FloatArray, factors: Factors) -> float:
+    """Return the squared error of the equation, N^2."""
+    weights = np.array([*factors, -1.0])
+    return max(0.0, float(weights @ moments @ weights))
 
-    Impulse responses of half a window, so that the newest half of a circular convolution is that
-    of the signal; they look as far ahead as back, by a quarter of a window.
+
+def _solution(moments: FloatArray) -> Factors:
+    """Return the factors that leave the least error, pulled to one."""
+    (a, b, c, x), (_, d, e, y), (_, _, f, z), _ = moments.tolist()
+    pull = PULL * (a + d + f)
+    if pull < np.finfo(float).eps:
+        return [1.0, 1.0, 1.0]  # the measured acceleration is zero, as without an accelerometer
+    a, d, f, x, y, z = (value + pull for value in (a, d, f, x, y, z))
+    # Cramer's rule: a tenth of the time of numpy.linalg for three unknowns.
+    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+    bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
+    rows = ((aa, ab, ac), (ab, bb, bc), (ac, bc, cc))
+    determinant = a * aa + b * ab + c * ac
+    return [(p * x + q * y + r * z) / determinant for p, q, r in rows]
+
+
+def _sliding(kernel: FloatArray, rows: int, step: int) -> FloatArray:
+    """Return the matrix that filters a window: each row is the kernel, so many samples later."""
+    length = len(kernel)
+    filters = np.zeros((rows, length + (rows - 1) * step))
+    for row in range(rows):
+        filters[row, row * step : row * step + length] = kernel
+    return filters
+
+
+def _kernels(plant: Plant, rate: float) -> FloatArray:
+    """Return the impulse responses of the regression's terms, newest sample first.
 
     Returns
     -------
-    ndarray, shape (5, thinned / 2 + 1)
-        Those of the force, of the acceleration in eq. (1), then those of m_h, b_u and k_u.
+    ndarray, shape (5, n)
+        Those of m_h, b_u and k_u, of the acceleration in eq. (1), and of the force.
     """
-    fine = 8 * length
+    length, ahead = round(LENGTH * rate), round(AHEAD * rate)
+    fine = 16 * length
     frequency: FloatArray = np.fft.rfftfreq(fine, 1.0 / rate)[1:].astype(np.float64)
-    highest = min(HIGHEST, 0.4 * rate * thinned / length)
-    band = 1.0 / (1.0 + (LOWEST / frequency) ** 8) / (1.0 + (frequency / highest) ** 8)
     s = 2j * np.pi * frequency
+    # The lower edge is causal, and decays within some hops; the upper one has no phase.
+    lower = (s / (s + 2 * np.pi * LOWEST)) ** STEEPNESS
+    band = lower / (1.0 + (frequency / min(HIGHEST, 0.4 * rate)) ** 8)
     handle: HandleParameters = plant.handle
     bearing = handle.b_s * s + handle.k_s
     actuator = handle.m_a * s**2 + bearing
@@ -196,16 +274,16 @@ def _kernels(plant: Plant, rate: float, length: int, thinned: int) -> ComplexArr
     responses = np.zeros((5, len(frequency) + 1), dtype=np.complex128)
     responses[:, 1:] = band * np.stack(
         [
-            chain * handle.m_a * s**2 / actuator,
-            -handle.m_a * bearing / actuator,
             np.ones_like(s),
             1.0 / s,
             1.0 / s**2,
+            -handle.m_a * bearing / actuator,
+            chain * handle.m_a * s**2 / actuator,
         ]
     )
-    half = length // 2
-    sequences = np.roll(np.fft.irfft(responses, fine), half // 2, axis=1)[:, :half]
-    # Faded out over an eighth at both ends, where little is left of them.
-    fading = np.minimum(1.0, np.minimum(np.arange(half) + 1, np.arange(half, 0, -1)) / (half / 8))
-    spectra = np.fft.rfft(sequences * fading, length)
-    return np.asarray(spectra[:, : thinned // 2 + 1])
+    kernels = np.roll(np.fft.irfft(responses, fine), ahead, axis=1)[:, :length]
+    # Faded out at both ends, where little is left of them.
+    kernels *= np.minimum(1.0, (np.arange(length) + 1) / (ahead / 2))
+    kernels *= np.minimum(1.0, np.arange(length, 0, -1) / (length / 4))
+    # Gravity is not part of the response.
+    return np.asarray(kernels - kernels.mean(axis=1, keepdims=True))

@@ -6,11 +6,15 @@ from dataclasses import dataclass, field
 
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
-from haptic_accel.core.control.grip_estimation import AdaptationParameters, GripEstimator
+from haptic_accel.core.control.grip_estimation import (
+    GRIP,
+    AdaptationParameters,
+    GripEstimator,
+)
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
 from haptic_accel.core.parameters import parameter
 
-FADING = 0.02
+FADING = 0.005
 """Duration of the crossfade from one grip's filter to another's, s."""
 
 
@@ -56,8 +60,7 @@ class AdaptiveController(InverseController):
 
     def adapt(self) -> None:
         """Do a piece of the estimate; when it is done, begin to change the filter."""
-        # One change of the filter is completed before the next begins.
-        if self._fading > 0.0 or self.frozen:
+        if self.frozen:
             return
         if self._estimator.step():
             taps = self._family.taps(self._estimator.grip)
@@ -75,13 +78,23 @@ class AdaptiveController(InverseController):
         self._convolution.taps = self._family.taps(self._estimator.grip)
         self._fading = self._applied = 0.0
 
+    @property
+    def warning(self) -> str:
+        """The parameters of the grip at the end of their range; otherwise empty."""
+        ends = self._estimator.at_end
+        if not ends:
+            return ""
+        grip = dict(zip(GRIP, self._estimator.grip.tolist(), strict=True))
+        parts = (
+            f"{name} at its {end} end, {grip[name]:.4g} {GRIP[name]}" for name, end in ends.items()
+        )
+        return f"grip outside the range of adaptation: {', '.join(parts)}"
+
     def status(self) -> dict[str, str]:
         """Return the estimated grip."""
-        m_h, b_u, k_u = self._estimator.grip.tolist()
+        grip = zip(GRIP.items(), self._estimator.grip.tolist(), strict=True)
         return {
-            "m_h (kg)": f"{m_h:.4g}",
-            "b_u (N s/m)": f"{b_u:.4g}",
-            "k_u (N/m)": f"{k_u:.4g}",
+            **{f"{name} ({unit})": f"{value:.4g}" for (name, unit), value in grip},
             "grip estimates": str(self._estimator.looks),
             "frozen": str(self.frozen).lower(),
         }

@@ -9,13 +9,14 @@ import pytest
 from haptic_accel.core.control.controllers.adaptive import AdaptiveController, AdaptiveParameters
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
+from haptic_accel.core.control.grip_estimation import LARGEST
 from haptic_accel.core.control.inversion.design import Goal, design_inverse
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked
-from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.trial import RigParameters, Trial, run_trial
 
@@ -141,6 +142,53 @@ def test_for_another_grip_it_is_near_the_design_for_that(
     )
     # No landing takes more travel than there is.
     assert found.landing_travel < 1.1 * 3.5e-3
+
+
+def hand(seed: int) -> HandleParameters:
+    """Return a random hand."""
+    draw = np.random.default_rng(seed).uniform
+    mass, k, b = draw(0.7, 1.3), 2.0 ** draw(-1.0, 1.0), 2.0 ** draw(-1.0, 1.0)
+    return replace(TABLE_I, m_h=mass * TABLE_I.m_h, k_u=k * TABLE_I.k_u, b_u=b * TABLE_I.b_u)
+
+
+@pytest.mark.parametrize("seed", [100, 200, 300])
+def test_it_keeps_up_with_a_grip_that_changes_every_second(seed: int) -> None:
+    grips = [(float(second), hand(seed + second)) for second in range(1, 5)]
+
+    def squared_error(controller: str) -> FloatArray:
+        trial = run_trial(controller, duration=5.0, recording=texture(5.0), grips=grips)
+        late = trial.after
+        wrong = trial.actual_acceleration[late:] - trial.desired_acceleration[:-late]
+        return np.asarray(wrong**2)
+
+    adaptive, inverse = squared_error("adaptive"), squared_error("inverse")
+    assert adaptive[1000:].mean() < inverse[1000:].mean()
+    # The jolt of a loaded grip that changes is nobody's; after it the new grip is known.
+    known = np.arange(len(adaptive)) % 1000 > 150
+    known[:1000] = False
+    assert adaptive[known].mean() < inverse[known].mean() / 3.0
+
+
+def test_a_hand_outside_the_range_is_named() -> None:
+    controller = AdaptiveController(AdaptiveParameters(), LOOP)
+    assert controller.warning == ""
+    master = MasterRig(MasterRigParameters(replace(TABLE_I, m_h=0.7)), RATE)
+    random = np.random.default_rng(0)
+    applied = measured = 0.0
+    for index in range(1500):
+        master.advance(index / RATE)
+        controller.applied(applied)
+        controller.force(0.0, measured)
+        controller.adapt()
+        measured = master.measure().acceleration
+        applied = float(random.normal(0.0, 0.5))
+        master.apply_actuator_force(applied)
+    largest = f"{LARGEST[0] * TABLE_I.m_h:.4g}"
+    assert controller.warning == (
+        f"grip outside the range of adaptation: m_h at its upper end, {largest} kg"
+    )
+    controller.reset()
+    assert controller.warning == ""
 
 
 @pytest.mark.parametrize("measured", [math.nan, 0.0])
