@@ -156,6 +156,7 @@ def _quantities() -> Iterator[tuple[str, str, str, float]]:
     """Yield name, text, unit, and the factor to that unit, of all that a fit may find."""
     for name, (_, given) in own_schema(HandleParameters).items():
         yield name, given.text, given.unit, 1.0
+    yield "friction", "dry friction of the actuator's bearing", "N", 1.0
     yield "delay", "of the hardware, beside latency, hold and one sample", "µs", MICROSECONDS
     for name, (_, given) in own_schema(MountParameters).items():
         yield f"mount_{name}", "mount of the accelerometer", given.unit or "1", 1.0
@@ -228,10 +229,10 @@ def explained(found: Identification) -> str:
     )
     if residual <= UNEXPLAINED:
         return f"{sentence}: it lacks nothing that stands out from the noise, which leaves 1."
-    return (
-        f"{sentence}. Noise alone leaves 1: the handle does what the model lacks, such as"
-        " dry friction. The standard errors know nothing of that."
-    )
+    sentence = f"{sentence}. Noise alone leaves 1: the handle does what the model lacks"
+    if "friction" in found.fit.standard_errors:
+        return f"{sentence}. The standard errors allow for that."
+    return f"{sentence}, such as dry friction. The standard errors know nothing of that."
 
 
 def _order(model: DiscreteModel) -> int:

@@ -26,8 +26,13 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import RecordingError, dft_ratio
-from haptic_accel.core.identification.evaluation import Identification, centred, identify_handle
-from haptic_accel.core.identification.fit import DEFAULT_FREE, HandleFit
+from haptic_accel.core.identification.evaluation import (
+    DEFAULT_FREE,
+    Identification,
+    centred,
+    identify_handle,
+)
+from haptic_accel.core.identification.fit import HandleFit
 from haptic_accel.core.model import ACTUATOR, POSTURES, HandleParameters, Suspension, held
 from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.trial import RigParameters, run_identification
@@ -47,6 +52,9 @@ HIGHEST_COMPARED = 400.0
 
 MOST_MISSING = 0.01
 """Largest share of missing samples with which a trial is evaluated (assumed)."""
+
+INTERVAL = 1.96
+"""Half of a 95 % interval, standard errors."""
 
 COLUMNS = ("actuator_force", "handle_acceleration")
 """Columns of a CSV file, N and m/s^2."""
@@ -333,6 +341,9 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
         compensates, but not of the simulated handle's own delay.
     """
     fit = found.fit
+    # Friction that may be none would only disturb.
+    certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
+    friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
     handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
     mount = _plain(asdict(fit.mount))
     suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
@@ -342,7 +353,10 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
             "simulated": {
                 "handle": handle,
                 "mount": mount,
-                "drive": {"delay": float(f"{max(0.0, fit.delay - age):.6f}")},
+                "drive": {
+                    "delay": float(f"{max(0.0, fit.delay - age):.6f}"),
+                    "coulomb_friction": friction,
+                },
             }
         },
         "compensator": {
@@ -353,6 +367,7 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
                 "mount": mount,
                 "delay": float(f"{max(0.0, fit.delay):.6f}"),
                 "bandwidth": fit.low_pass_frequency,
+                "friction": friction,
             },
         },
     }
@@ -445,6 +460,8 @@ def _fit_metrics(fit: HandleFit) -> dict[str, Any]:
         "delay_s": fit.delay,
         "delay_us": fit.delay * 1e6,
         "delay_standard_error_s": fit.standard_errors.get("delay"),
+        "friction_n": fit.bearing.friction,
+        "friction_standard_error_n": fit.standard_errors.get("friction"),
         "mount": asdict(fit.mount),
         "residual": fit.residual,
     }

@@ -135,7 +135,7 @@ def dft_ratio(
     inside &= power > _WEAKEST_LINE * strongest
     response = _ratio(cross, power)
     rest = np.abs(spectra_acceleration - response * spectra_force) ** 2
-    noise = _smoothed(np.sum(rest[:, inside], axis=0) / (repeats - 1))
+    noise = smoothed(np.sum(rest[:, inside], axis=0) / (repeats - 1))
     explained = np.abs(response[inside]) ** 2 * power[inside]
     coherence = _ratio(explained, explained + noise)
     return FrequencyResponse(frequency[inside], response[inside], coherence, rate, float(repeats))
@@ -274,7 +274,7 @@ def _ratio(numerator: Values, denominator: FloatArray) -> Values:
     return np.divide(numerator, denominator, out=zeros, where=denominator > 0)
 
 
-def _smoothed(values: FloatArray) -> FloatArray:
+def smoothed(values: FloatArray) -> FloatArray:
     """Return the moving average over `_NOISE_LINES`, over fewer at the ends."""
     window = np.ones(min(_NOISE_LINES, len(values)))
     counts = np.convolve(np.ones_like(values), window, "same")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from statistics import fmean
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from haptic_accel.core.identification.estimate import (
     h1,
     h2,
 )
-from haptic_accel.core.identification.fit import DEFAULT_FREE, MOUNT, HandleFit, fit_handle
+from haptic_accel.core.identification.fit import DEFAULT_FREE as OF_RESPONSES
+from haptic_accel.core.identification.fit import MOUNT, Friction, HandleFit, fit_handle
+from haptic_accel.core.identification.motion import fit_motion
 from haptic_accel.core.identification.sweep import (
     IdentificationTrial,
     SweepParameters,
@@ -31,6 +34,9 @@ DISCRETE_ORDER = 7
 
 UNEXPLAINED = 2.0
 """Residual, in standard deviations of the noise, above which a model is regarded as incomplete."""
+
+DEFAULT_FREE = (*OF_RESPONSES, "friction")
+"""Fitted parameters."""
 
 Fit = Callable[..., HandleFit]
 """Function `fit_handle` for one accelerometer and what is known of the handle."""
@@ -110,7 +116,7 @@ def identify_handle(
     known : HandleParameters, optional
         Values of the parameters that are not free, and start of the search; Table I otherwise.
     free : sequence of str
-        Names of the fitted parameters, as in `fit_handle`.
+        Names of the fitted parameters, as in `fit_handle`, and ``"friction"``.
 
     Raises
     ------
@@ -162,11 +168,21 @@ def _identify_grip(
     averaged = h1(
         np.concatenate(forces), np.concatenate(accelerations), trials[0].rate, sweep.band
     )
+    found = _fit_responses(responses, fit, [name for name in free if name != "friction"])
+    if "friction" in free:
+        found = fit_motion(trials, sweep, found)
+    return GripIdentification(trials, responses, averaged, h2(averaged), found)
+
+
+def _fit_responses(
+    responses: Sequence[FrequencyResponse], fit: Fit, free: Sequence[str]
+) -> HandleFit:
+    """Fit a handle on a rigid mount, or on an elastic one where that explains far more."""
     found = fit(responses, free=free)
     if found.residual > UNEXPLAINED:
         moving = fit(responses, free=_with_mount(free), mount=MOUNT_START)
         found = moving if moving.residual < found.residual / 2 else found
-    return GripIdentification(trials, responses, averaged, h2(averaged), found)
+    return found
 
 
 def _pooled(grips: Sequence[GripIdentification], fit: Fit, free: Sequence[str]) -> HandleFit:
@@ -177,13 +193,29 @@ def _pooled(grips: Sequence[GripIdentification], fit: Fit, free: Sequence[str]) 
     """
     if len(grips) == 1:
         return grips[0].fit
-    means = [np.mean([response.response for response in g.responses], axis=0) for g in grips]
+    # The models of the grips rather than what was measured: they are without dry friction.
+    models = [_modelled(grip) for grip in grips]
+    means = [model.response for model in models]
     spread = np.sqrt(np.mean(np.abs(means - np.mean(means, axis=0)) ** 2, axis=0) / 2)
-    widened = [_widened(response, spread) for g in grips for response in g.responses]
+    widened = [_widened(model, spread) for model in models]
+    free = [name for name in free if name != "friction"]
     # The fits of the grips have decided already if the mount has a mode.
     if any(grip.fit.mount.frequency for grip in grips):
-        return fit(widened, free=_with_mount(free), mount=MOUNT_START)
-    return fit(widened, free=free)
+        found = fit(widened, free=_with_mount(free), mount=MOUNT_START)
+    else:
+        found = fit(widened, free=free)
+    return replace(found, bearing=_mean_friction([grip.fit for grip in grips]))
+
+
+def _modelled(grip: GripIdentification) -> FrequencyResponse:
+    """Return the response of a grip's model, as certain as that of a trial."""
+    first = grip.responses[0]
+    return replace(first, response=grip.fit.response(first.frequency, first.rate))
+
+
+def _mean_friction(fits: Sequence[HandleFit]) -> Friction:
+    """Return the bearing's friction, on which a grip has no influence."""
+    return Friction(fmean(fit.bearing.friction for fit in fits))
 
 
 def _with_mount(free: Sequence[str]) -> list[str]:

@@ -35,11 +35,17 @@ MOUNT = ("mount_frequency", "mount_damping")
 RIGID = MountParameters()
 """A mount without a mode."""
 
+FRICTION = ("friction", "slip_velocity", "friction_lag")
+"""Parameters of dry friction, which no response shows: they are fitted to the motion."""
+
 _HANDLE = tuple(field.name for field in fields(HandleParameters))
-_DELAY_UNIT = 1e-3  # s; makes the fitted number of order one
+_UNITS = {"delay": 1e-3, "friction": 0.01, "friction_lag": 1e-4}
+"""Units, s and N, of the parameters that may be zero; all others are searched as logarithms."""
 _REACH = math.log(1e3)  # a parameter is looked for within this factor of its start
 _BOUNDS: dict[str, Any] = {  # as searched: the delay in its unit, the mount's as logarithms
-    "delay": (EARLIEST_DELAY / _DELAY_UNIT, LONGEST_DELAY / _DELAY_UNIT),
+    "delay": (EARLIEST_DELAY / _UNITS["delay"], LONGEST_DELAY / _UNITS["delay"]),
+    "friction": (-0.02 / _UNITS["friction"], 10.0 / _UNITS["friction"]),  # below 0 by noise
+    "friction_lag": (-1e-3 / _UNITS["friction_lag"], 2e-3 / _UNITS["friction_lag"]),
     "mount_frequency": np.log((20.0, 2000.0)),
     "mount_damping": np.log((0.011, 1.9)),
 }
@@ -52,8 +58,27 @@ _START_LINES = 40  # of a response that the search for a start looks at
 
 
 @dataclass(frozen=True)
+class Friction:
+    """Dry friction between actuator and handle.
+
+    Attributes
+    ----------
+    friction : float
+        Friction while the actuator slips, N.
+    slip_velocity : float
+        Slip velocity from which on it is reached, m/s.
+    friction_lag : float
+        Time by which it follows the slip, s.
+    """
+
+    friction: float = 0.0
+    slip_velocity: float = 2e-3
+    friction_lag: float = 0.0
+
+
+@dataclass(frozen=True)
 class Point:
-    """Arguments of the model of a response: the handle, and what its accelerometer adds.
+    """Arguments of the model of a recording: the handle, and what its accelerometer adds.
 
     Attributes
     ----------
@@ -64,12 +89,15 @@ class Point:
         Delay beside the hold and the accelerometer's low-pass, s.
     low_pass_frequency : float
         The accelerometer's corner, Hz.
+    bearing : Friction
+        Dry friction of the actuator's bearing, of which a response knows nothing.
     """
 
     handle: HandleParameters
     mount: MountParameters
     delay: float
     low_pass_frequency: float
+    bearing: Friction
 
     def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
         """Return the model's response at frequencies in Hz, for signals sampled at a rate."""
@@ -78,9 +106,11 @@ class Point:
         )
 
     def value(self, name: str) -> float:
-        """Return a parameter of the handle, ``delay``, or one of `MOUNT`."""
+        """Return a parameter of the handle, ``delay``, one of `MOUNT` or of `FRICTION`."""
         if name == "delay":
             return self.delay
+        if name in FRICTION:
+            return float(getattr(self.bearing, name))
         if name in MOUNT:
             return float(getattr(self.mount, name.removeprefix("mount_")))
         return float(getattr(self.handle, name))
@@ -89,12 +119,63 @@ class Point:
         """Return the point with other values of the named parameters."""
         handle = {n: v for n, v in values.items() if n in _HANDLE}
         mount = {n.removeprefix("mount_"): v for n, v in values.items() if n in MOUNT}
+        bearing = {n: v for n, v in values.items() if n in FRICTION}
         return replace(
             self,
             handle=replace(self.handle, **handle),
             mount=replace(self.mount, **mount),
             delay=values.get("delay", self.delay),
+            bearing=replace(self.bearing, **bearing),
         )
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """Free parameters as numbers of order one, among which a search looks.
+
+    Attributes
+    ----------
+    known : Point
+        Values of the parameters that are not free.
+    free : tuple of str
+        Names of the free ones.
+    """
+
+    known: Point
+    free: tuple[str, ...]
+
+    def values(self, point: Point) -> FloatArray:
+        """Return the numbers of a point, shape (n,)."""
+        given = ((name, point.value(name)) for name in self.free)
+        return np.array(
+            [value / _UNITS[name] if name in _UNITS else math.log(value) for name, value in given]
+        )
+
+    def point(self, values: FloatArray) -> Point:
+        """Return the point of some numbers."""
+        return self.known.replaced(
+            {
+                name: value * _UNITS[name] if name in _UNITS else math.exp(value)
+                for name, value in zip(self.free, values.tolist(), strict=True)
+            }
+        )
+
+    def bounds(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the lowest and highest numbers of a search from a start."""
+        pairs = [
+            _BOUNDS.get(name, (value - _REACH, value + _REACH))
+            for name, value in zip(self.free, start, strict=True)
+        ]
+        low, high = np.transpose(pairs)
+        return low, high
+
+    def errors(self, point: Point, covariance: FloatArray) -> dict[str, float]:
+        """Return standard errors by name, in the parameters' units, from those of the numbers."""
+        deviations = np.sqrt(np.diag(covariance)).tolist()
+        return {
+            name: deviation * _UNITS.get(name, point.value(name))
+            for name, deviation in zip(self.free, deviations, strict=True)
+        }
 
 
 @dataclass(frozen=True)
@@ -111,8 +192,9 @@ class HandleFit(Point):
         Delay beside the hold and the accelerometer's low-pass, s. In lockstep, where a force acts
         right after the sample that it was computed from, it is 0.
     standard_errors : dict
-        Standard errors of the fitted parameters by name, in their units; from the Jacobian and
-        the residual, so they hold for noise, not for a model that is incomplete.
+        Standard errors of the fitted parameters by name, in their units. Those of a fit to
+        responses, from the Jacobian and the residual, hold for noise alone; those of `fit_motion`
+        contain what the model lacks.
     residual : float
         Root mean square of the error over the estimates' own standard deviation: 1 where the
         model lacks nothing.
@@ -169,7 +251,7 @@ def fit_handle(
     """
     if isinstance(responses, FrequencyResponse):
         responses = [responses]
-    start = Point(known or HandleParameters(), mount, delay, low_pass_frequency)
+    start = Point(known or HandleParameters(), mount, delay, low_pass_frequency, Friction())
     _check(start, free)
     return _Problem(responses, start, tuple(free)).solve()
 
@@ -208,12 +290,12 @@ def sampled_response(
         Complex, m/s^2 per N.
     """
     frequency = np.asarray(frequency, dtype=np.float64)
-    a, b = _mechanics(handle, low_pass_frequency, mount)
+    a, b = mechanics(handle, low_pass_frequency, mount)
     late = math.ceil(delay * rate)  # whole samples until the force is first seen
-    over, step = _held(a, b, 1.0 / rate)
+    over, step = held(a, b, 1.0 / rate)
     # A force held from sample m acts from then plus the delay: at each later sample what remains
     # of the last period is added to what the earlier ones left.
-    over_rest, step_rest = _held(a, b, late / rate - delay)
+    over_rest, step_rest = held(a, b, late / rate - delay)
     z = np.exp(2j * np.pi * frequency / rate)
     # x[n+1] = over x[n] + step u[n], by solving (z - over) x = step for all z at once.
     states = len(b)
@@ -223,7 +305,7 @@ def sampled_response(
     return np.asarray(seen * z**-late)
 
 
-def _mechanics(
+def mechanics(
     handle: HandleParameters, corner: float, mount: MountParameters
 ) -> tuple[FloatArray, FloatArray]:
     """Return A and B of eq. (1) and (2) with the hand at rest; the last state is the output.
@@ -253,7 +335,7 @@ def _mechanics(
     return a, b
 
 
-def _held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
+def held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
     """Return the factors of the state, and of an input held over it, after a time in s."""
     from scipy.linalg import expm
 
@@ -271,6 +353,7 @@ class _Problem:
         self, responses: Sequence[FrequencyResponse], known: Point, free: tuple[str, ...]
     ) -> None:
         self._known, self._free = known, free
+        self._coordinates = Coordinates(known, free)
         self._lines = [_weighted(response) for response in responses]
         count = sum(len(lines.frequency) for lines in self._lines)
         if count <= len(free):
@@ -283,19 +366,15 @@ class _Problem:
         if {"b_s", "b_u"} <= set(self._free):
             other = self._searched(self._mirrored(found.x))
             found = min(found, other, key=self._preference)
-        point = self._decoded(found.x)
+        point = self._coordinates.point(found.x)
         jacobian = np.asarray(found.jac)
         count = len(found.fun)
         variance = 2.0 * found.cost / (count - len(self._free))
         covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
-        errors = zip(self._free, np.sqrt(np.diag(covariance)).tolist(), strict=True)
         ends = [float(lines.frequency[end]) for lines in self._lines for end in (0, -1)]
         return HandleFit(
             **vars(point),
-            standard_errors={
-                name: error * (_DELAY_UNIT if name == "delay" else point.value(name))
-                for name, error in errors
-            },
+            standard_errors=self._coordinates.errors(point, covariance),
             residual=math.sqrt(2.0 * found.cost / count),
             relative_residual=self._relative(point),
             band=(min(ends), max(ends)),
@@ -305,18 +384,14 @@ class _Problem:
         """Return the result of least squares from a start."""
         from scipy.optimize import least_squares
 
-        bounds = [
-            _BOUNDS.get(name, (value - _REACH, value + _REACH))
-            for name, value in zip(self._free, start, strict=True)
-        ]
-        low, high = np.transpose(bounds)
-        return least_squares(self._residuals, start, bounds=(low, high), x_scale="jac")
+        bounds = self._coordinates.bounds(start)
+        return least_squares(self._residuals, start, bounds=bounds, x_scale="jac")
 
     def _preference(self, found: Any) -> tuple[float, float]:
         """Return what decides between two solutions: the cost; if equal, the known handle."""
         # Equal but for rounding, which differs from one version of a library to the next.
         cost = float(f"{found.cost:.6g}")
-        return cost, float(np.linalg.norm(found.x - self._encoded(self._known)))
+        return cost, float(np.linalg.norm(found.x - self._coordinates.values(self._known)))
 
     def _mirrored(self, point: FloatArray) -> FloatArray:
         """Return the point where bearing and grip have exchanged their damping.
@@ -325,30 +400,15 @@ class _Problem:
         b_u + (1 + m_h/m_a) b_s and that of s^2 only b_u b_s: two solutions, between which only
         the coefficients that fade above 10 Hz decide. The search may have found the wrong one.
         """
-        handle = self._decoded(point).handle
+        handle = self._coordinates.point(point).handle
         ratio = 1.0 + handle.m_h / handle.m_a
         mirrored = point.copy()
         mirrored[self._free.index("b_s")] = math.log(handle.b_u / ratio)
         mirrored[self._free.index("b_u")] = math.log(handle.b_s * ratio)
         return mirrored
 
-    def _decoded(self, point: FloatArray) -> Point:
-        values = {
-            name: value * _DELAY_UNIT if name == "delay" else math.exp(value)
-            for name, value in zip(self._free, point.tolist(), strict=True)
-        }
-        return self._known.replaced(values)
-
-    def _encoded(self, point: Point) -> FloatArray:
-        return np.array(
-            [
-                point.value(name) / _DELAY_UNIT if name == "delay" else math.log(point.value(name))
-                for name in self._free
-            ]
-        )
-
     def _residuals(self, point: FloatArray) -> FloatArray:
-        decoded = self._decoded(point)
+        decoded = self._coordinates.point(point)
         parts = []
         for line in self._lines:
             error = (line.modelled(decoded) - line.response) / line.deviation
@@ -376,7 +436,7 @@ class _Problem:
             at = int(np.argmin(costs))
             if costs[at] < best_cost:
                 best, best_cost = point.replaced({"delay": delays[at]}), costs[at]
-        return self._encoded(best)
+        return self._coordinates.values(best)
 
     def _grid(self) -> Iterator[Point]:
         """Yield points around the known one."""
@@ -439,7 +499,7 @@ def _check(start: Point, free: Sequence[str]) -> None:
     names = (*_HANDLE, *MOUNT, "delay")
     for name in free:
         if name not in names:
-            raise ParameterError(f"free = {name!r}: must be among {', '.join(names)}")
+            raise ParameterError(f"free = {name!r}: must be among {', '.join(names)}, friction")
         if name != "delay" and start.value(name) == 0.0:
             raise ParameterError(f"{name} = 0: must be above 0 to be the start of a fit")
     if not free:

@@ -196,7 +196,7 @@ def test_a_model_that_lacks_something_shows_in_the_residual() -> None:
         (
             {"free": ("m",)},
             "^free = 'm': must be among m_a, k_s, b_s, m_h, k_u, b_u, mount_frequency,"
-            " mount_damping, delay$",
+            " mount_damping, delay, friction$",
         ),
         ({"free": ("m_h", "m_h")}, "^free = m_h, m_h: must hold each parameter once$"),
         (

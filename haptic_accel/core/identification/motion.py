@@ -1,0 +1,318 @@
+"""Handle and dry friction, fitted to recorded motion.
+
+A response takes dry friction for damping that it is not. Here the motion is simulated, eq. (1) and
+(2) of the paper with friction between actuator and handle, and compared with the recording.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from haptic_accel.core.identification.estimate import smoothed
+from haptic_accel.core.identification.fit import (
+    FRICTION,
+    Coordinates,
+    HandleFit,
+    Point,
+    held,
+    mechanics,
+)
+from haptic_accel.core.identification.sweep import (
+    DROPPED_REPEATS,
+    IdentificationTrial,
+    SweepParameters,
+    repeat_samples,
+)
+from haptic_accel.core.model import ComplexArray, FloatArray
+
+# scipy.optimize takes a while to import: only a fit waits for it.
+
+STEPS = (1e-3, 250e-6)
+"""Longest steps of the simulation, s, of a first search and of the last: friction is held over
+them, all else is exact. At the last the motion is as with a quarter of it but for a third of the
+accelerometer's noise."""
+
+HIGHEST_HARMONIC = 3.0
+"""Highest compared frequency over that of the sweep: dry friction has a third harmonic."""
+
+EXPECTED = {"slip_velocity": (2e-3, 1.0), "friction_lag": (0.0, 200e-6)}
+"""Expected value and its uncertainty, the former's as a logarithm, of what decides how friction
+changes its sign (assumed: 1 to 5 mm/s, and the micrometres within which contacts shear). The
+motion says little of them, but they shift the other parameters."""
+
+LARGEST_SHARE = 0.49
+"""Highest compared frequency over the sampling rate."""
+
+_FRICTION_START = 0.01  # N
+_DIFFERENCE = 1e-4  # of the numbers searched, for derivatives
+_CLOSE = 1e-6  # relative step, and relative gain, below which the search ends
+_NEAR = 1e-3  # of a sample, by which a delay found may fall short of a whole one
+_LEAST_NOISE = 1e-6  # of the strongest line; rounding of a recording without noise
+
+
+def fit_motion(
+    trials: Sequence[IdentificationTrial], sweep: SweepParameters, start: HandleFit
+) -> HandleFit:
+    """Fit what a fit to responses found, and dry friction, to the mean of all repeats.
+
+    Least squares, each spectral line weighted by its scatter between repeats. The standard errors
+    hold for noise and for what the model lacks: that is taken to consist of as many patterns as
+    the model has parameters, each as likely to look like a parameter as not. Then the part that
+    parameters have absorbed is, for each, as large as what each has left in the residual.
+
+    Parameters
+    ----------
+    trials : sequence of IdentificationTrial
+        Trials without latency, of one handle held in one way, each from rest.
+    sweep : SweepParameters
+        Excitation of the handle.
+    start : HandleFit
+        Start of the search; its fitted parameters are free.
+
+    Returns
+    -------
+    HandleFit
+        With `FRICTION` among the fitted parameters.
+    """
+    from scipy.optimize import least_squares
+
+    begun = start.replaced({"friction": _FRICTION_START})
+    coordinates = Coordinates(begun, (*start.standard_errors, *FRICTION))
+    values = coordinates.values(begun)
+    bounds = coordinates.bounds(values)
+    if "delay" in coordinates.free and start.low_pass_frequency > trials[0].rate:
+        at = coordinates.free.index("delay")
+        for bound, delay in zip(bounds, _continuous(start.delay, trials[0].rate), strict=True):
+            bound[at] = coordinates.values(start.replaced({"delay": delay}))[at]
+        values = np.clip(values, *bounds)
+    for step in STEPS:
+        problem = _Problem(trials, sweep, coordinates, step)
+        values = least_squares(
+            problem.residuals,
+            values,
+            jac=problem.jacobian,
+            bounds=bounds,
+            x_scale="jac",
+            xtol=_CLOSE,
+            ftol=_CLOSE,
+        ).x
+    return problem.fit(values, start)
+
+
+def _continuous(delay: float, rate: float) -> tuple[float, float]:
+    """Return the range around a delay in which a sensor without a low-pass sees no jump, s.
+
+    Where a force acts just before a sample rather than just after it, such a sensor shows it one
+    sample earlier, which no search by derivatives would find its way across.
+    """
+    whole = math.floor(delay * rate + _NEAR)
+    return whole / rate, (whole + 1) / rate
+
+
+def simulated(
+    points: Sequence[Point], force: FloatArray, rate: float, longest_step: float = STEPS[-1]
+) -> FloatArray:
+    """Return the sampled acceleration of handles that start at rest, m/s^2.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        Handles, all with a mount of the same kind: they move side by side.
+    force : ndarray, shape (n,)
+        Actuator force right after each sample, N.
+    rate : float
+        Samples per second.
+    longest_step : float
+        Longest time over which friction is held, s.
+
+    Returns
+    -------
+    ndarray, shape (len(points), n)
+    """
+    steps = math.ceil(1.0 / (rate * longest_step) - 1e-9)  # from one force to the next
+    steppings = [_stepping(point, 1.0 / (rate * steps)) for point in points]
+    over, rub = (np.array(each) for each in zip(*steppings, strict=True))
+    rub, states = rub[..., None], rub.shape[1]
+    # State and force at the beginning of each step, and the share of the friction during it.
+    count = len(force) * steps
+    begun = np.zeros((count + 1, len(points), states + 1, 1))
+    begun[:-1, :, states, 0] = np.repeat(force, steps)[:, None]
+    shares = np.zeros((count, len(points), 1, 1))
+    for now, after, share in zip(begun[:-1], begun[1:, :, :states], shares, strict=True):
+        free = over @ now
+        np.minimum(np.maximum(free[:, states:], -1.0), 1.0, out=share)
+        np.add(free[:, :states], rub * share, out=after)
+    known = np.concatenate([begun[:-1], shares], axis=2)[..., 0]
+    known = known.reshape(len(force), steps, *known.shape[1:])
+    return np.array([_seen(point, known[:, :, at], rate) for at, point in enumerate(points)])
+
+
+def _stepping(point: Point, time: float) -> tuple[FloatArray, FloatArray]:
+    """Return what state and force become over a step in s, and what full friction adds.
+
+    A last row gives the share of the friction that acts: proportional to the mean slip over the
+    step under its own effect, up to 1, so that friction held over a step cannot reverse a slip.
+
+    Returns
+    -------
+    ndarray, shape (states + 1, states + 1)
+    ndarray, shape (states,)
+    """
+    a, b = mechanics(point.handle, point.low_pass_frequency, point.mount)
+    free, push = held(a, b, time)
+    bearing = point.bearing
+    slip = np.zeros(len(b))
+    slip[1], slip[3] = 1.0, -1.0
+    # Friction acts between actuator and handle, as the actuator's force does.
+    yielding = -float(slip @ push)  # slip that a unit of friction takes away
+    scale = bearing.slip_velocity + abs(bearing.friction) * yielding / 2
+    late = bearing.friction_lag / time
+    identity = np.eye(len(b))
+    mean = slip @ (0.5 * (free + identity) - late * (free - identity))
+    shared = np.append(mean, (0.5 - late) * float(slip @ push)) / scale
+    over = np.vstack([np.column_stack([free, push]), shared])
+    return over, bearing.friction * push
+
+
+def _seen(point: Point, before: FloatArray, rate: float) -> FloatArray:
+    """Return what is sampled of a handle, whose force acts later than the sample by the delay.
+
+    Parameters
+    ----------
+    point : Point
+    before : ndarray, shape (n, steps, states + 2)
+        State, force and share of friction at the beginning of each step.
+    rate : float
+        Samples per second.
+    """
+    samples, steps, _ = before.shape
+    late = math.ceil(point.delay * rate)  # samples until a force is first seen
+    rest = late / rate - point.delay
+    step = min(int(rest * rate * steps), steps - 1)
+    a, b = mechanics(point.handle, point.low_pass_frequency, point.mount)
+    over, push = held(a, b, rest - step / (rate * steps))
+    row = np.concatenate([over[-1], [push[-1], point.bearing.friction * push[-1]]])
+    acceleration = np.zeros(samples)
+    acceleration[max(0, late) : samples + min(0, late)] = (
+        before[max(0, -late) : samples - max(0, late), step] @ row
+    )
+    return acceleration
+
+
+class _Problem:
+    """Residuals of the mean spectrum as a function of the numbers searched.
+
+    Parameters
+    ----------
+    trials : sequence of IdentificationTrial
+    sweep : SweepParameters
+    coordinates : Coordinates
+        Meaning of the numbers.
+    step : float
+        Longest step of the simulation, s.
+    """
+
+    def __init__(
+        self,
+        trials: Sequence[IdentificationTrial],
+        sweep: SweepParameters,
+        coordinates: Coordinates,
+        step: float,
+    ) -> None:
+        self._rate, self._coordinates, self._step = trials[0].rate, coordinates, step
+        self._repeat = repeat_samples(sweep, self._rate)
+        frequency = np.fft.rfftfreq(self._repeat, 1.0 / self._rate)
+        highest = min(HIGHEST_HARMONIC * sweep.end_frequency, LARGEST_SHARE * self._rate)
+        self._used = (frequency >= sweep.start_frequency) & (frequency <= highest)
+        # Mostly all trials and repeats have the same force.
+        forces = [trial.actuator_force[: sweep.repeats * self._repeat] for trial in trials]
+        self._forces, counts = np.unique(forces, axis=0, return_counts=True)
+        self._shares = counts / len(trials)
+        repeated = np.tile(self._forces[:, : self._repeat], sweep.repeats)
+        if np.array_equal(self._forces, repeated):
+            self._forces = self._forces[:, : (DROPPED_REPEATS + 1) * self._repeat]
+        spectra = np.array([self._spectra(trial.handle_acceleration) for trial in trials])
+        self._measured = spectra.mean(axis=(0, 1))
+        scatter = np.abs(spectra - spectra.mean(axis=1, keepdims=True)) ** 2
+        count, repeats, _ = spectra.shape
+        self._freedom = count * (repeats - 1)  # of the scatter of a line
+        power = smoothed(scatter.sum(axis=(0, 1)) / self._freedom) / (count * repeats)
+        least = _LEAST_NOISE * np.abs(self._measured).max()
+        self._deviation = np.maximum(np.sqrt(power / 2), least)
+        self._at = np.array([np.nan])
+        self._residuals, self._jacobian = np.zeros(0), np.zeros((0, 0))
+
+    def residuals(self, values: FloatArray) -> FloatArray:
+        """Return errors of real and imaginary parts over their deviations, then of `EXPECTED`."""
+        self._linearise(values)
+        return self._residuals
+
+    def jacobian(self, values: FloatArray) -> FloatArray:
+        """Return the derivatives of the residuals."""
+        self._linearise(values)
+        return self._jacobian
+
+    def fit(self, values: FloatArray, start: HandleFit) -> HandleFit:
+        """Return the fit of a solution."""
+        jacobian, error = self.jacobian(values), self.residuals(values)[: -len(EXPECTED)]
+        free = len(values)
+        # A standard deviation of the sum, which noise may cause, is no sign of a misfit.
+        chance = math.sqrt(2 * len(error) * (1 + 1 / self._freedom))
+        misfit = max(0.0, float(error @ error) - (len(error) - free) - chance)
+        covariance = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
+        covariance *= 1.0 + misfit / free
+        point = self._coordinates.point(values)
+        point = point.replaced({"friction": max(0.0, point.value("friction"))})
+        weight = np.tile(self._deviation, 2)
+        return replace(
+            start,
+            handle=point.handle,
+            mount=point.mount,
+            delay=point.delay,
+            bearing=point.bearing,
+            standard_errors=self._coordinates.errors(point, covariance),
+            residual=math.sqrt(float(np.mean(error**2))),
+            relative_residual=float(
+                np.linalg.norm(error * weight) / np.linalg.norm(self._measured)
+            ),
+        )
+
+    def _linearise(self, values: FloatArray) -> None:
+        """Simulate the handle, and beside it one for each parameter that differs a little."""
+        if np.array_equal(values, self._at):
+            return
+        shifted = values + _DIFFERENCE * np.eye(len(values))
+        points = [self._coordinates.point(each) for each in (values, *shifted)]
+        errors = (self._simulated(points) - self._measured) / self._deviation
+        parts = np.hstack([errors.real, errors.imag, [_unexpected(point) for point in points]])
+        self._at, self._residuals = values.copy(), parts[0]
+        self._jacobian = (parts[1:] - parts[0]).T / _DIFFERENCE
+
+    def _simulated(self, points: Sequence[Point]) -> ComplexArray:
+        """Return the mean spectra of simulated handles, shape (len(points), lines)."""
+        total = np.zeros((len(points), len(self._measured)), dtype=np.complex128)
+        for force, share in zip(self._forces, self._shares, strict=True):
+            for index, moved in enumerate(simulated(points, force, self._rate, self._step)):
+                total[index] += share * self._spectra(moved).mean(axis=0)
+        return total
+
+    def _spectra(self, values: FloatArray) -> ComplexArray:
+        """Return the lines of each repeat that is evaluated, shape (repeats, lines)."""
+        kept = values[DROPPED_REPEATS * self._repeat :]
+        kept = kept[: len(kept) // self._repeat * self._repeat].reshape(-1, self._repeat)
+        return np.asarray(np.fft.rfft(kept)[:, self._used])
+
+
+def _unexpected(point: Point) -> list[float]:
+    """Return how far friction's way of changing sign is from `EXPECTED`, in its uncertainty."""
+    velocity, spread = EXPECTED["slip_velocity"]
+    lag, width = EXPECTED["friction_lag"]
+    bearing = point.bearing
+    return [
+        math.log(bearing.slip_velocity / velocity) / spread,
+        (bearing.friction_lag - lag) / width,
+    ]
