@@ -11,6 +11,7 @@ import numpy as np
 from haptic_accel.cli.options import json_option, verb, words
 from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.interface import Loop
@@ -56,7 +57,8 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
     values = graph_parameters(arguments)
     around, options = node_parameters("compensator", values["compensator"])
     plant = options[PLANT].coupled().delayed(around.latency)
-    loop = Loop(arguments.rate, around.high_pass_frequency, plant)
+    actuator: ActuatorParameters = options[ACTUATOR]
+    loop = Loop(arguments.rate, around.high_pass_frequency, plant, actuator.travel)
     parameters: InverseParameters = options[name]
     spectrum: ToolSpectrum = parameters.texture
     if arguments.surface == RECORDING:
@@ -81,7 +83,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         samples,
         granted_delay=granted,
         high_pass_frequency=loop.high_pass_frequency,
-        actuator=options[ACTUATOR],
+        actuator=actuator,
     )
     frequencies = [frequency for frequency in SHOWN if frequency < found.frequency[-1]]
     nearest = [int(np.argmin(np.abs(found.frequency - frequency))) for frequency in frequencies]
@@ -98,6 +100,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         f" force {found.force_rms:.2f} N RMS, travel {1e3 * found.travel_rms:.2f} mm RMS and"
         f" {1e3 * found.landing_travel:.2f} mm after a landing"
     )
+    print(f"the controller gives up low frequencies above {1e3 * loop.travel_limit:.2f} mm")
     metrics: dict[str, Any] = {
         "controller": name,
         "rate_hz": loop.rate,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.model import Suspension
@@ -17,7 +18,7 @@ class FrictionCompensation:
 
     Friction acts between actuator and handle, as the actuator's force does: a force f and friction
     mu against the slip v act together as a force f + mu sign(v). The slip is predicted from
-    eq. (1) of the paper, on the assumption that the handle accelerates as desired.
+    eq. (1) of the paper, on the assumption that the handle accelerates as desired, so much later.
 
     Parameters
     ----------
@@ -27,10 +28,18 @@ class FrictionCompensation:
         Dry friction, N.
     rate : float
         Samples per second.
+    lag : float
+        Samples by which the handle's motion is behind the desired one while the force acts; below
+        zero, where it cannot be known, as zero.
     """
 
-    def __init__(self, suspension: Suspension, friction: float, rate: float) -> None:
+    def __init__(
+        self, suspension: Suspension, friction: float, rate: float, lag: float = 0.0
+    ) -> None:
         self._friction = friction
+        whole = int(max(0.0, lag))
+        self._share = max(0.0, lag) - whole
+        self._desired = deque([0.0] * (whole + 2), whole + 2)
         self._slip = TravelEstimator(suspension, rate)
 
     def force(self, actuator_force: float, desired_acceleration: float) -> float:
@@ -41,12 +50,14 @@ class FrictionCompensation:
         actuator_force : float
             Actuator force that would be right without friction, N.
         desired_acceleration : float
-            Desired handle acceleration until the next sample, m/s^2.
+            The latest desired handle acceleration, m/s^2.
         """
         if not self._friction:
             return 0.0
         before = self._slip.velocity
-        self._slip.sample(actuator_force, desired_acceleration)
+        self._desired.append(desired_acceleration)
+        earlier, later = self._desired[0], self._desired[1]
+        self._slip.sample(actuator_force, later + self._share * (earlier - later))
         # The mean over the sample, as the force is held over it.
         slip = (before + self._slip.velocity) / 2
         return -self._friction * math.tanh(slip / SLIP_VELOCITY)
@@ -54,3 +65,4 @@ class FrictionCompensation:
     def reset(self) -> None:
         """Return to an actuator at rest in the middle of its travel."""
         self._slip.reset()
+        self._desired.extend([0.0] * len(self._desired))

@@ -139,7 +139,7 @@ class Compensation:
         plant = self._options.get(PLANT, Plant())
         assert isinstance(actuator, ActuatorParameters) and isinstance(plant, Plant)
         plant = plant.coupled().delayed(latency)
-        self._loop = Loop(rate, parameters.high_pass_frequency, plant)
+        self._loop = Loop(rate, parameters.high_pass_frequency, plant, actuator.travel)
         self.guard = ActuatorGuard(actuator, rate)
         self._built: dict[str, _Channel] = {}
         for name in (parameters.controller, *prepared):

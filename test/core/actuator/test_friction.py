@@ -44,6 +44,16 @@ def test_it_pushes_the_way_the_actuator_slips() -> None:
     assert math.remainder(float(phase - expected), 2 * math.pi) == pytest.approx(0.0, abs=0.2)
 
 
+def test_a_handle_that_lags_slips_when_it_does_as_desired() -> None:
+    desired = np.random.default_rng(0).normal(0.0, 5.0, 60)
+    before = np.concatenate([np.zeros(3), desired])
+    late = (before[:-3] + before[1:-2]) / 2  # two and a half samples
+    told = FrictionCompensation(HANDLE, 0.05, RATE, lag=2.5)
+    shown = FrictionCompensation(HANDLE, 0.05, RATE)
+    for wanted, moved in zip(desired.tolist(), late.tolist(), strict=True):
+        assert told.force(0.2, wanted) == pytest.approx(shown.force(0.2, moved))
+
+
 def test_at_rest_it_gives_next_to_nothing() -> None:
     compensation = FrictionCompensation(HANDLE, 0.05, RATE)
     random = np.random.default_rng(0)

@@ -17,8 +17,9 @@ from haptic_accel.core.control.feedback_design import (
     encirclements,
     loop_margins,
 )
-from haptic_accel.core.control.inversion.design import design_inverse
+from haptic_accel.core.control.inversion.design import Goal, design_inverse
 from haptic_accel.core.control.inversion.plant import Grid, Plant
+from haptic_accel.core.control.inversion.spectrum import TexturePrior
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 
@@ -36,7 +37,12 @@ def plant(request: pytest.FixtureRequest) -> Plant:
 
 @pytest.fixture(scope="module")
 def design(plant: Plant) -> FeedbackDesign:
-    return design_feedback(plant, RATE, design_inverse(plant, RATE).response, margin=MARGIN)
+    return designed(plant, Goal(spectrum=TexturePrior(rise=60.0)))
+
+
+def designed(plant: Plant, goal: Goal) -> FeedbackDesign:
+    feedforward = design_inverse(plant, RATE, goal).response
+    return design_feedback(plant, RATE, feedforward, goal, margin=MARGIN)
 
 
 # Margins
@@ -147,6 +153,18 @@ def test_the_error_is_less_at_every_corner_and_the_same_in_the_middle(
     for corner in corners:
         assert corner.with_feedback < corner.without
     assert sum(c.with_feedback for c in corners) < 0.97 * sum(c.without for c in corners)
+
+
+def test_the_wider_the_texture_the_less_is_there_to_gain(
+    design: FeedbackDesign, plant: Plant
+) -> None:
+    """Bode's integral: what is gained at some frequencies is lost at others."""
+
+    def gain(found: FeedbackDesign) -> float:
+        outlooks = found.outlooks
+        return 1.0 - sum(o.with_feedback for o in outlooks) / sum(o.without for o in outlooks)
+
+    assert 0.0 < gain(designed(plant, Goal(spectrum=TexturePrior(rise=15.0)))) < gain(design)
 
 
 @pytest.mark.parametrize("rate", [50.0, 1000.0])

@@ -125,7 +125,7 @@ def test_of_a_free_mass_the_inverse_is_that_mass(rate: float) -> None:
     # The actuator is so heavy that it stays where it is, the spring so soft that it is none.
     free = HandleParameters(m_a=1e3, k_s=1e-3, b_s=0.0, m_h=0.2, k_u=0.0, b_u=0.0)
     plant = Plant(handle=free, bandwidth=100e3)
-    inverse = design_inverse(plant, rate, Goal(spectrum=flat, travel_limit=0.1))
+    inverse = design_inverse(plant, rate, Goal(spectrum=flat))
     frequency = np.array([60.0, 100.0, 200.0, 300.0])
     # One sample after a force it is accelerated in full, as is granted.
     assert inverse.response(frequency) == pytest.approx(0.2, rel=0.01)
@@ -135,11 +135,10 @@ def test_of_a_free_mass_the_inverse_is_that_mass(rate: float) -> None:
 @pytest.mark.parametrize("plant", [Plant(), PAPER])
 def test_the_handle_follows_within_what_travel_leaves(plant: Plant, rate: float) -> None:
     few, many = (
-        predict(design_inverse(plant, rate, Goal(travel_limit=limit)), plant)
-        for limit in (1e-3, 8e-3)
+        predict(design_inverse(plant, rate, Goal(travel_corner=corner)), plant)
+        for corner in (12.0, 1.0)
     )
-    assert few.landing_travel == pytest.approx(1e-3, rel=0.02)
-    assert many.landing_travel <= 8e-3 * 1.001
+    assert few.landing_travel < 0.5 * many.landing_travel
     assert many.nrmse_percent < few.nrmse_percent
     assert many.travel_rms > few.travel_rms
     within = (many.frequency > 80.0) & (many.frequency < 200.0)
@@ -204,7 +203,7 @@ def test_the_paper_without_its_mount_is_followed_within_a_percent(rate: float) -
 
 def test_the_prior_is_as_strong_as_it_says() -> None:
     frequency = np.arange(0.25, 5000.0, 0.5)
-    assert math.sqrt(PRIOR(frequency).sum() * 0.5) == pytest.approx(1.0, abs=0.05)
+    assert math.sqrt(PRIOR(frequency).sum() * 0.5) == pytest.approx(1.4, abs=0.05)
 
 
 # Grips
@@ -215,7 +214,7 @@ def test_the_basis_gives_the_design_of_its_own_plant(rate: float) -> None:
     inverse, terms = design_inverse(PAPER, rate), design_basis(PAPER, rate)
     taps = grip_factors(PAPER.handle) @ terms
     # The four parts are each far larger than their sum at low frequencies.
-    assert taps == pytest.approx(inverse.taps, abs=1e-6 * np.abs(inverse.taps).max())
+    assert taps[0] == pytest.approx(inverse.taps, abs=1e-6 * np.abs(inverse.taps).max())
 
 
 def test_taps_are_linear_in_the_grip() -> None:
@@ -246,7 +245,7 @@ def test_another_grip_is_inverted_better_by_its_own_combination(
     inverse = design_inverse(plant, rate)
     own = predict(inverse, plant).nrmse_percent
     combined, nominal = (
-        predict(replace(inverse, taps=grip_factors(grip) @ terms), plant).nrmse_percent
+        predict(replace(inverse, taps=(grip_factors(grip) @ terms)[0]), plant).nrmse_percent
         for grip in (other, handle)
     )
     assert combined == pytest.approx(own, rel=0.1)
@@ -277,12 +276,12 @@ def test_an_identified_model_of_another_rate_is_refused() -> None:
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("plant", [Plant(), PAPER])
 def test_no_design_is_below_the_bound(plant: Plant, rate: float) -> None:
-    inverse = design_inverse(plant, rate, Goal(travel_limit=0.1, memory=0.4))
+    inverse = design_inverse(plant, rate, Goal(memory=0.4))
     assert causal_bound(plant, rate) <= predict(inverse, plant).nrmse_percent
 
 
 def test_a_plant_that_answers_at_once_can_be_inverted_exactly() -> None:
-    assert causal_bound(FAST_SENSOR, 1000.0) < 1.0
+    assert causal_bound(FAST_SENSOR, 1000.0, TexturePrior(rise=60.0)) < 1.0
 
 
 def test_an_extra_delay_costs_what_cannot_be_foreseen() -> None:
@@ -321,7 +320,8 @@ def test_the_bound_is_what_the_best_long_filter_comes_near_to() -> None:
     sections = np.array([[4.0, -6.0, 0.0, 1.0, -0.5, 0.0]])
     plant = IdentifiedPlant(DiscreteModel(sections, rate, 2))
     grid = Grid(rate, 1 << 13)
-    power = PRIOR(grid.frequency)
+    texture = TexturePrior(rise=60.0)
+    power = texture(grid.frequency)
     passed = signal.freqz_sos(high_pass(15.0, rate), grid.frequency, fs=rate)[1]
     desired = power * np.abs(passed) ** 2
     response = plant.response(grid.frequency, rate)
@@ -330,8 +330,8 @@ def test_the_bound_is_what_the_best_long_filter_comes_near_to() -> None:
     taps = linalg.solve_toeplitz(column, wanted)
     error = desired * np.abs(response * grid.spectrum(taps) - grid.delay(1)) ** 2
     best = 100 * math.sqrt(error.sum() / desired.sum())
-    assert causal_bound(plant, rate) == pytest.approx(best, rel=0.02)
-    assert causal_bound(plant, rate) <= best
+    assert causal_bound(plant, rate, texture) == pytest.approx(best, rel=0.02)
+    assert causal_bound(plant, rate, texture) <= best
 
 
 def test_noise_of_the_handles_sensor_adds_its_power() -> None:
@@ -399,7 +399,7 @@ def test_an_impossible_latency_is_refused(latency: int) -> None:
         ({"rate": math.nan}, "rate = nan: must be above twice high_pass_frequency = 15 Hz"),
         ({"granted_delay": -1}, "granted_delay = -1: must be from 0 to 120"),
         ({"memory": 100.0}, "memory = 100: must be from 0.001 to 8.192 s at 1000 Hz"),
-        ({"travel_limit": 0.0}, "travel_limit = 0: must be above 0 m"),
+        ({"travel_corner": 0.0}, "travel_corner = 0: must be above 0 Hz"),
     ],
 )
 def test_impossible_designs_are_refused(arguments: dict[str, float], message: str) -> None:

@@ -14,9 +14,6 @@ from haptic_accel.core.control.grip_estimation import (
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
 from haptic_accel.core.parameters import parameter
 
-FADING = 0.005
-"""Duration of the crossfade from one grip's filter to another's, s."""
-
 
 @dataclass(frozen=True)
 class AdaptiveParameters(InverseParameters):
@@ -38,10 +35,7 @@ class AdaptiveController(InverseController):
     def __init__(self, parameters: AdaptiveParameters, loop: Loop) -> None:
         self._family = parameters.family(loop)
         self._estimator = GripEstimator(loop.plant, loop.rate, parameters.adaptation)
-        taps = self._family.taps(self._estimator.grip)
-        self._invert_by(self._family.sections, taps, loop)
-        self._step = 1.0 / max(1, round(FADING * loop.rate))
-        self._fading, self._slope = 0.0, 0.0 * taps
+        self._invert_by(self._family.bank(self._estimator.grip), parameters, loop)
         self._applied = 0.0
         self.frozen = parameters.frozen
 
@@ -49,9 +43,6 @@ class AdaptiveController(InverseController):
         """Return the force after which the handle moves as desired."""
         # The force applied one sample ago, and the acceleration measured then.
         self._estimator.sample(self._applied, measured_acceleration)
-        if self._fading > 0.0:
-            self._fading -= self._step
-            self._convolution.taps = self._convolution.taps + self._slope
         return super().force(desired_acceleration, measured_acceleration)
 
     def applied(self, actuator_force: float) -> None:
@@ -63,9 +54,7 @@ class AdaptiveController(InverseController):
         if self.frozen:
             return
         if self._estimator.step():
-            taps = self._family.taps(self._estimator.grip)
-            self._slope = (taps - self._convolution.taps) * self._step
-            self._fading = 1.0 - self._step / 2
+            self._excursion.replace(self._family.taps(self._estimator.grip))
 
     def freeze(self, frozen: bool) -> None:
         """Keep the present filter, or resume following the grip."""
@@ -73,10 +62,9 @@ class AdaptiveController(InverseController):
 
     def reset(self) -> None:
         """Clear the filters and forget the grip."""
-        super().reset()
         self._estimator.reset()
-        self._convolution.taps = self._family.taps(self._estimator.grip)
-        self._fading = self._applied = 0.0
+        super().reset()
+        self._applied = 0.0
 
     @property
     def warning(self) -> str:

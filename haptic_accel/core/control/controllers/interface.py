@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from haptic_accel.core.actuator.guard import CUSHION
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.parameters import Checked
@@ -23,11 +25,19 @@ class Loop:
         Corner of the high-pass that the desired acceleration has passed, Hz.
     plant : Plant
         Identified handle with everything between a command and a sample, latency included.
+    travel : float
+        Free travel of the actuator either way, m.
     """
 
     rate: float
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
     plant: Plant = field(default_factory=Plant)
+    travel: float = ActuatorParameters.travel
+
+    @property
+    def travel_limit(self) -> float:
+        """Travel up to which a controller may plan, m: where the guard's cushion begins."""
+        return CUSHION * self.travel
 
     @property
     def latency(self) -> int:

@@ -7,23 +7,23 @@ from dataclasses import dataclass, field
 from haptic_accel.core.actuator.friction import FrictionCompensation
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.filters import SampleFilter
-from haptic_accel.core.control.inversion.convolution import SampleConvolution
 from haptic_accel.core.control.inversion.design import (
     LONGEST_GRANTED_DELAY,
     MEMORY,
-    TRAVEL_LIMIT,
     Goal,
+    InverseBank,
     InverseFilter,
+    design_bank,
     design_inverse,
 )
+from haptic_accel.core.control.inversion.excursion import ExcursionControl
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
-from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, parameter
 
 
 @dataclass(frozen=True)
 class InverseParameters(Checked):
-    """Delay, travel and texture for which the inverse is designed."""
+    """Delay and texture for which the inverse is designed."""
 
     granted_delay: int = parameter(
         1,
@@ -32,20 +32,13 @@ class InverseParameters(Checked):
         low=0,
         high=LONGEST_GRANTED_DELAY,
     )
-    travel_limit: float = parameter(
-        TRAVEL_LIMIT,
-        "maximum travel of the actuator as the tool lands on a surface",
-        "m",
-        1e-5,
-        0.1,
-    )
     texture: TexturePrior = field(default_factory=TexturePrior)
     memory: float = parameter(
         MEMORY, "length of the controller's impulse response", "s", 0.05, 0.4
     )
 
     def filter(self, loop: Loop) -> InverseFilter:
-        """Return the inverse for a loop; takes a fraction of a second.
+        """Return the inverse with all its travel for a loop; takes a fraction of a second.
 
         Raises
         ------
@@ -58,7 +51,7 @@ class InverseParameters(Checked):
         """Return the goal of the design of the inverse, or of a family of inverses."""
         granted = loop.latency + self.granted_delay
         corner = loop.high_pass_frequency
-        return Goal(granted, self.memory, self.travel_limit, self.texture, corner)
+        return Goal(granted, self.memory, spectrum=self.texture, high_pass_frequency=corner)
 
 
 class InverseController(Controller):
@@ -75,25 +68,30 @@ class InverseController(Controller):
     Parameters = InverseParameters
 
     def __init__(self, parameters: InverseParameters, loop: Loop) -> None:
-        inverse = parameters.filter(loop)
-        self.response = inverse.response
-        self._invert_by(inverse.sections, inverse.taps, loop)
+        goal = parameters.goal(loop)
+        bank = design_bank(loop.plant, loop.rate, goal)
+        self.response = InverseFilter(bank.sections, bank.taps[0], loop.rate, goal).response
+        self._invert_by(bank, parameters, loop)
 
-    def _invert_by(self, sections: FloatArray, taps: FloatArray, loop: Loop) -> None:
-        self._extension = SampleFilter(sections)
-        self._convolution = SampleConvolution(taps)
-        self._friction = FrictionCompensation(loop.plant.handle, loop.plant.friction, loop.rate)
+    def _invert_by(self, bank: InverseBank, parameters: InverseParameters, loop: Loop) -> None:
+        plant = loop.plant
+        self._bank = bank
+        self._extension = SampleFilter(bank.sections)
+        self._excursion = ExcursionControl(bank, plant.handle, loop.travel_limit, loop.rate)
+        # A force acts over the sample before the one in which it is seen.
+        lag = parameters.granted_delay - 0.5 - plant.delay * loop.rate
+        self._friction = FrictionCompensation(plant.handle, plant.friction, loop.rate, lag)
         self.friction_force = 0.0
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the force after which the handle moves as desired."""
-        force = self._convolution.sample(self._extension.sample(desired_acceleration))
+        force = self._excursion.sample(self._extension.sample(desired_acceleration))
         self.friction_force = self._friction.force(force, desired_acceleration)
         return force + self.friction_force
 
     def reset(self) -> None:
         """Clear the filters."""
         self._extension.reset()
-        self._convolution.reset()
+        self._excursion.restart(self._bank.taps)
         self._friction.reset()
         self.friction_force = 0.0

@@ -38,9 +38,9 @@ tilt."""
 MEMORY = 0.2
 """Length of the convolution, s: twice it lowers the error by less than a fiftieth of itself."""
 
-TRAVEL_LIMIT = 3.5e-3
-"""Maximum travel after a landing, m, of the paper's 3.8 mm: the rest is for texture, and for
-gravity where the actuator stands upright; the cushion before the stops limits both."""
+TRAVEL_CORNERS = (1.0, 1.5, 2.3, 3.5, 5.3, 8.0, 12.0, 18.0, 28.0)
+"""Corners of travel for which inverses are designed, Hz: from all that the actuator can follow to
+hardly any travel, in steps of one and a half."""
 
 LANDING_VELOCITY = 0.05
 """Change of the tool's velocity as it meets a surface, m/s: the hand's own 15 mm in 0.6 s."""
@@ -60,8 +60,6 @@ MOST_TAPS = 8192
 """Longest convolution: the 0.4 s of 20 kHz."""
 
 _RIDGE = 1e-10  # of the mean of the spectrum: rounding
-_COSTS = (1e2, 1e10)  # s^-4, of travel in terms of acceleration: from nothing to no motion
-_HALVINGS = 12  # of that range, on a logarithmic scale: to half a percent
 
 
 @dataclass(frozen=True)
@@ -74,8 +72,9 @@ class Goal:
         Samples by which the handle may lag behind the tool, latency included; the paper's is one.
     memory : float
         Length of the convolution, s.
-    travel_limit : float
-        Largest displacement of the actuator after a landing, m.
+    travel_corner : float
+        Frequency at which travel costs as much as the error of an acceleration that takes it, Hz.
+        Far below it the filter gives up.
     spectrum : callable
         Spectrum of the tool acceleration.
     high_pass_frequency : float
@@ -84,7 +83,7 @@ class Goal:
 
     granted_delay: int = 1
     memory: float = MEMORY
-    travel_limit: float = TRAVEL_LIMIT
+    travel_corner: float = TRAVEL_CORNERS[0]
     spectrum: ToolSpectrum = PRIOR
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
 
@@ -107,8 +106,8 @@ class Goal:
                 f"memory = {self.memory:g}: must be from {1 / rate:g} to {MOST_TAPS / rate:g} s"
                 f" at {rate:g} Hz"
             )
-        if not (math.isfinite(self.travel_limit) and self.travel_limit > 0):
-            raise ParameterError(f"travel_limit = {self.travel_limit:g}: must be above 0 m")
+        if not (math.isfinite(self.travel_corner) and self.travel_corner > 0):
+            raise ParameterError(f"travel_corner = {self.travel_corner:g}: must be above 0 Hz")
 
 
 DEFAULT_GOAL = Goal()
@@ -144,6 +143,26 @@ class InverseFilter:
         return np.asarray(section_response(self.sections, frequency, self.rate) * convolved)
 
 
+@dataclass(frozen=True)
+class InverseBank:
+    """Inverses with more and less travel behind one extension.
+
+    Attributes
+    ----------
+    sections : ndarray, shape (2, 6)
+        The extension.
+    taps : ndarray, shape (k, n)
+        For each of `TRAVEL_CORNERS` the impulse response of what follows, N per m/s^2.
+    motion : ndarray, shape (k, n)
+        Acceleration of the handle after a unit sample at their input, m/s^2. The handle does what
+        the filter is for, with any grip: it need not be known better.
+    """
+
+    sections: FloatArray
+    taps: FloatArray
+    motion: FloatArray
+
+
 def extension(high_pass_frequency: float, rate: float) -> FloatArray:
     """Sections that move the corner of the compensator's high-pass down to `EXTENDED_CORNER`.
 
@@ -174,8 +193,7 @@ def design_inverse(plant: Dynamics, rate: float, goal: Goal = DEFAULT_GOAL) -> I
     S |P C B - z^-granted_delay B|^2 + c S |C B D|^2 + FORCE_COST^2 (S + U) |C B|^2: the power of
     the error, and the costs of travel and of force, the latter also for something unexpected,
     U = `UNEXPECTED_DENSITY`^2.
-    The cost of travel, c, is the least with which a landing keeps the limit: a sudden change of
-    the tool's velocity by `LANDING_VELOCITY`, which takes far more travel than any texture.
+    The cost of travel, c, is the fourth power of 2 pi times the corner of travel.
 
     That is a Wiener filter: with a convolution C its normal equations have a Toeplitz matrix.
     C is a convolution after the fixed `extension`, as one alone would have to be seconds long: it
@@ -199,8 +217,47 @@ def design_inverse(plant: Dynamics, rate: float, goal: Goal = DEFAULT_GOAL) -> I
         A number is out of range, or the plant has no such rate.
     """
     problem = _Problem(plant, rate, goal)
-    taps = problem.solution(problem.grid.delay(goal.granted_delay))
+    taps = problem.solution(problem.grid.delay(goal.granted_delay), goal.travel_corner)
     return InverseFilter(extension(goal.high_pass_frequency, rate), taps, rate, goal)
+
+
+def design_bank(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> InverseBank:
+    """Design the inverse for all `TRAVEL_CORNERS`.
+
+    Parameters, errors
+        Those of `design_inverse`; the goal's own corner is not used.
+
+    Returns
+    -------
+    InverseBank
+    """
+    problem = _Problem(plant, rate, goal)
+    target = problem.grid.delay(goal.granted_delay)
+    taps = np.stack([problem.solution(target, corner) for corner in TRAVEL_CORNERS])
+    return InverseBank(
+        extension(goal.high_pass_frequency, rate), taps, caused_motion(plant, rate, taps)
+    )
+
+
+def caused_motion(plant: Plant, rate: float, taps: FloatArray) -> FloatArray:
+    """Return the handle's acceleration after a unit sample at the input of taps.
+
+    Parameters
+    ----------
+    plant : Plant
+    rate : float
+        Samples per second.
+    taps : ndarray, shape (k, n)
+
+    Returns
+    -------
+    ndarray, shape (k, n)
+        m/s^2; time counts from where the force is due, a latency after its cause.
+    """
+    length = taps.shape[1]
+    grid = grid_for(rate, length)
+    response = plant.response(grid.frequency, rate) * grid.delay(-plant.latency)
+    return np.stack([grid.sequence(response * grid.spectrum(each))[:length] for each in taps])
 
 
 def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatArray:
@@ -220,8 +277,8 @@ def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatA
 
     Returns
     -------
-    ndarray, shape (4, n)
-        Taps to multiply by m_h, b_u, k_u and 1, then to add.
+    ndarray, shape (k, 4, n)
+        For each of `TRAVEL_CORNERS` taps to multiply by m_h, b_u, k_u and 1, then to add.
 
     Raises
     ------
@@ -233,7 +290,9 @@ def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatA
     model = handle_model(plant.handle).response(frequency)
     terms = inverse_terms(plant.handle, frequency) * model
     targets = terms * problem.grid.delay(goal.granted_delay)
-    return np.stack([problem.solution(target) for target in targets])
+    return np.stack(
+        [[problem.solution(target, corner) for target in targets] for corner in TRAVEL_CORNERS]
+    )
 
 
 def nearest(keeps: Callable[[float], bool], start: float, end: float, halvings: int) -> float:
@@ -258,7 +317,7 @@ def nearest(keeps: Callable[[float], bool], start: float, end: float, halvings: 
 
 
 class _Problem:
-    """The normal equations, with the cost of travel that keeps the limit."""
+    """The normal equations."""
 
     def __init__(self, plant: Dynamics, rate: float, goal: Goal) -> None:
         goal.check(rate)
@@ -278,31 +337,13 @@ class _Problem:
         travel = travel_response(plant.handle, frequency)
         self._travel = driven * np.abs(travel) ** 2
         self._reached = power * (response * extended).conj() * passed
-        self._landing = extended * travel
-        self._cost = self._least_cost(goal)
 
-    def solution(self, target: ComplexArray) -> FloatArray:
+    def solution(self, target: ComplexArray, travel_corner: float) -> FloatArray:
         """Return the taps for a target of handle over desired acceleration on the grid."""
-        return self._solved(target, self._cost)
-
-    def _solved(self, target: ComplexArray, cost: float) -> FloatArray:
         from scipy.linalg import solve_toeplitz
 
+        cost = (2.0 * math.pi * travel_corner) ** 4
         column = self.grid.sequence(self._tracking + cost * self._travel)[: self._length]
         column[0] *= 1.0 + _RIDGE
         wanted = self.grid.sequence(self._reached * target)[: self._length]
         return np.asarray(solve_toeplitz(column, wanted), dtype=np.float64)
-
-    def _least_cost(self, goal: Goal) -> float:
-        """Return the least cost of travel that keeps it within the limit."""
-        target = self.grid.delay(goal.granted_delay)
-
-        def keeps(logarithm: float) -> bool:
-            taps = self._solved(target, math.exp(logarithm))
-            moved = self.grid.sequence(self._landing * self.grid.spectrum(taps))
-            # An acceleration over one sample that changes the velocity as much.
-            travel = LANDING_VELOCITY * self.grid.rate * np.abs(moved).max()
-            return bool(travel <= goal.travel_limit)
-
-        low, high = (math.log(cost) for cost in _COSTS)
-        return math.exp(nearest(keeps, low, high, _HALVINGS))

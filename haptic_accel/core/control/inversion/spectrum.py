@@ -16,8 +16,7 @@ ToolSpectrum = Callable[[FloatArray], FloatArray]
 """One-sided power spectral density of tool acceleration, (m/s^2)^2/Hz, at frequencies in Hz."""
 
 TEXTURE_DENSITY = 0.15
-"""Density in the middle of the texture, m/s^2/sqrt(Hz): 1.0 m/s^2 RMS in all, about that of
-wood."""
+"""Density in the middle of the texture, m/s^2/sqrt(Hz): 1.4 m/s^2 RMS in all, as of rough wood."""
 
 HAND_DENSITY = 0.02
 """Density of slow motion of hand and arm below the texture, m/s^2/sqrt(Hz)."""
@@ -39,8 +38,8 @@ class TexturePrior(Checked):
     """
 
     rise: float = parameter(
-        60.0,
-        "lower corner of the expected texture: waves of 2 mm stroked at 0.1 m/s give 50 Hz",
+        15.0,
+        "lower corner of the expected texture: the high-pass' own, as no surface may be left out",
         "Hz",
         1.0,
         1000.0,

@@ -10,7 +10,7 @@ from haptic_accel.core.control.controllers.adaptive import AdaptiveController, A
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.grip_estimation import LARGEST
-from haptic_accel.core.control.inversion.design import Goal, design_inverse
+from haptic_accel.core.control.inversion.design import Goal, design_bank, design_inverse
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.control.inversion.prediction import predict
@@ -27,6 +27,10 @@ HANDS = [
     replace(TABLE_I, m_h=0.09, k_u=900.0, b_u=6.0),
     replace(TABLE_I, m_h=0.16, k_u=2700.0, b_u=20.0),
 ]
+
+
+def factors(hand: HandleParameters) -> FloatArray:
+    return np.array([hand.m_h, hand.b_u, hand.k_u])
 
 
 @pytest.fixture(scope="module")
@@ -115,17 +119,16 @@ def test_a_new_grip_comes_without_a_jump_in_force() -> None:
 
 
 def test_for_the_assumed_grip_the_family_has_the_inverse(family: InverseFamily) -> None:
-    wanted = design_inverse(Plant(), RATE)
-    grip = np.array([TABLE_I.m_h, TABLE_I.b_u, TABLE_I.k_u])
-    assert family.taps(grip) == pytest.approx(wanted.taps, abs=1e-6 * np.abs(wanted.taps).max())
+    found, wanted = family.bank(factors(TABLE_I)), design_bank(Plant(), RATE)
+    for ours, theirs in ((found.taps, wanted.taps), (found.motion, wanted.motion)):
+        assert ours == pytest.approx(theirs, abs=1e-6 * np.abs(theirs).max())
 
 
 def test_a_latency_that_is_granted_does_not_change_the_family(family: InverseFamily) -> None:
     late = design_family(Plant().delayed(3), RATE, Goal(granted_delay=4))
     for hand in (TABLE_I, *HANDS):
-        grip = np.array([hand.m_h, hand.b_u, hand.k_u])
-        taps = family.taps(grip)
-        assert late.taps(grip) == pytest.approx(taps, abs=1e-9 * np.abs(taps).max())
+        taps = family.taps(factors(hand))
+        assert late.taps(factors(hand)) == pytest.approx(taps, abs=1e-9 * np.abs(taps).max())
 
 
 @pytest.mark.parametrize("hand", HANDS)
@@ -133,15 +136,12 @@ def test_for_another_grip_it_is_near_the_design_for_that(
     family: InverseFamily, hand: HandleParameters
 ) -> None:
     plant = Plant(hand)
-    grip = np.array([hand.m_h, hand.b_u, hand.k_u])
-    ours = replace(design_inverse(plant, RATE), taps=family.taps(grip))
+    ours = replace(design_inverse(plant, RATE), taps=family.taps(factors(hand))[0])
     found, best = predict(ours, plant), predict(design_inverse(plant, RATE), plant)
     nominal = predict(design_inverse(Plant(), RATE), plant)
     assert found.nrmse_percent < best.nrmse_percent + 0.3 * (
         nominal.nrmse_percent - best.nrmse_percent
     )
-    # No landing takes more travel than there is.
-    assert found.landing_travel < 1.1 * 3.5e-3
 
 
 def hand(seed: int) -> HandleParameters:

@@ -23,6 +23,7 @@ from haptic_accel.core.control.controllers.feedback import (
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.feedback_design import GripRange
 from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.control.inversion.spectrum import TexturePrior
 from haptic_accel.core.identification.approximate import approximate_model
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError, schema
@@ -104,8 +105,15 @@ def test_it_follows_better_than_the_inverse_where_the_grip_is_another(
 ) -> None:
     rig = replace(ideal_rig, master=replace(ideal_rig.master, handle=handle))
     errors = []
-    for name in ("inverse", "feedback"):
-        trial = run_trial(name, rig, duration=1.5, rate=RATE, recording=texture(RATE))
+    expected = TexturePrior(rise=60.0)
+    own = {
+        "inverse": InverseParameters(texture=expected),
+        "feedback": FeedbackParameters(texture=expected),
+    }
+    for name in own:
+        trial = run_trial(
+            name, rig, duration=1.5, rate=RATE, recording=texture(RATE), controllers=own
+        )
         errors.append(trial.evaluate().nrmse_percent)
     inverse, feedback = errors
     if handle == HandleParameters():

@@ -177,7 +177,6 @@ def test_its_parameters_have_dotted_names() -> None:
     names = set(schema(InverseParameters, "inverse."))
     assert names == {
         "inverse.granted_delay",
-        "inverse.travel_limit",
         "inverse.texture.rise",
         "inverse.memory",
         "inverse.texture.fall",
@@ -192,7 +191,6 @@ def test_its_parameters_have_dotted_names() -> None:
     [
         ("granted_delay", -1, "must be a whole number, from 0 to 100"),
         ("granted_delay", 1.5, "must be a whole number, from 0 to 100"),
-        ("travel_limit", 0.0, "must be from 1e-05 to 0.1 m"),
         ("memory", 3.0, "must be from 0.05 to 0.4 s"),
     ],
 )

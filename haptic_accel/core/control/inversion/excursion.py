@@ -1,0 +1,236 @@
+"""Excursion control: give up low frequencies as far as the actuator's travel needs it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.control.inversion.convolution import SampleWindow
+from haptic_accel.core.control.inversion.design import InverseBank
+from haptic_accel.core.model import FloatArray, Suspension
+
+HORIZON = 0.05
+"""Time that the travel is predicted for, s: a period of the paper's actuator on its spring."""
+
+REVERSION = 0.045
+"""Time after which what comes next is expected to have taken half of a predicted travel back, s: a
+tool that has met a surface, say, does not keep its change of velocity, but bounces and is held by
+the coupling. (Without it, a landing of the virtual rig is predicted to take twice what it takes.)
+"""
+
+SETTLING = 0.1
+"""Time for which travel outlasts the force that caused it, s: five times 2 m_a / b_s (Table I)."""
+
+PREDICTION_RATE = 1000.0
+"""Highest rate of the prediction, Hz: travel has little above 100 Hz."""
+
+ATTACK = 0.8e-3
+"""Time constant of giving up, s: a step of force would be felt, a late one would not help."""
+
+RELEASE = 0.5
+"""Time constant of regaining low frequencies, s: some periods of what they were given up for."""
+
+FADING = 0.005
+"""Duration of the crossfade to other taps, s."""
+
+_BLOCKS = 8  # of the responses' length in the buffer, so that it is seldom moved
+_SETTLED = 1e-3  # of a place in the bank: too little to matter
+
+
+class TravelPredictor:
+    """Largest travel of the next `HORIZON` that each member of a bank would take.
+
+    Each member is taken to have been in use all the time, and no further input to come; what is
+    further ahead counts less (`REVERSION`).
+
+    Parameters
+    ----------
+    suspension : Suspension
+        The actuator's.
+    rate : float
+        Samples per second. Above `PREDICTION_RATE` the mean of some samples is one of the
+        prediction's.
+    """
+
+    def __init__(self, suspension: Suspension, rate: float) -> None:
+        self._every = max(1, round(rate / PREDICTION_RATE))
+        step = self._every / rate
+        estimator = TravelEstimator(suspension, 1.0 / step)
+        pulse = [1.0] + [0.0] * (max(2, round(SETTLING / step)) - 1)
+        self._per_force = np.array([estimator.sample(force, 0.0) for force in pulse])
+        self._horizon = max(1, round(HORIZON / step))
+        self._kept = 1.0 / (1.0 + np.arange(self._horizon) * (step / REVERSION))
+        self._start = self._count = 0
+        self._sum = 0.0
+
+    def expect(self, forces: FloatArray) -> None:
+        """Set how each member answers; what was predicted stays.
+
+        Parameters
+        ----------
+        forces : ndarray, shape (k, n)
+            Force, and what the handle's acceleration adds to it, after a unit sample, N. The
+            shape must stay the same.
+        """
+        count, length = forces.shape
+        spare = -length % self._every
+        held = np.pad(forces, ((0, 0), (0, spare))).reshape(count, -1, self._every).sum(axis=2)
+        total = held.shape[1] + len(self._per_force) - 1
+        size = 1 << total.bit_length()
+        spectrum = np.fft.rfft(held, size) * np.fft.rfft(self._per_force, size)
+        self._travels = np.ascontiguousarray(np.fft.irfft(spectrum, size)[:, :total])
+
+    def sample(self, value: float) -> bool:
+        """Take a sample of the members' input; return whether the prediction has advanced."""
+        self._sum += value
+        self._count += 1
+        if self._count < self._every:
+            return False
+        self._advance(self._sum / self._every)
+        self._count, self._sum = 0, 0.0
+        return True
+
+    def peaks(self) -> FloatArray:
+        """Return the largest travel by member, m, shape (k,)."""
+        return np.asarray(np.abs(self._ahead[:, self._seen] * self._kept).max(axis=1))
+
+    def exceeds(self, limit: float) -> bool:
+        """Return whether the first member would take more travel than a limit in m."""
+        ahead = self._ahead[0, self._seen] * self._kept
+        return bool(ahead.max() > limit or ahead.min() < -limit)
+
+    def reset(self) -> None:
+        """Return to a state without any past."""
+        count, length = self._travels.shape
+        self._ahead = np.zeros((count, _BLOCKS * length + self._horizon))
+        self._start = self._count = 0
+        self._sum = 0.0
+
+    @property
+    def _seen(self) -> slice:
+        return slice(self._start, self._start + self._horizon)
+
+    def _advance(self, value: float) -> None:
+        length = self._travels.shape[1]
+        self._start += 1
+        if self._start + max(length, self._horizon) > self._ahead.shape[1]:
+            left = self._ahead[:, self._start :].copy()
+            self._ahead[:] = 0.0
+            self._ahead[:, : left.shape[1]] = left
+            self._start = 0
+        self._ahead[:, self._start : self._start + length] += value * self._travels
+
+
+class ExcursionControl:
+    """Inverses that give up more and more of the low frequencies, and the choice among them.
+
+    As loudspeaker amplifiers do it (Klippel, J. Audio Eng. Soc. 40, 1992), the travel of the next
+    tens of milliseconds is predicted. The first member of the bank that keeps the limit is used,
+    between two of them their weighted mean: at once where more has to be given up, so that a
+    landing meets the filter that stands it, and slowly back.
+
+    Parameters
+    ----------
+    bank : InverseBank
+        From all to least travel.
+    suspension : Suspension
+        The actuator's.
+    limit : float
+        Largest travel, m.
+    rate : float
+        Samples per second.
+
+    Attributes
+    ----------
+    taps : ndarray, shape (k, n)
+        Taps of the members as used now, N per m/s^2.
+    place : float
+        Member in use, from 0 for the first to k - 1 for the last.
+    """
+
+    def __init__(
+        self, bank: InverseBank, suspension: Suspension, limit: float, rate: float
+    ) -> None:
+        self._limit = limit
+        # Both move the actuator: m_a d'' + b_s d' + k_s d = -f_a - m_a a_h.
+        self._following = suspension.m_a * bank.motion
+        self._window = SampleWindow(bank.taps.shape[1])
+        self._attack = -math.expm1(-1.0 / (ATTACK * rate))
+        self._release = -math.expm1(-1.0 / (RELEASE * min(rate, PREDICTION_RATE)))
+        self._fading = max(1, round(FADING * rate))
+        self._predictor = TravelPredictor(suspension, rate)
+        self.restart(bank.taps)
+
+    @property
+    def changing(self) -> bool:
+        """Whether other taps are being faded in."""
+        return self._left > 0
+
+    def replace(self, taps: FloatArray) -> None:
+        """Fade to other taps of the members, over `FADING`.
+
+        Travel is predicted with them at once. A crossfade that has begun ends where it is.
+
+        Parameters
+        ----------
+        taps : ndarray, shape (k, n)
+        """
+        self._slope = (taps - self.taps) / self._fading
+        self._left = self._fading
+        self._predictor.expect(taps + self._following)
+
+    def restart(self, taps: FloatArray) -> None:
+        """Forget the past, and use these taps of the members, shape (k, n)."""
+        self.taps = np.array(taps, dtype=np.float64, order="C")
+        self._left = 0
+        self._predictor.expect(self.taps + self._following)
+        self._predictor.reset()
+        self._window.reset()
+        self.place = self._wanted = 0.0
+
+    def sample(self, value: float) -> float:
+        """Take one sample of the members' input, return the force, N."""
+        if self._left:
+            self._left -= 1
+            self.taps += self._slope
+        if self._predictor.sample(value):
+            self._choose()
+        self._window.push(value)
+        self._move()
+        member = int(self.place)
+        share = self.place - member
+        latest = self._window.latest()
+        force = float(self.taps[member].dot(latest))
+        if share:
+            force += share * (float(self.taps[member + 1].dot(latest)) - force)
+        return force
+
+    def _move(self) -> None:
+        missing = self._wanted - self.place
+        if abs(missing) > _SETTLED:
+            self.place += self._attack * missing
+        elif missing:
+            self.place = self._wanted
+
+    def _choose(self) -> None:
+        needed = self._needed() if self._predictor.exceeds(self._limit) else 0.0
+        if needed > self._wanted:
+            self._wanted = needed
+        elif self._wanted:
+            self._wanted += self._release * (needed - self._wanted)
+            if self._wanted < _SETTLED:
+                self._wanted = 0.0
+
+    def _needed(self) -> float:
+        """Return the first place whose interpolated peak keeps the limit, else the last one."""
+        peaks = self._predictor.peaks()
+        keeping = peaks <= self._limit
+        if not keeping.any():
+            return float(len(peaks) - 1)
+        first = int(keeping.argmax())
+        if not first:
+            return 0.0
+        before, after = float(peaks[first - 1]), float(peaks[first])
+        return first - (self._limit - after) / (before - after)
