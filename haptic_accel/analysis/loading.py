@@ -5,14 +5,15 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from haptic_accel.analysis.metrics import AnalysedTrial, Shift, measure
-from haptic_accel.analysis.segments import VECTORS, Cut, Segment, cut
+from haptic_accel.analysis.metrics import MILLI, AnalysedTrial, Shift, measure
+from haptic_accel.analysis.segments import VECTORS, Segment, cut
 from haptic_accel.bags.folder import find_bags
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
@@ -44,6 +45,13 @@ class Analysis:
         return self.shift.words(trial.segment for trial in self.trials)
 
 
+Spread = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
+"""Applies a function to each item, as `map` does; may end early."""
+
+Ended = Callable[[int, int, str, Sequence[AnalysedTrial]], None]
+"""Receives number and count of bags, and the name and the trials of the one just analysed."""
+
+
 def analyse(
     paths: Sequence[Path],
     shift: Shift | None = None,
@@ -51,7 +59,8 @@ def analyse(
     perceptual: bool = True,
     rig: RigParameters | None = None,
     rate: float | None = None,
-    begun: Callable[[int, int, str], None] | None = None,
+    spread: Spread = map,
+    ended: Ended | None = None,
 ) -> Analysis:
     """Read all bags at some places and measure every trial in them.
 
@@ -69,8 +78,10 @@ def analyse(
         Score ST-SIM and SPQI, which takes longest.
     rig, rate
         Of bags that do not describe themselves, see `cut`.
-    begun : callable, optional
-        Called before each bag with its number from 0, the number of bags, and its name.
+    spread : callable
+        Applies the analysis to each bag: `map`, or what does so in several processes.
+    ended : callable, optional
+        Called after each bag.
 
     Raises
     ------
@@ -80,36 +91,81 @@ def analyse(
     shift = shift or Shift()
     found = {bag.resolve(): (bag, path) for path in paths for bag in find_bags(path)}
     names = _names([bag for bag, _ in found.values()])
+    tasks = [
+        _Task(bag, source, name, shift, perceptual, rig, rate)
+        for name, (bag, source) in zip(names, found.values(), strict=True)
+    ]
     trials: list[AnalysedTrial] = []
     problems: dict[str, list[str]] = {}
     seen: dict[tuple[Path, object, bytes], str] = {}
-    excerpts: dict[object, float] = {}
-    for number, (name, (bag, source)) in enumerate(zip(names, found.values(), strict=True)):
-        if begun:
-            begun(number, len(found), name)
-        try:
-            recorded = read_bag(bag, VECTORS)
-        except ParameterError as error:
-            parts = Cut([], [str(error)])
-        else:
-            parts = cut(recorded, rig, rate)
-        complaints = list(parts.problems)
-        for segment in parts.segments:
-            own = name if segment.number == 1 else f"{name} #{segment.number}"
-            first = seen.setdefault((source, segment.condition, _digest(segment)), own)
-            if first == own:
-                pair = (segment.condition.surface, segment.condition.grip, segment.pair)
-                begin = excerpts.get(pair)
-                trial = measure(segment, own, source, shift, perceptual=perceptual, begin=begin)
-                trials.append(trial)
-                if trial.portrait:
-                    excerpts.setdefault(pair, trial.portrait.begin)
+    done = 0
+    for task, (measured, complaints) in zip(tasks, spread(_measured, tasks), strict=False):
+        kept = []
+        for trial, digest in measured:
+            first = seen.setdefault((task.source, trial.segment.condition, digest), trial.name)
+            if first == trial.name:
+                kept.append(trial)
             else:
                 # Taken for another trial it would make every interval too short.
                 complaints.append(f"has the same samples as {first}, and is left out")
         if complaints:
-            problems[name] = complaints
-    return Analysis(trials, problems, shift, len(found))
+            problems[task.name] = complaints
+        trials += kept
+        done += 1
+        if ended:
+            ended(done, len(tasks), task.name, kept)
+    return Analysis(_showing_the_same(trials, spread), problems, shift, done)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A bag to be analysed; see `analyse`."""
+
+    bag: Path
+    source: Path
+    name: str
+    shift: Shift
+    perceptual: bool
+    rig: RigParameters | None
+    rate: float | None
+
+
+def _measured(task: _Task) -> tuple[list[tuple[AnalysedTrial, bytes]], list[str]]:
+    """Return a bag's trials with digests of their samples, and what could not be determined."""
+    try:
+        recorded = read_bag(task.bag, VECTORS)
+    except ParameterError as error:
+        return [], [str(error)]
+    parts = cut(recorded, task.rig, task.rate)
+    measured = []
+    for segment in parts.segments:
+        name = task.name if segment.number == 1 else f"{task.name} #{segment.number}"
+        trial = measure(segment, name, task.source, task.shift, perceptual=task.perceptual)
+        measured.append((trial, _digest(segment)))
+    return measured, list(parts.problems)
+
+
+def _showing_the_same(trials: Sequence[AnalysedTrial], spread: Spread) -> list[AnalysedTrial]:
+    """Return trials of which those of one surface, grip and seed show the same excerpt."""
+    begins: dict[object, float] = {}
+    others: dict[int, tuple[AnalysedTrial, float]] = {}
+    for index, trial in enumerate(trials):
+        condition = trial.segment.condition
+        begin = trial.portrait.begin if trial.portrait else trial.traces.excerpt
+        shown = begins.setdefault((condition.surface, condition.grip, trial.segment.pair), begin)
+        if begin != shown:
+            others[index] = trial, shown
+    moved = dict(zip(others, spread(_moved, list(others.values())), strict=False))
+    return [moved.get(index, trial) for index, trial in enumerate(trials)]
+
+
+def _moved(task: tuple[AnalysedTrial, float]) -> AnalysedTrial:
+    """Return a trial that shows the excerpt from a time in s on."""
+    trial, begin = task
+    segment = cut(read_bag(trial.segment.bag, VECTORS)).segments[trial.segment.number - 1]
+    shift = Shift("fixed", trial.metrics["shift_ms"] / MILLI)
+    again = measure(segment, trial.name, trial.source, shift, perceptual=False, begin=begin)
+    return replace(trial, portrait=again.portrait, traces=again.traces)
 
 
 def _digest(segment: Segment) -> bytes:

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from haptic_accel.bags.folder import find_bags
+from haptic_accel.cli.jobs import jobs_option
 from haptic_accel.cli.options import FILE, json_option, out_option, verb
 
 
@@ -49,6 +50,16 @@ from haptic_accel.cli.options import FILE, json_option, out_option, verb
     help="Run each trial of simulated devices again in lockstep, and name the first sample at"
     " which the live one parts from it, with the reason.",
 )
+@click.option(
+    "--rig",
+    metavar="RIG",
+    help="Virtual rig, ideal, paper or a .yaml file, whose handle stands for that of bags that do"
+    " not describe their own, in the bounds of the error.",
+)
+@click.option(
+    "--rate", type=float, metavar="HZ", help="Sampling rate of bags that do not state one, Hz."
+)
+@jobs_option
 @json_option
 @out_option
 def analyze(
@@ -58,6 +69,9 @@ def analyze(
     comparison: str | None,
     perceptual: bool,
     lockstep: bool,
+    rig: str | None,
+    rate: float | None,
+    jobs: int,
     out: Path | None,
     json_file: Path | None,
 ) -> None:
@@ -77,6 +91,9 @@ def analyze(
         comparison,
         perceptual=perceptual,
         lockstep=lockstep,
+        rig=rig,
+        rate=rate,
+        jobs=jobs,
         out=out,
         file=json_file,
     )

@@ -24,7 +24,7 @@ from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.jobs import jobs_option, side_by_side
 from haptic_accel.cli.output import results_folder
-from haptic_accel.cli.report import print_analysis
+from haptic_accel.cli.report import print_analysis, spread_over
 from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.control.controllers import CONTROLLERS
@@ -254,7 +254,8 @@ def _report(
     jobs: int,
 ) -> bool:
     """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
-    analysis = analyse(list(done))
+    with stop_on_signal() as stop:
+        analysis = analyse(list(done), spread=spread_over(jobs, stop))
     warnings = list(_warnings(analysis))
     expected = {} if lockstep else _in_lockstep(done, jobs)
     beside = _beside_lockstep(analysis, expected)

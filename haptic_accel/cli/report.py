@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich.console import Console
 
 from haptic_accel.analysis import frames
 from haptic_accel.analysis.comparison import Comparison, check_comparison, compared
-from haptic_accel.analysis.loading import Analysis, analyse
-from haptic_accel.analysis.metrics import METRICS, Shift
+from haptic_accel.analysis.loading import Analysis, Spread, analyse
+from haptic_accel.analysis.metrics import METRICS, AnalysedTrial, Shift
 from haptic_accel.analysis.parting import Parting, find_parting
 from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.writing import as_json, write_analysis, write_json
 from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.jobs import side_by_side
 from haptic_accel.cli.output import results_folder
-from haptic_accel.cli.running import progress_bar
+from haptic_accel.cli.running import stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import INTERRUPTED
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 SHOWN = (
     "slope_desired_on_actual",
@@ -44,6 +50,9 @@ def report(
     *,
     perceptual: bool,
     lockstep: bool,
+    rig: str | None,
+    rate: float | None,
+    jobs: int,
     out: Path | None,
     file: Path | None,
 ) -> None:
@@ -54,22 +63,26 @@ def report(
     ParameterError
         An argument is wrong.
     StoppedError
-        No trial could be analysed.
+        No trial could be analysed, or the user asked to stop.
     """
     chosen = Shift.read(shift)
     if comparison:
         check_comparison(comparison, places)
+    parameters = rig_parameters(graph_parameters(GraphArguments(rig=rig))) if rig else None
     folder = results_folder(out)
-    with progress_bar(Console()) as progress:
-        bar = progress.add_task("", total=None)
-
-        def begun(done: int, total: int, name: str) -> None:
-            label = f"{done} of {total}: {name}"
-            progress.update(bar, completed=done, total=total, description=label)
-
-        analysis = analyse(places, chosen, perceptual=perceptual, begun=begun)
-        progress.update(bar, completed=analysis.bags, description="bags")
-        partings = list(_partings(analysis)) if lockstep else []
+    with stop_on_signal() as stop:
+        spread = spread_over(jobs, stop)
+        analysis = analyse(
+            places,
+            chosen,
+            perceptual=perceptual,
+            rig=parameters,
+            rate=rate,
+            spread=spread,
+            ended=_print_trials,
+        )
+        partings = list(_partings(analysis, spread)) if lockstep else []
+        interrupted = stop()
     found = compared(analysis, comparison, places) if comparison else None
     page = write_analysis(analysis, folder, found)
     if file:
@@ -78,17 +91,49 @@ def report(
             content["lockstep"] = [asdict(each) | {"bag": str(each.bag)} for each in partings]
         write_json(content, file)
     print_analysis(analysis, found, *(each.sentence for each in partings), f"report: {page}")
+    if interrupted:
+        raise StoppedError(f"interrupted after {analysis.bags} bags", INTERRUPTED)
     if not analysis.trials:
         raise StoppedError
 
 
-def _partings(analysis: Analysis) -> Iterator[Parting]:
-    """Compare the bags with lockstep; note why one cannot be."""
-    for bag in dict.fromkeys(trial.segment.bag for trial in analysis.trials):
-        try:
-            yield find_parting(bag)
-        except ParameterError as error:
-            print(error)
+def spread_over(jobs: int, stop: Callable[[], bool]) -> Spread:
+    """Return what analyses bags in so many processes, and ends early once it has to stop."""
+
+    def spread(function: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
+        with suppress(StoppedError):
+            yield from side_by_side(function, items, jobs, stop)
+
+    return spread
+
+
+def _print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTrial]) -> None:
+    """Print the errors of a bag's trials."""
+    if not trials:
+        print(f"{done} of {total}: {name}: no trial", flush=True)
+    for trial in trials:
+        condition = f"{trial.name}: {trial.controller} on {trial.surface}"
+        error, *bounds = (
+            number(trial.metrics[name], 1) for name in ("nrmse_percent", *frames.BOUNDS)
+        )
+        against = f"limited bound {bounds[0]}, bound {bounds[1]}"
+        print(f"{done} of {total}: {condition} {error} % ({against})", flush=True)
+
+
+def _partings(analysis: Analysis, spread: Spread) -> Iterator[Parting]:
+    """Compare the bags with lockstep; print why one cannot be."""
+    for found in spread(_parting, list(dict.fromkeys(t.segment.bag for t in analysis.trials))):
+        if isinstance(found, Parting):
+            yield found
+        else:
+            print(found)
+
+
+def _parting(bag: Path) -> Parting | str:
+    try:
+        return find_parting(bag)
+    except ParameterError as error:
+        return str(error)
 
 
 def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str) -> None:

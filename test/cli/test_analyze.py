@@ -20,7 +20,7 @@ from haptic_accel.analysis.page import write_page
 from haptic_accel.core import topics
 from haptic_accel.core.trial import Trial
 from running import Command
-from verbs import status_of
+from verbs import refusal, status_of
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = (
@@ -129,6 +129,42 @@ def test_what_a_person_reads(
     assert "1 trial: too few for an interval" in " ".join(command.text.split())
     assert "3 trials from 3 bags" in command.text
     assert "No sample was lost." in command.text
+
+
+@pytest.mark.quiet
+def test_bags_side_by_side_give_the_same_and_each_is_told_as_it_ends(
+    haptic_accel: Callable[..., Command], bags: Path, tmp_path: Path
+) -> None:
+    found = {}
+    for jobs in ("1", "3"):
+        command = haptic_accel(
+            *("analyze", str(bags / "seed0"), "--no-perceptual", "--jobs", jobs),
+            *("--json", f"{jobs}.json", "--out", jobs),
+        )
+        assert command.end() == 0, command.text
+        assert "3 of 3: plywood_none: none on plywood 100.0 % (limited bound " in command.text
+        found[jobs] = json.loads((tmp_path / f"{jobs}.json").read_text())
+    assert found["1"] == found["3"]
+
+
+def test_a_bag_that_says_nothing_has_bounds_with_a_rig(tmp_path: Path) -> None:
+    bare = content("inverse", "plywood")
+    bare.facts.clear()
+    write_bag(tmp_path / "bare", bare)
+    file = tmp_path / "figures.json"
+    words = ("--rig", "ideal", "--rate", "1000", "--no-perceptual", "--json", file)
+    assert status_of("analyze", tmp_path / "bare", *words, "--out", tmp_path / "out") == 0
+    (trial,) = json.loads(file.read_text())["trials"]
+    assert 0.0 < trial["bound_percent"] <= trial["limited_bound_percent"] < 100.0
+
+
+def test_rig_and_rate_of_bags_that_state_theirs_are_refused(bags: Path, tmp_path: Path) -> None:
+    bag = bags / "seed0" / "plywood_none"
+    out = ("--out", tmp_path / "out")
+    assert "describes its own handle" in refusal("analyze", bag, "--rig", "ideal", *out)
+    out = ("--out", tmp_path / "again")
+    told = refusal("analyze", bag, "--rate", "500", *out)
+    assert "rate = 500: must be 1000 Hz" in told
 
 
 def test_a_bag_with_markup_in_its_name_is_only_a_name(tmp_path: Path) -> None:

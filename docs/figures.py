@@ -1,0 +1,144 @@
+"""Draws the figures of docs/compensation.md, which come from lockstep trials.
+
+``python docs/figures.py bounds FILE`` draws the trials of a JSON file of ``bench fidelity``
+against their bounds, and ``python docs/figures.py excursion`` one landing and one texture of low
+frequency with and without excursion control. Both write to docs/figures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from haptic_accel.cli.fidelity import texture
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.control.controllers import Loop
+from haptic_accel.core.model import FloatArray, HandleParameters
+from haptic_accel.core.trial import Trial
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.lockstep import lockstep_trial
+
+FOLDER = Path(__file__).parent / "figures"
+
+DRAWN = ("none", "dynamic", "inverse", "adaptive")
+"""Controllers of the figure of bounds, as far as they were measured."""
+
+GOAL = (1.3, 2.0)
+"""Factor and points above the limited bound within which a controller should stay."""
+
+BEFORE, AFTER = 0.05, 0.25
+"""Part of a trial that is drawn, before and after the largest travel, s."""
+
+ENDLESS = 1.0
+"""Travel limit with which nothing is given up, m."""
+
+
+def bounds(rows: Sequence[dict[str, Any]]) -> Figure:
+    """Draw errors of trials against their limited bound and against that of causal filters."""
+    figure = Figure(figsize=(9, 4.5), layout="constrained")
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    names = {
+        "limited_bound_percent": "bound within the limits of travel and force (%)",
+        "bound_percent": "bound of all causal linear filters (%)",
+    }
+    line = np.geomspace(0.1, 100.0, 100)
+    for axes, (name, label) in zip(panels, names.items(), strict=True):
+        for controller in DRAWN:
+            found = [row for row in rows if row["controller"] == controller]
+            errors = [row["nrmse_percent"] for row in found]
+            if found:
+                axes.plot([row[name] for row in found], errors, ".", alpha=0.6, label=controller)
+        axes.plot(line, line, "k-", lw=0.8, label="the bound itself")
+        axes.set(xscale="log", yscale="log", xlabel=label)
+        axes.grid(alpha=0.3)
+    panels[0].plot(line, GOAL[0] * line + GOAL[1], "k--", lw=0.8, label="1.3 x bound + 2")
+    panels[0].set(ylabel="error of the handle (%)")
+    panels[0].legend()
+    return figure
+
+
+class Run(NamedTuple):
+    """Signals of a trial: time, s; travel, mm; error and desired acceleration, m/s^2."""
+
+    time: FloatArray
+    travel: FloatArray
+    error: FloatArray
+    desired: FloatArray
+    nrmse: float
+
+
+def run(limited: bool, recording: FloatArray | None) -> Run:
+    """Run the inverse on a surface, or a recording, with excursion control or without."""
+    arguments = GraphArguments(rig="ideal", controller="inverse", duration=8.0)
+    if limited:
+        trial = lockstep_trial(arguments, recording=recording)
+    else:
+        with patch.object(Loop, "travel_limit", ENDLESS):
+            trial = lockstep_trial(arguments, recording=recording)
+    return _signals(trial)
+
+
+def _signals(trial: Trial) -> Run:
+    sample = TravelEstimator(HandleParameters(), trial.rate).sample
+    pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
+    travel = 1e3 * np.array([sample(*pair) for pair in pairs])
+    desired = trial.desired_acceleration[: len(trial.time) - trial.after]
+    error = trial.actual_acceleration[trial.after :] - desired
+    count = len(desired)
+    nrmse = trial.evaluate().nrmse_percent
+    return Run(trial.time[:count], travel[:count], error, desired, nrmse)
+
+
+def excursion() -> Figure:
+    """Draw travel and error of a landing and of a texture of low frequency."""
+    free = 1e3 * ActuatorParameters().travel
+    figure = Figure(figsize=(9, 5), layout="constrained")
+    panels = figure.subplots(2, 2, sharex="col", sharey="row")
+    inputs = {
+        "landing on plywood": None,
+        "texture from 8 Hz, 3 m/s$^2$ RMS": texture(8.0, 3.0, 1e3),
+    }
+    for (above, below), (name, recording) in zip(panels.T, inputs.items(), strict=True):
+        runs = {"with": run(True, recording), "without": run(False, recording)}
+        peak = runs["without"].time[np.argmax(np.abs(runs["without"].travel))]
+        for label, drawn in runs.items():
+            part = (drawn.time >= peak - BEFORE) & (drawn.time <= peak + AFTER)
+            time = drawn.time[part] - peak
+            words = f"{label} excursion control, {drawn.nrmse:.1f} %"
+            above.plot(time, drawn.travel[part], label=words)
+            below.plot(time, drawn.error[part])
+        above.hlines([-free, free], -BEFORE, AFTER, colors="k", linestyles="--", lw=0.8)
+        above.set(title=name)
+        above.legend(loc="lower right", fontsize="small")
+        below.set(xlabel="time from the largest travel (s)")
+        for axes in (above, below):
+            axes.grid(alpha=0.3)
+    panels[0][0].set(ylabel="travel (mm); dashed: stops")
+    panels[1][0].set(ylabel="error of the handle (m/s$^2$)")
+    return figure
+
+
+def main() -> None:
+    """Draw the figure that is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    figures = parser.add_subparsers(dest="name", required=True)
+    figures.add_parser("bounds").add_argument("file", type=Path)
+    figures.add_parser("excursion")
+    given = parser.parse_args()
+    if given.name == "bounds":
+        drawn = bounds(json.loads(given.file.read_text(encoding="utf-8"))["rows"])
+    else:
+        drawn = excursion()
+    drawn.savefig(FOLDER / f"{given.name}.png", dpi=120)
+
+
+if __name__ == "__main__":
+    main()
