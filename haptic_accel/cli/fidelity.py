@@ -77,8 +77,11 @@ RECORDING_RMS = (0.6, 3.0)
 MODE_FREQUENCIES = (120.0, 180.0, 250.0, 320.0)
 """Frequencies of a mode that the controllers do not know, Hz."""
 
-MODE_DAMPINGS = (0.03, 0.05, 0.3)
+MODE_DAMPINGS = (0.03, 0.05, 0.1, 0.3)
 """Damping ratios of that mode."""
+
+TOLD = 1.0
+"""Time in which a controller can notice that mode, which is not evaluated, s."""
 
 
 BOUNDS = {"limited_bound": "limited bound", "bound": "bound"}
@@ -381,6 +384,7 @@ def _modes(wanted: Wanted) -> Iterator[Case]:
             _name(given),
             f"{frequency:g} Hz, {damping:g}",
             _given(given, wanted.on()),
+            start=TOLD,
             changes={"master_device": mount},
         )
 
@@ -506,7 +510,8 @@ def _print(summary: Sequence[Row]) -> None:
     rows: dict[str, dict[str, Row]] = {}
     for line in summary:
         rows.setdefault(line["condition"], {})[line["controller"]] = line
-    controllers = list(dict.fromkeys(line["controller"] for line in summary))
+    found = {line["controller"] for line in summary}
+    controllers = [name for name in CONTROLLERS if name in found]
     cells = [
         (
             condition,

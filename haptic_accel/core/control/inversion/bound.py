@@ -25,6 +25,9 @@ from haptic_accel.core.model import ComplexArray, FloatArray
 STEP = 0.05
 """Distance of the frequencies that the bounds are computed at, Hz: a memory of ten seconds."""
 
+FADING_IN = 0.5
+"""Time in which the input of a bound within limits is faded in, s."""
+
 _TRAVEL_COSTS = [10.0**power for power in range(13)]
 """Costs of travel, s^-4, from less than all felt motion to none at all: without any, the filter of
 a plant that cannot be inverted integrates twice, and no memory holds what it does."""
@@ -108,7 +111,8 @@ def limited_bound(
     plant, rate, granted_delay, noise, high_pass_frequency
         As in `causal_bound`, which it equals for small inputs.
     acceleration : ndarray, shape (n,)
-        Tool's acceleration, m/s^2. At the first sample the actuator is at rest.
+        Tool's acceleration, m/s^2. It is faded in over `FADING_IN`, as one that is cut out of a
+        longer one would else begin with a jump that takes travel.
     actuator : ActuatorParameters, optional
         Actuator with the limits; Table I's by default.
     travel_limit : float, optional
@@ -130,7 +134,8 @@ def limited_bound(
     )
     actuator = actuator or ActuatorParameters()
     longest = COMFORT.cushion_end * actuator.travel if travel_limit is None else travel_limit
-    moved = acceleration - acceleration[0]
+    fading_in = np.minimum(np.arange(len(acceleration)) / (FADING_IN * rate), 1.0)
+    moved = (acceleration - np.mean(acceleration)) * fading_in
     travel = travel_response(plant.handle, problem.grid.frequency)
 
     def best(of_travel: float, of_force: float = 0.0) -> _Optimum:

@@ -53,6 +53,15 @@ def test_a_larger_input_costs_more_error_and_never_less_than_without_limits(low:
     assert errors[-1] == pytest.approx(100.0, abs=10.0)  # hardly anything can be displayed
 
 
+def test_an_input_that_is_cut_out_of_another_has_the_same_bound() -> None:
+    # Wherever it is cut, even where its acceleration is far from its mean.
+    whole = texture(15.0, 3.0) + 5.0
+    whole_bound = limited_bound(IDEAL, RATE, whole, granted_delay=2)
+    for begin in (500, 507, 514, 521):
+        found = limited_bound(IDEAL, RATE, whole[begin:], granted_delay=2)
+        assert found == pytest.approx(whole_bound, abs=0.2)
+
+
 def test_less_travel_costs_more_error() -> None:
     loud = texture(8.0, 4.0)
     errors = [
