@@ -38,9 +38,9 @@ tilt."""
 MEMORY = 0.2
 """Length of the convolution, s: twice it lowers the error by less than a fiftieth of itself."""
 
-TRAVEL_CORNERS = (1.0, 1.5, 2.3, 3.5, 5.3, 8.0, 12.0, 18.0, 28.0)
-"""Corners of travel for which inverses are designed, Hz: from all that the actuator can follow to
-hardly any travel, in steps of one and a half."""
+TRAVEL_CORNERS = (1.8, 3.0, 5.0, 8.5, 14.0, 24.0)
+"""Corners of travel for which inverses are designed, Hz: from all but the slow motion of the hand,
+whose travel would be missing when the tool lands, to hardly any travel."""
 
 LANDING_VELOCITY = 0.05
 """Change of the tool's velocity as it meets a surface, m/s: the hand's own 15 mm in 0.6 s."""

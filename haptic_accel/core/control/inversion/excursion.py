@@ -14,7 +14,7 @@ from haptic_accel.core.model import FloatArray, Suspension
 HORIZON = 0.05
 """Time that the travel is predicted for, s: a period of the paper's actuator on its spring."""
 
-REVERSION = 0.045
+REVERSION = 0.06
 """Time after which what comes next is expected to have taken half of a predicted travel back, s: a
 tool that has met a surface, say, does not keep its change of velocity, but bounces and is held by
 the coupling. (Without it, a landing of the virtual rig is predicted to take twice what it takes.)
@@ -80,7 +80,8 @@ class TravelPredictor:
         total = held.shape[1] + len(self._per_force) - 1
         size = 1 << total.bit_length()
         spectrum = np.fft.rfft(held, size) * np.fft.rfft(self._per_force, size)
-        self._travels = np.ascontiguousarray(np.fft.irfft(spectrum, size)[:, :total])
+        # By time, then by member: what moves on in time lies side by side.
+        self._travels = np.ascontiguousarray(np.fft.irfft(spectrum, size)[:, :total].T)
 
     def sample(self, value: float) -> bool:
         """Take a sample of the members' input; return whether the prediction has advanced."""
@@ -94,17 +95,17 @@ class TravelPredictor:
 
     def peaks(self) -> FloatArray:
         """Return the largest travel by member, m, shape (k,)."""
-        return np.asarray(np.abs(self._ahead[:, self._seen] * self._kept).max(axis=1))
+        return np.asarray(np.abs(self._ahead[self._seen] * self._kept[:, None]).max(axis=0))
 
     def exceeds(self, limit: float) -> bool:
         """Return whether the first member would take more travel than a limit in m."""
-        ahead = self._ahead[0, self._seen] * self._kept
+        ahead = self._ahead[self._seen, 0] * self._kept
         return bool(ahead.max() > limit or ahead.min() < -limit)
 
     def reset(self) -> None:
         """Return to a state without any past."""
-        count, length = self._travels.shape
-        self._ahead = np.zeros((count, _BLOCKS * length + self._horizon))
+        length, count = self._travels.shape
+        self._ahead = np.zeros((_BLOCKS * length + self._horizon, count))
         self._start = self._count = 0
         self._sum = 0.0
 
@@ -113,14 +114,14 @@ class TravelPredictor:
         return slice(self._start, self._start + self._horizon)
 
     def _advance(self, value: float) -> None:
-        length = self._travels.shape[1]
+        length = len(self._travels)
         self._start += 1
-        if self._start + max(length, self._horizon) > self._ahead.shape[1]:
-            left = self._ahead[:, self._start :].copy()
+        if self._start + max(length, self._horizon) > len(self._ahead):
+            left = self._ahead[self._start :].copy()
             self._ahead[:] = 0.0
-            self._ahead[:, : left.shape[1]] = left
+            self._ahead[: len(left)] = left
             self._start = 0
-        self._ahead[:, self._start : self._start + length] += value * self._travels
+        self._ahead[self._start : self._start + length] += value * self._travels
 
 
 class ExcursionControl:
