@@ -35,15 +35,26 @@ on vinyl, 113 % over the worst half second."""
 UNDESCRIBED_WORSE, UNDESCRIBED_WORSE_FOR = 1.02, 0.4
 """The same on a handle that is not as described, where there is no reason for patience."""
 
-BETTER = 0.9
+BETTER = 0.7
 """Foreseen error, relative to that of no force, below which a controller may have its turn."""
 
 PAUSE = 1.0
-"""Time for which a better error must be foreseen before a controller has its first turn again, s;
-twice as long after each turn."""
+"""Time for which a better error must be foreseen before a controller is tried again, and for which
+there is no force before a part of its own is tried, s of excitation; twice as long after each
+trial that failed."""
+
+PROBE = 0.25
+"""Part of its force that is tried where none has taken over: nothing is learnt of a handle without
+force, and a quarter of an error of twice the desired acceleration hardly adds to that of none."""
 
 FADING = 5e-3
-"""Duration of a change, s."""
+"""Duration of a change to a substitute, s."""
+
+TRIAL = 1.0
+"""Duration of the return, s: a force that is still wrong is found so while it is small."""
+
+TRIAL_WORSE_FOR = 0.1
+"""Time with more error than none that ends a trial, s."""
 
 SETTLING = 0.1
 """Time in which the filters of `dynamic` settle before it is faded in, s: its poles are at 9 Hz
@@ -57,8 +68,10 @@ class Fallback:
     is larger for most of a second, the force is faded out, and that of `dynamic` is faded in if it
     is foreseen to be better than none. What is foreseen is the model's response to a force, times
     the ratio in which the handle was measured to respond. The controller continues to receive all
-    samples, may learn from them, and returns when its own force is foreseen to be better for
-    `PAUSE`, which doubles each time.
+    samples, may learn from them, and is tried again when its own force is foreseen to be better
+    for `PAUSE`. After as long without any force, a part of it is applied, so that there is
+    something to learn from. A force that is tried grows slowly, and is given up at once where it
+    does harm; the pause then doubles.
 
     Parameters
     ----------
@@ -90,11 +103,12 @@ class Fallback:
     @property
     def warning(self) -> str:
         """What deviates and what took over; empty for nothing."""
-        replaced = (
-            f"{self._name} is worse than no compensation: {self.substitute} took over"
-            if self.substitute
-            else ""
-        )
+        replaced = ""
+        if self.substitute:
+            took_over = "a part is tried" if self._probing else f"{self.substitute} took over"
+            replaced = f"{self._name} is worse than no compensation: {took_over}"
+        elif self._on_trial:
+            replaced = f"{self._name} was worse than no compensation: it is tried again"
         return ", ".join(filter(None, (self.supervisor.warning, replaced)))
 
     def reset(self, name: str, granted_delay: int) -> None:
@@ -109,11 +123,14 @@ class Fallback:
     def follow(self, name: str, granted_delay: int) -> None:
         """Judge another controller from now on, or the same anew; whatever replaced one fades."""
         self._name, self.substitute = name, ""
+        self._pace = self._step
+        self._trial = math.inf  # time since the last return, s
         self._granted = granted_delay
         length = self._latency + granted_delay + 2
         self._desired = deque([0.0] * length, maxlen=length)  # the first one is due now
         self._pause = PAUSE
-        self._worse = self._better = 0.0
+        self._probing = False
+        self._worse = self._better = self._idle = 0.0
         self._error = 0.0  # relative to that of no force
         self._tracking.reset()
 
@@ -125,8 +142,9 @@ class Fallback:
         self._running += 1
         settled = self._running > self._settling
         substituted = self._dynamic.force(desired_acceleration, math.nan)
-        self._share = self._faded(self._share, not self.substitute)
-        self._gain = self._faded(self._gain, settled and self.substitute == DYNAMIC)
+        share = PROBE * self._probing if self.substitute else 1.0
+        self._share = self._faded(self._share, share)
+        self._gain = self._faded(self._gain, float(settled and self.substitute == DYNAMIC))
         return self._share * wanted + self._gain * substituted
 
     def sample(self, desired: float, measured: float, force: float) -> None:
@@ -163,23 +181,35 @@ class Fallback:
             self._reconsider()
         return False
 
+    @property
+    def _on_trial(self) -> bool:
+        return self._probing or self._trial < 2.0 * TRIAL
+
     def _judge(self) -> None:
         """Replace the controller, or its substitute, where it is worse than no force."""
         tracking = self._tracking
         power = self._power(tracking.excitation)
-        if power < LEAST_DESIRED**2 or self.substitute == NONE:
+        if power < LEAST_DESIRED**2 or (self.substitute == NONE and not self._probing):
             return
         difference = tracking.output - 2.0 * tracking.cross.real + tracking.excitation
         self._error = math.sqrt(max(0.0, self._power(difference)) / power)
-        patient = self.supervisor.described
-        limit, time = (WORSE, WORSE_FOR) if patient else (UNDESCRIBED_WORSE, UNDESCRIBED_WORSE_FOR)
+        limit, time = WORSE, WORSE_FOR
+        if self._on_trial:
+            limit, time = UNDESCRIBED_WORSE, TRIAL_WORSE_FOR
+        elif not self.supervisor.described:
+            limit, time = UNDESCRIBED_WORSE, UNDESCRIBED_WORSE_FOR
+        self._trial += tracking.interval
         self._worse = self._worse + tracking.interval if self._error > limit else 0.0
         if self._worse >= time:
             self._replace()
 
     def _replace(self) -> None:
         """Let the next best take over."""
-        self._worse = 0.0
+        if self._on_trial:
+            self._pause *= 2.0
+        self._worse = self._idle = 0.0
+        self._pace = self._step
+        self._probing = False
         if self.substitute:
             self.substitute = NONE
             return
@@ -204,11 +234,20 @@ class Fallback:
         present = 1.0 if self.substitute == NONE else self._error
         better = foreseen < min(BETTER, present)
         self._better = self._better + prospect.interval if better else 0.0
+        self._idle += prospect.interval
         if self._better >= self._pause:
-            self.substitute = ""
-            self._pause *= 2.0
-            self._worse = 0.0
-            self._tracking.reset()
+            self._trial = 0.0
+            self._try("")
+        elif self.substitute == NONE and self._idle >= self._pause and not self._probing:
+            self._try(NONE)
+
+    def _try(self, substitute: str) -> None:
+        """Let the controller's force grow, or a part of it beside a substitute."""
+        self.substitute = substitute
+        self._probing = bool(substitute)
+        self._pace = self._step * FADING / TRIAL
+        self._worse = 0.0
+        self._tracking.reset()
 
     def _dynamic_error(self) -> float:
         """Return the foreseen error of `dynamic`, relative to that of no force."""
@@ -234,5 +273,5 @@ class Fallback:
         """Return the power of a density in the lines that count."""
         return float(self._counted @ density) * float(self._tracking.frequency[1])
 
-    def _faded(self, share: float, wanted: bool) -> float:
-        return min(1.0, share + self._step) if wanted else max(0.0, share - self._step)
+    def _faded(self, share: float, wanted: float) -> float:
+        return share + min(max(wanted - share, -self._pace), self._pace)
