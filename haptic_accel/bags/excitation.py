@@ -59,5 +59,10 @@ def force_age(bag: Bag) -> float:
     """
     if bag.latency:
         return 0.0
-    reports = {said.node: said.values for said in bag.diagnostics}
-    return durations(reports.get("master_device", {}), f"{AGE_OF} age").get("p50", 0.0) * 1e-6
+    values = last_values(bag, "master_device")
+    return durations(values, f"{AGE_OF} age").get("p50", 0.0) * 1e-6
+
+
+def last_values(bag: Bag, node: str) -> dict[str, str]:
+    """Return the values that a node reported last in its diagnostics; none if it did not."""
+    return {said.node: said.values for said in bag.diagnostics}.get(node, {})

@@ -16,7 +16,7 @@ import click
 import numpy as np
 
 from haptic_accel.analysis import identification_report as report
-from haptic_accel.bags.excitation import force_age, read_excited
+from haptic_accel.bags.excitation import force_age, last_values, read_excited
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
@@ -33,6 +33,7 @@ from haptic_accel.core.identification.evaluation import (
     identify_handle,
 )
 from haptic_accel.core.identification.fit import HandleFit
+from haptic_accel.core.identification.stops import STOPS_HIT, check_stops, check_travel
 from haptic_accel.core.model import ACTUATOR, POSTURES, HandleParameters, Suspension, held
 from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.trial import RigParameters, run_identification
@@ -137,6 +138,7 @@ def identify(
                 recorded, age = _read(_named(sources, arguments.grip), arguments, recording_rate)
             else:
                 recorded, age = _read(_run_live(by_grip, folder), arguments, recording_rate)
+            check_stops(recorded)
             found = identify_handle(
                 recorded,
                 arguments.sweep,
@@ -147,6 +149,11 @@ def identify(
                 ),
                 free=free,
             )
+            doubts = [
+                check_travel(name, trial, grip.fit.handle, actuator.travel)
+                for name, grip in found.grips.items()
+                for trial in grip.trials
+            ]
         except RecordingError as reason:
             raise StoppedError(str(reason)) from None
     truth, errors = None, {}
@@ -162,9 +169,10 @@ def identify(
         run = "recordings: " + ", ".join(sources)
     described = replace(arguments, latency=latency)
     settings = {name: str(value) for name, value in asdict(described).items() if value != ""}
-    notes = list(_notes(found))
+    doubt = max(doubts)  # that of the largest travel, or none
+    notes = [doubt] * bool(doubt) + list(_notes(found))
     parameters = folder / "handle.yaml"
-    parameters.write_text(parameter_file(found, actuator, age), encoding="utf-8")
+    parameters.write_text(parameter_file(found, actuator, age, doubt), encoding="utf-8")
     page = report.write_identification_report(
         found,
         arguments.sweep,
@@ -284,6 +292,10 @@ def _trials(bag: Bag, arguments: IdentifyArguments) -> list[sweeps.Identificatio
     found = sweeps.find_trials(
         force, acceleration, arguments.sweep, arguments.rate, missing, bag.latency
     )
+    # The simulated handle knows; in which trial it was, nobody does.
+    hits = int(last_values(bag, "master_device").get(STOPS_HIT, 0))
+    for trial in found:
+        trial.status[STOPS_HIT] = hits
     most = MOST_MISSING * len(found[0].actuator_force)
     whole = [trial for trial in found if trial.status[sweeps.SAMPLES_MISSING] <= most]
     if len(whole) < len(found):
@@ -311,16 +323,6 @@ def _rig(arguments: IdentifyArguments) -> RigParameters:
 
 def _notes(found: Identification) -> Iterator[str]:
     """Yield warnings to the reader of the metrics."""
-    stopped = [
-        name
-        for name, grip in found.grips.items()
-        if any(trial.status.get("travel_stops_hit") for trial in grip.trials)
-    ]
-    if stopped:
-        yield (
-            f"the actuator hit its stops ({', '.join(stopped)}): use a smaller amplitude, do not"
-            " use the fit"
-        )
     if len(found.grips) > 1:
         yield (
             "all grips pooled are a compromise between them, the discrete model most of all; for"
@@ -328,7 +330,9 @@ def _notes(found: Identification) -> Iterator[str]:
         )
 
 
-def parameter_file(found: Identification, actuator: ActuatorParameters, age: float = 0.0) -> str:
+def parameter_file(
+    found: Identification, actuator: ActuatorParameters, age: float = 0.0, doubt: str = ""
+) -> str:
     """Return a ROS parameter file for ``params_file:=FILE``: the handle and its controllers.
 
     Parameters
@@ -339,6 +343,8 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
     age : float
         Age of forces that took effect on arrival, s. It is part of the delay that a controller
         compensates, but not of the simulated handle's own delay.
+    doubt : str
+        Reason to doubt the fit, of which the compensator warns.
     """
     fit = found.fit
     # Friction that may be none would only disturb.
@@ -368,6 +374,7 @@ def parameter_file(found: Identification, actuator: ActuatorParameters, age: flo
                 "delay": float(f"{max(0.0, fit.delay):.6f}"),
                 "bandwidth": fit.low_pass_frequency,
                 "friction": friction,
+                "doubt": doubt,
             },
         },
     }

@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
 from haptic_accel.core.control.bridging import Bridge
-from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.control.compensation import PLANT, Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.sampling import NANOSECONDS
@@ -49,6 +49,8 @@ class Compensator(GraphNode):
         self._compensation = Compensation(
             p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency
         )
+        if doubt := self.options[PLANT].doubt:
+            self.get_logger().warning(f"plant: {doubt}; then run identify again")
         self._period = NANOSECONDS / p.rate
         self._longest_wait = (max(1, p.latency) - SENDING_TIME) * self._period
         self._tool: deque[tuple[int, float, int]] = deque()

@@ -87,6 +87,7 @@ def test_on_the_papers_rig_models_follow_the_handle_to_400_hz(
         (["--lockstep", "--trials", "0"], 2, "trials"),
         (["--lockstep", "--end-frequency", "600"], 2, "end_frequency"),
         (["--lockstep", "--start-amplitude", "0", "--end-amplitude", "0.001"], 1, "force"),
+        (["--lockstep", "--start-amplitude", "0.8", "--trials", "1"], 1, "travel_stops_hit"),
         (["--lockstep", "rig:=nothing"], 2, "rig"),
         (["--lockstep", "--out", "."], 2, "out"),
         (["--lockstep", "--json", "no/such/folder.json"], 2, "json"),
@@ -98,13 +99,13 @@ def test_on_the_papers_rig_models_follow_the_handle_to_400_hz(
         (["end_frequency:=300", "--end-frequency", "300"], 2, "twice"),
     ],
 )
-@pytest.mark.usefixtures("here")
 def test_what_cannot_be_is_refused_in_one_line(
-    words: list[str], status: int, named: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], status: int, named: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert status_of("identify", *words) == status
     (line,) = capsys.readouterr().err.splitlines()
     assert named in line
+    assert not list(here.rglob("handle.yaml"))
 
 
 SHORT = ("--duration", "1", "--trials", "1")
@@ -230,3 +231,35 @@ def test_a_csv_recording_has_named_columns(
         metrics = json.loads((here / "metrics.json").read_text())
         assert metrics["parameters"]["m_h"]["value"] == pytest.approx(TABLE_I["m_h"], rel=0.02)
         assert (here / "found" / "index.html").is_file()
+
+
+def recording(amplitude: float, file: Path) -> None:
+    """Write a CSV file of a sweep that begins with an amplitude in N."""
+    sweep = SweepParameters(duration=1.0, start_amplitude=amplitude)
+    (trial,) = run_identification(parameters=sweep, rate=1000.0, latency=0)
+    columns = np.column_stack([trial.actuator_force, trial.handle_acceleration])
+    header = "actuator_force,handle_acceleration"
+    np.savetxt(file, columns, delimiter=",", header=header, comments="")
+
+
+def test_a_recording_that_hit_the_stops_is_refused_by_its_estimated_travel(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording(1.2, here / "hard.csv")
+    words = ("--recording-rate", "1000", "--duration", "1", "--start-amplitude", "1.2")
+    assert status_of("identify", "--from", "hard.csv", *words, "--out", "found") == 1
+    assert "travel = " in capsys.readouterr().err
+    assert not (here / "found" / "handle.yaml").exists()
+
+
+def test_a_doubtful_handle_is_marked_and_the_graph_warns_of_it(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    recording(0.75, tmp_path / "near.csv")
+    words = ("--recording-rate", "1000", "--duration", "1", "--start-amplitude", "0.75")
+    found = haptic_accel("identify", "--from", "near.csv", *words, "--out", "found")
+    assert found.end() == 0, found.text
+    assert "travel = 3.7" in found.text
+    graph = haptic_accel("teleop", "rig:=ideal", "params_file:=found/handle.yaml", "duration:=1")
+    assert graph.end() == 0, graph.text
+    assert "plant: travel = 3.7" in graph.text

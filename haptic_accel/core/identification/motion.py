@@ -44,6 +44,10 @@ EXPECTED = {"slip_velocity": (2e-3, 1.0), "friction_lag": (0.0, 200e-6)}
 changes its sign (assumed: 1 to 5 mm/s, and the micrometres within which contacts shear). The
 motion says little of them, but they shift the other parameters."""
 
+PATTERNS = 4.0
+"""Patterns for each parameter of which what the model lacks consists (assumed; a few, as it
+repeats itself at each reversal of the slip; so found errors are one standard error or less)."""
+
 LARGEST_SHARE = 0.49
 """Highest compared frequency over the sampling rate."""
 
@@ -60,9 +64,9 @@ def fit_motion(
     """Fit what a fit to responses found, and dry friction, to the mean of all repeats.
 
     Least squares, each spectral line weighted by its scatter between repeats. The standard errors
-    hold for noise and for what the model lacks: that is taken to consist of as many patterns as
-    the model has parameters, each as likely to look like a parameter as not. Then the part that
-    parameters have absorbed is, for each, as large as what each has left in the residual.
+    hold for noise and for what the model lacks: that is taken to consist of `PATTERNS` independent
+    patterns for each parameter, all alike. Then each parameter has absorbed one that is as large
+    as the mean of those left in the residual.
 
     Parameters
     ----------
@@ -264,7 +268,7 @@ class _Problem:
         chance = math.sqrt(2 * len(error) * (1 + 1 / self._freedom))
         misfit = max(0.0, float(error @ error) - (len(error) - free) - chance)
         covariance = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
-        covariance *= 1.0 + misfit / free
+        covariance *= 1.0 + misfit / (PATTERNS * free)
         point = self._coordinates.point(values)
         point = point.replaced({"friction": max(0.0, point.value("friction"))})
         weight = np.tile(self._deviation, 2)

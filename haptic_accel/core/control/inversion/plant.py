@@ -63,6 +63,10 @@ class Plant(Checked):
         " mount, delay and bandwidth; empty for none",
     )
 
+    doubt: str = parameter(
+        "", "reason to doubt this description, of which the compensator warns; empty for none"
+    )
+
     @property
     def latency(self) -> int:
         """Samples from the one that caused a force to the tick at which the force is due."""

@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.identification.estimate import RecordingError
+from haptic_accel.core.identification.stops import STOPS_HIT, check_stops, check_travel
+from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
+from haptic_accel.core.model import Suspension
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.trial import run_identification
+
+RATE = 1000.0
+RIG = MasterRigParameters()
+TRAVEL = RIG.actuator.travel
+
+
+def recorded(amplitude: float) -> IdentificationTrial:
+    sweep = SweepParameters(duration=1.0, start_amplitude=amplitude)
+    return run_identification(RIG, sweep, RATE, latency=0)[0]
+
+
+def test_stops_that_were_hit_are_refused_and_estimated() -> None:
+    gentle, hard = recorded(0.3), recorded(1.5)
+    check_stops({"pinch": [gentle]})
+    assert check_travel("pinch", gentle, RIG.handle, TRAVEL) == ""
+    with pytest.raises(RecordingError, match=r"travel_stops_hit = \d+ \(hook\): must be 0"):
+        check_stops({"pinch": [gentle], "hook": [gentle, hard]})
+    # A real device does not count them.
+    unknown = replace(hard, status={})
+    assert STOPS_HIT in hard.status
+    check_stops({"hook": [unknown]})
+    with pytest.raises(RecordingError, match=r"travel = .* mm \(hook\), as estimated: must be"):
+        check_travel("hook", unknown, RIG.handle, TRAVEL)
+
+
+@given(st.floats(0.1, 2.0))
+def test_a_constant_force_travels_by_what_the_spring_gives(share: float) -> None:
+    suspension = Suspension()
+    force = np.full(2000, share * TRAVEL * suspension.k_s)
+    # From rest it swings beyond: damping ratio 0.46.
+    ratio = suspension.b_s / (2 * np.sqrt(suspension.k_s * suspension.m_a))
+    overshoot = 1 + np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
+    trial = IdentificationTrial(RATE, force, np.zeros(2000), {})
+    reached = share * overshoot
+    if reached > 1.11:
+        with pytest.raises(RecordingError, match="smaller amplitude"):
+            check_travel("average", trial, suspension, TRAVEL)
+    elif not reached > 1.09 and not 0.945 < reached < 0.955:
+        doubt = check_travel("average", trial, suspension, TRAVEL)
+        assert bool(doubt) == (reached > 0.95)
