@@ -45,8 +45,6 @@ class Unknowns:
     """Damping ratio of parts screwed and glued together and held in a hand: 0.1 to 0.3."""
     delay: float
     """Delay beside the hold, s: up to half a sample of computation, and the amplifier."""
-    coulomb_friction: float
-    """Friction of a plain plastic bearing, N: up to a friction coefficient of 0.23 on 18 g."""
 
     plywood_damping: float
     """Contact damping, s/m: a loss factor of 0.04 to 0.4 at the resonance, 145 Hz at 1 N, by
@@ -60,7 +58,7 @@ class Unknowns:
         """Return a rig with these values."""
         master, surface = rig.master, rig.slave.surface
         mount = replace(master.mount, frequency=self.mount_frequency, damping=self.mount_damping)
-        drive = replace(master.drive, delay=self.delay, coulomb_friction=self.coulomb_friction)
+        drive = replace(master.drive, delay=self.delay)
         surface = replace(surface, contact_damping=self.contact_damping(surface.name))
         return replace(
             rig,
@@ -78,10 +76,10 @@ class Unknowns:
         return found[surface]
 
 
-LOWEST = Unknowns(280.0, 0.1, 0.0, 0.0, 2.0, 2.0, 5.0)
-HIGHEST = Unknowns(350.0, 0.3, 0.6e-3, 0.04, 20.0, 20.0, 30.0)
-START = Unknowns(290.0, 0.11, 0.113e-3, 0.036, 10.2, 17.8, 23.5)
-"""Result of a fit that started at 300, 0.12, 0.25e-3, 0.03, 8, 13 and 18."""
+LOWEST = Unknowns(280.0, 0.1, 0.0, 2.0, 2.0, 5.0)
+HIGHEST = Unknowns(350.0, 0.3, 0.6e-3, 20.0, 20.0, 30.0)
+START = Unknowns(287.0, 0.105, 0.068e-3, 7.7, 18.9, 23.2)
+"""Result of a fit that started at 290, 0.11, 0.113e-3, 10.2, 17.8 and 23.5."""
 
 Evaluations = Mapping[tuple[str, str], Sequence[Evaluation]]
 

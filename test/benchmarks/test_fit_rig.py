@@ -51,7 +51,6 @@ def outcome() -> Unknowns:
         master.mount.frequency,
         master.mount.damping,
         master.drive.delay,
-        master.drive.coulomb_friction,
         *(kept(surface).slave.surface.contact_damping for surface in SURFACES),
     )
 
