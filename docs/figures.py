@@ -34,7 +34,7 @@ DRAWN = ("none", "dynamic", "inverse", "adaptive")
 GOAL = (1.3, 2.0)
 """Factor and points above the limited bound within which a controller should stay."""
 
-BEFORE, AFTER = 0.05, 0.25
+BEFORE, AFTER = 0.1, 0.3
 """Part of a trial that is drawn, before and after the largest travel, s."""
 
 ENDLESS = 1.0
@@ -77,7 +77,7 @@ class Run(NamedTuple):
 
 def run(limited: bool, recording: FloatArray | None) -> Run:
     """Run the inverse on a surface, or a recording, with excursion control or without."""
-    arguments = GraphArguments(rig="ideal", controller="inverse", duration=8.0)
+    arguments = GraphArguments(rig="ideal", controller="inverse", surface="vinyl", duration=8.0)
     if limited:
         trial = lockstep_trial(arguments, recording=recording)
     else:
@@ -101,14 +101,16 @@ def excursion() -> Figure:
     """Draw travel and error of a landing and of a texture of low frequency."""
     free = 1e3 * ActuatorParameters().travel
     figure = Figure(figsize=(9, 5), layout="constrained")
-    panels = figure.subplots(2, 2, sharex="col", sharey="row")
+    panels = figure.subplots(2, 2, sharex="col")
     inputs = {
-        "landing on plywood": None,
-        "texture from 8 Hz, 3 m/s$^2$ RMS": texture(8.0, 3.0, 1e3),
+        "landing on vinyl": None,
+        "texture from 8 Hz, 6 m/s$^2$ RMS": texture(8.0, 6.0, 1e3),
     }
     for (above, below), (name, recording) in zip(panels.T, inputs.items(), strict=True):
         runs = {"with": run(True, recording), "without": run(False, recording)}
-        peak = runs["without"].time[np.argmax(np.abs(runs["without"].travel))]
+        free_run = runs["without"]
+        inner = slice(0, np.searchsorted(free_run.time, free_run.time[-1] - AFTER))
+        peak = free_run.time[np.argmax(np.abs(free_run.travel[inner]))]
         for label, drawn in runs.items():
             part = (drawn.time >= peak - BEFORE) & (drawn.time <= peak + AFTER)
             time = drawn.time[part] - peak
@@ -117,6 +119,7 @@ def excursion() -> Figure:
             below.plot(time, drawn.error[part])
         above.hlines([-free, free], -BEFORE, AFTER, colors="k", linestyles="--", lw=0.8)
         above.set(title=name)
+        above.set(ylim=(-1.6 * free, 1.2 * free))
         above.legend(loc="lower right", fontsize="small")
         below.set(xlabel="time from the largest travel (s)")
         for axes in (above, below):
