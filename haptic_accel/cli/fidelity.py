@@ -441,6 +441,7 @@ def run_case(case: Case) -> Row:
         "bound_percent": bound.causal,
         "limited_bound_percent": bound.limited,
         "nrmse_by_2_s_percent": list(_by_window(trial, first)),
+        "warnings": [list(warned) for warned in trial.warnings],
         "force_rms_n": float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
         "travel_peak_mm": 1e3 * max([abs(travel.sample(*pair)) for pair in pairs][first:]),
     }
@@ -457,11 +458,12 @@ def _by_window(trial: Trial, first: int) -> Iterator[float | None]:
 
 
 def _line(row: Row) -> str:
-    """Return a trial's error and bounds for a reader."""
+    """Return a trial's error and bounds for a reader, and the first warning."""
+    told = "".join(f"; {time:.2f} s: {words}" for time, words in row["warnings"][:1])
     return (
         f"{row['condition']}: {row['input']}, {row['grip']}, {row['controller']}:"
         f" {row['nrmse_percent']:.1f} % after {row['delay_ms']:g} ms granted (limited bound"
-        f" {row['limited_bound_percent']:.1f}, bound {row['bound_percent']:.1f})"
+        f" {row['limited_bound_percent']:.1f}, bound {row['bound_percent']:.1f}){told}"
     )
 
 

@@ -72,15 +72,19 @@ def report(
     folder = results_folder(out)
     with stop_on_signal() as stop:
         spread = spread_over(jobs, stop)
-        analysis = analyse(
-            places,
-            chosen,
-            perceptual=perceptual,
-            rig=parameters,
-            rate=rate,
-            spread=spread,
-            ended=_print_trials,
-        )
+        try:
+            analysis = analyse(
+                places,
+                chosen,
+                perceptual=perceptual,
+                rig=parameters,
+                rate=rate,
+                spread=spread,
+                ended=_print_trials,
+            )
+        except ParameterError:
+            folder.rmdir()
+            raise
         partings = list(_partings(analysis, spread)) if lockstep else []
         interrupted = stop()
     found = compared(analysis, comparison, places) if comparison else None

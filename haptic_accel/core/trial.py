@@ -35,6 +35,13 @@ GripChange = tuple[float, HandleParameters]
 """Time of a change of grip, s, and the handle parameters from then on."""
 
 
+Warned = tuple[float, str]
+"""Time of a warning, s, and its words."""
+
+LOOK = 0.05
+"""Time between two looks at the compensator's warnings, s."""
+
+
 @dataclass(frozen=True)
 class RigParameters:
     """Both sides of the virtual rig and what couples them."""
@@ -76,6 +83,8 @@ class Trial:
         Samples from the one that caused a force to the tick at which the force took effect.
     granted_delay : int
         Samples beside the latency by which the handle may lag behind the tool.
+    warnings : tuple of (float, str)
+        Warnings of the compensator, and the time of each, s; an empty one is their end.
     arms : dict of ndarray, shape (n, 3)
         Positions (m), velocities (m/s) and motor forces (N) of both arms, by the name of their
         topic; empty where they are not known.
@@ -92,6 +101,7 @@ class Trial:
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
     latency: int = LATENCY
     granted_delay: int = 1
+    warnings: tuple[Warned, ...] = ()
     arms: dict[str, FloatArray] = field(default_factory=dict)
 
     @property
@@ -216,6 +226,7 @@ def run_trial(
         else ReplayRig(replayed)
     )
     time = np.arange(round(duration * rate)) / rate
+    warnings: list[Warned] = []
     samples = _samples(
         MasterRig(rig.master, rate, seed),
         slave,
@@ -224,6 +235,7 @@ def run_trial(
         time.tolist(),
         latency,
         deque(grips),
+        warnings,
     )
     signals, arms = zip(*samples, strict=True)
     tool, desired, handle, force = np.array(signals).T.copy()
@@ -232,6 +244,7 @@ def run_trial(
     return Trial(
         *(surface, controller, rate, time, tool, desired, handle, force, corner, latency),
         granted_delay(controller, controllers or {}),
+        tuple(warnings),
         vectors,
     )
 
@@ -251,9 +264,14 @@ def _samples(
     times: Sequence[float],
     latency: int,
     grips: deque[GripChange],
+    warnings: list[Warned],
 ) -> Iterator[tuple[tuple[float, ...], tuple[Vector, ...]]]:
-    """Yield the signals of each sample in the order of `Trial`, then the arms' vectors."""
+    """Yield the signals of each sample in the order of `Trial`, then the arms' vectors.
+
+    Adds to the warnings as the compensator's change.
+    """
     before: float | None = None
+    looked, words = 0.0, ""
     pending: deque[tuple[Vector, Vector, float]] = deque()
     for time in times:
         master.advance(time)
@@ -277,6 +295,11 @@ def _samples(
             master.apply_actuator_force(due[2])
         compensation.adapt()
         before = handle.acceleration
+        if time >= looked + LOOK:
+            looked, (now, _) = time, compensation.status()
+            if now != words:
+                words = now
+                warnings.append((time, words))
         yield (
             (tool.acceleration, desired, handle.acceleration, force),
             (*handle[:2], on_master, *tool[:2], on_slave),

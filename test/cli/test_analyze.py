@@ -162,7 +162,7 @@ def test_rig_and_rate_of_bags_that_state_theirs_are_refused(bags: Path, tmp_path
     bag = bags / "seed0" / "plywood_none"
     out = ("--out", tmp_path / "out")
     assert "describes its own handle" in refusal("analyze", bag, "--rig", "ideal", *out)
-    out = ("--out", tmp_path / "again")
+    assert not (tmp_path / "out").exists()
     told = refusal("analyze", bag, "--rate", "500", *out)
     assert "rate = 500: must be 1000 Hz" in told
 

@@ -18,7 +18,7 @@ from haptic_accel.core.control.controllers.inverse import InverseParameters
 from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate
 from haptic_accel.core.identification.sweep import SweepParameters
-from haptic_accel.core.model import ACTUATOR, FloatArray
+from haptic_accel.core.model import ACTUATOR, FloatArray, MountParameters
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
@@ -288,6 +288,15 @@ def test_a_trial_is_scored_after_the_delay_that_its_controller_is_granted(
     assert trial.evaluate().nrmse_percent < 0.5 * min(early, late)
     other = run_trial("dynamic", ideal_rig, duration=0.1, controllers=granted)
     assert other.after == other.latency + 1
+
+
+def test_warnings_of_a_trial_have_their_time(ideal_rig: RigParameters) -> None:
+    loose = replace(ideal_rig.master, mount=MountParameters(180.0, 0.05))
+    strange = run_trial("inverse", replace(ideal_rig, master=loose), duration=3.0)
+    (time, words), *_ = strange.warnings
+    assert 0.0 < time < 3.0
+    assert "not as described" in words
+    assert run_trial("inverse", ideal_rig, duration=3.0).warnings == ()
 
 
 def test_controllers_take_their_parameters() -> None:

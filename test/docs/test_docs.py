@@ -25,8 +25,8 @@ LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 
 
-def tables() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("tables", SOURCE / "docs" / "tables.py")
+def script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, SOURCE / "docs" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -43,13 +43,31 @@ def anchors(page: Path) -> set[str]:
 @pytest.mark.parametrize("page", DOCS, ids=lambda page: page.name)
 def test_tables_of_arguments_are_those_of_the_code(page: Path) -> None:
     text = page.read_text()
-    assert tables().with_tables(text) == text, "run: python docs/tables.py"
+    assert script("tables").with_tables(text) == text, "run: python docs/tables.py"
+
+
+def test_errors_are_drawn_against_both_bounds() -> None:
+    rows = [
+        {
+            "controller": name,
+            "nrmse_percent": error,
+            "bound_percent": 1.0,
+            "limited_bound_percent": 3.0,
+        }
+        for name, error in (("none", 100.0), ("inverse", 4.0))
+    ]
+    limited, free = script("figures").bounds(rows).axes
+    for axes, bound in ((limited, 3.0), (free, 1.0)):
+        points = {line.get_label(): line.get_xydata().tolist() for line in axes.lines}
+        assert points["none"] == [[bound, 100.0]]
+        assert points["inverse"] == [[bound, 4.0]]
+        assert "%" in axes.get_xlabel()
 
 
 def test_every_set_of_arguments_has_a_table() -> None:
     pages = "".join(page.read_text() for page in DOCS)
     marked = set(re.findall(r"<!-- arguments: (\w+)", pages))
-    assert marked == set(tables().ARGUMENTS)
+    assert marked == set(script("tables").ARGUMENTS)
 
 
 def test_the_table_of_topics_is_that_of_the_code() -> None:
