@@ -37,9 +37,18 @@ class ResponseEstimator:
         Samples per second.
     memory : float
         Time constant of forgetting, s.
+    window : float
+        Length of signal for one evaluation, s.
+    least : float
+        Minimum root mean square of the input for an evaluation; below it nothing is learnt.
 
     Attributes
     ----------
+    model : ndarray, shape (n,)
+        Factor of the input's spectrum, 1 at first: with a model of the response the estimate is
+        the ratio to it, even where the model changes from one evaluation to the next.
+    weight : float
+        Number of evaluations in the estimate, older ones forgotten.
     frequency : ndarray, shape (n,)
         Lines of the estimate, Hz, evenly spaced from 0 to half the rate.
     excitation : ndarray, shape (n,)
@@ -54,13 +63,17 @@ class ResponseEstimator:
         Time between two of them, s.
     """
 
-    def __init__(self, rate: float, memory: float) -> None:
-        self._length = 1 << max(4, round(math.log2(WINDOW * rate)))
+    def __init__(
+        self, rate: float, memory: float, window: float = WINDOW, least: float = 0.0
+    ) -> None:
+        self._length = 1 << max(4, round(math.log2(window * rate)))
         self._hop = self._length // LOOKS
         self.interval = self._hop / rate
         self.frequency: FloatArray = np.fft.rfftfreq(self._length, 1.0 / rate).astype(np.float64)
         shape = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(self._length) + 0.5) / self._length)
         self._shape = shape * math.sqrt(2.0 / rate / float(np.sum(shape**2)))
+        self._least = least
+        self.model: ComplexArray = np.ones(len(self.frequency), dtype=np.complex128)
         self._kept = math.exp(-self.interval / memory)
         self._input, self._output = SampleWindow(self._length), SampleWindow(self._length)
         # Missing samples in the part of the window that is being filled, and in those before.
@@ -113,7 +126,7 @@ class ResponseEstimator:
         lines = len(self.frequency)
         self.excitation, self.output = np.zeros(lines), np.zeros(lines)
         self.cross = np.zeros(lines, dtype=np.complex128)
-        self._weight = 0.0  # of all windows, each new one counting 1
+        self.weight = 0.0  # of all windows, each new one counting 1
         self._samples = self.looks = 0
         self._last = 0.0
         self._missing.clear()
@@ -127,12 +140,15 @@ class ResponseEstimator:
         given, shown = self._input.latest()[::-1].copy(), self._output.latest()[::-1].copy()
         yield False
         # Gravity is no part of the response, and would leak into the lowest lines.
-        cause = np.fft.rfft((given - given.mean()) * self._shape)
+        given -= given.mean()
+        if float(given.dot(given)) < self._length * self._least**2:
+            return
+        cause = self.model * np.fft.rfft(given * self._shape)
         yield False
         effect = np.fft.rfft((shown - shown.mean()) * self._shape)
         yield False
-        self._weight = self._kept * self._weight + 1.0
-        share = 1.0 / self._weight
+        self.weight = self._kept * self.weight + 1.0
+        share = 1.0 / self.weight
         self.excitation = self.excitation + share * (np.abs(cause) ** 2 - self.excitation)
         self.output = self.output + share * (np.abs(effect) ** 2 - self.output)
         self.cross = self.cross + share * (cause.conj() * effect - self.cross)

@@ -102,3 +102,23 @@ def test_reset_forgets_all() -> None:
         feed(estimator, cause, cause)
     assert np.array_equal(used.cross, fresh.cross)
     assert used.looks == fresh.looks
+
+
+def test_a_model_makes_it_a_ratio() -> None:
+    sections = signal.butter(2, [60, 200], "bandpass", fs=1000.0, output="sos")
+    estimator = ResponseEstimator(1000.0, memory=4.0, window=0.5)
+    estimator.model[1:] = signal.sosfreqz(sections, estimator.frequency[1:], fs=1000.0)[1]
+    cause = noise(8000)
+    feed(estimator, cause, 1.5 * signal.sosfilt(sections, cause))
+    band = within(estimator, 60.0, 200.0)
+    assert estimator.response[band] == pytest.approx(np.full(band.sum(), 1.5), abs=0.1)
+
+
+def test_too_small_an_input_teaches_nothing() -> None:
+    estimator = ResponseEstimator(1000.0, memory=4.0, least=0.1)
+    small = 0.05 * noise(2000)
+    feed(estimator, small, small)
+    assert estimator.looks == 0
+    assert estimator.weight == 0.0
+    feed(estimator, 10 * small, 10 * small)
+    assert estimator.looks > 0

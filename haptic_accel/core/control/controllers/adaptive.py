@@ -12,7 +12,12 @@ from haptic_accel.core.control.grip_estimation import (
     GripEstimator,
 )
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
+from haptic_accel.core.control.learning import Learner
 from haptic_accel.core.parameters import parameter
+
+UNDESCRIBED = 0.5
+"""Deviation of the response above which the grip is kept, relative: a mode in its band, say, which
+no grip can explain, would make its estimate jump. Ordinary hands cause up to 0.1."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,9 @@ class AdaptiveController(InverseController):
     def __init__(self, parameters: AdaptiveParameters, loop: Loop) -> None:
         self._family = parameters.family(loop)
         self._estimator = GripEstimator(loop.plant, loop.rate, parameters.adaptation)
-        self._invert_by(self._family.bank(self._estimator.grip), parameters, loop)
+        self._grip = self._estimator.grip
+        self._invert_by(self._family.bank(self._grip), parameters, loop)
+        self._learner = Learner(self._family, loop.plant, loop.rate, parameters.goal(loop))
         self._applied = 0.0
         self.frozen = parameters.frozen
 
@@ -43,6 +50,7 @@ class AdaptiveController(InverseController):
         """Return the force after which the handle moves as desired."""
         # The force applied one sample ago, and the acceleration measured then.
         self._estimator.sample(self._applied, measured_acceleration)
+        self._learner.sample(desired_acceleration, self._applied, measured_acceleration)
         return super().force(desired_acceleration, measured_acceleration)
 
     def applied(self, actuator_force: float) -> None:
@@ -53,8 +61,11 @@ class AdaptiveController(InverseController):
         """Do a piece of the estimate; when it is done, begin to change the filter."""
         if self.frozen:
             return
-        if self._estimator.step():
-            self._excursion.replace(self._family.taps(self._estimator.grip))
+        looked = self._estimator.step()
+        if looked and self._learner.deviation < UNDESCRIBED:
+            self._grip = self._estimator.grip
+        if looked or self._learner.step(self._grip):
+            self._excursion.replace(self._family.taps(self._grip) + self._learner.correction)
 
     def freeze(self, frozen: bool) -> None:
         """Keep the present filter, or resume following the grip."""
@@ -63,6 +74,8 @@ class AdaptiveController(InverseController):
     def reset(self) -> None:
         """Clear the filters and forget the grip."""
         self._estimator.reset()
+        self._grip = self._estimator.grip
+        self._learner.reset()
         super().reset()
         self._applied = 0.0
 
@@ -72,7 +85,7 @@ class AdaptiveController(InverseController):
         ends = self._estimator.at_end
         if not ends:
             return ""
-        grip = dict(zip(GRIP, self._estimator.grip.tolist(), strict=True))
+        grip = dict(zip(GRIP, self._grip.tolist(), strict=True))
         parts = (
             f"{name} at its {end} end, {grip[name]:.4g} {GRIP[name]}" for name, end in ends.items()
         )
@@ -80,9 +93,10 @@ class AdaptiveController(InverseController):
 
     def status(self) -> dict[str, str]:
         """Return the estimated grip."""
-        grip = zip(GRIP.items(), self._estimator.grip.tolist(), strict=True)
+        grip = zip(GRIP.items(), self._grip.tolist(), strict=True)
         return {
             **{f"{name} ({unit})": f"{value:.4g}" for (name, unit), value in grip},
             "grip estimates": str(self._estimator.looks),
+            "designs learnt": str(self._learner.looks),
             "frozen": str(self.frozen).lower(),
         }

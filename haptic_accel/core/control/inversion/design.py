@@ -25,7 +25,7 @@ from haptic_accel.core.control.inversion.plant import (
     travel_response,
 )
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
-from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
+from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import HIGHEST_LATENCY
 
@@ -59,7 +59,8 @@ LONGEST_GRANTED_DELAY = 100
 MOST_TAPS = 8192
 """Longest convolution: the 0.4 s of 20 kHz."""
 
-_RIDGE = 1e-10  # of the mean of the spectrum: rounding
+RIDGE = 1e-10
+"""Relative increase of the normal equations' diagonal, against rounding."""
 
 
 @dataclass(frozen=True)
@@ -217,7 +218,7 @@ def design_inverse(plant: Dynamics, rate: float, goal: Goal = DEFAULT_GOAL) -> I
         A number is out of range, or the plant has no such rate.
     """
     problem = _Problem(plant, rate, goal)
-    taps = problem.solution(problem.grid.delay(goal.granted_delay), goal.travel_corner)
+    taps = problem.solution(goal.travel_corner)
     return InverseFilter(extension(goal.high_pass_frequency, rate), taps, rate, goal)
 
 
@@ -232,11 +233,24 @@ def design_bank(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inverse
     InverseBank
     """
     problem = _Problem(plant, rate, goal)
-    target = problem.grid.delay(goal.granted_delay)
-    taps = np.stack([problem.solution(target, corner) for corner in TRAVEL_CORNERS])
+    taps = np.stack([problem.solution(corner) for corner in TRAVEL_CORNERS])
     return InverseBank(
         extension(goal.high_pass_frequency, rate), taps, caused_motion(plant, rate, taps)
     )
+
+
+def assumed_sequences(plant: Dynamics, rate: float, goal: Goal) -> FloatArray:
+    """Return the sequences of the normal equations for the spectrum that is expected.
+
+    Parameters, errors
+        Those of `design_inverse`.
+
+    Returns
+    -------
+    ndarray, shape (3, n)
+        Those of `NormalEquations.spectra`.
+    """
+    return _Problem(plant, rate, goal).sequences()
 
 
 def caused_motion(plant: Plant, rate: float, taps: FloatArray) -> FloatArray:
@@ -289,9 +303,8 @@ def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatA
     frequency = problem.grid.frequency
     model = handle_model(plant.handle).response(frequency)
     terms = inverse_terms(plant.handle, frequency) * model
-    targets = terms * problem.grid.delay(goal.granted_delay)
     return np.stack(
-        [[problem.solution(target, corner) for target in targets] for corner in TRAVEL_CORNERS]
+        [[problem.solution(corner, term) for term in terms] for corner in TRAVEL_CORNERS]
     )
 
 
@@ -316,34 +329,89 @@ def nearest(keeps: Callable[[float], bool], start: float, end: float, halvings: 
     return end
 
 
+class NormalEquations:
+    """Spectra of the normal equations of `design_inverse` at some frequencies.
+
+    Parameters
+    ----------
+    handle : HandleParameters
+        For the actuator's travel.
+    frequency : ndarray, shape (n,)
+        Frequencies, Hz, above 0.
+    rate : float
+        Samples per second.
+    goal : Goal
+        Granted delay and high-pass; its spectrum is not used.
+
+    Attributes
+    ----------
+    passed : ndarray, shape (n,)
+        Response of the high-pass.
+    """
+
+    def __init__(
+        self, handle: HandleParameters, frequency: FloatArray, rate: float, goal: Goal
+    ) -> None:
+        self.passed = high_pass_response(goal.high_pass_frequency, frequency, rate)
+        sections = extension(goal.high_pass_frequency, rate)
+        self._extended = self.passed * section_response(sections, frequency, rate)
+        self._moved = np.abs(travel_response(handle, frequency)) ** 2
+        self._delay = np.exp(-2j * np.pi * goal.granted_delay / rate * frequency)
+
+    def spectra(
+        self, power: FloatArray, response: ComplexArray, target: ComplexArray | float = 1.0
+    ) -> ComplexArray:
+        """Return tracking and force, travel, and what is wanted of the taps.
+
+        Parameters
+        ----------
+        power : ndarray, shape (n,)
+            Spectrum of the tool's acceleration, (m/s^2)^2/Hz.
+        response : ndarray, shape (n,)
+            The plant's, m/s^2 per N.
+        target : ndarray, shape (n,)
+            Handle over desired acceleration, the granted delay not included.
+
+        Returns
+        -------
+        ndarray, shape (3, n)
+            The matrix has the sequence of the first, and of the second times the cost of travel;
+            the right side is the sequence of the third.
+        """
+        # All in terms of the convolution's input, whose power this is:
+        squared = np.abs(self._extended) ** 2
+        driven = power * squared
+        force = FORCE_COST**2 * (driven + UNEXPECTED_DENSITY**2 * squared)
+        wanted = power * (response * self._extended).conj() * self.passed * self._delay * target
+        return np.stack([driven * np.abs(response) ** 2 + force, driven * self._moved, wanted])
+
+
+def travel_cost(corner: float) -> float:
+    """Return the cost of travel in terms of acceleration, s^-4, for a corner in Hz."""
+    return float((2.0 * math.pi * corner) ** 4)
+
+
 class _Problem:
-    """The normal equations."""
+    """The normal equations on a fine grid."""
 
     def __init__(self, plant: Dynamics, rate: float, goal: Goal) -> None:
         goal.check(rate)
         self._length = round(goal.memory * rate)
         self.grid = grid_for(rate, self._length)
         frequency = self.grid.frequency
-        passed = high_pass_response(goal.high_pass_frequency, frequency, rate)
-        sections = extension(goal.high_pass_frequency, rate)
-        extended = passed * section_response(sections, frequency, rate)
-        power = goal.spectrum(frequency)
-        response = plant.response(frequency, rate)
-        # All in terms of the convolution's input, whose power this is:
-        driven = power * np.abs(extended) ** 2
-        unexpected = UNEXPECTED_DENSITY**2 * np.abs(extended) ** 2
-        self._tracking = driven * np.abs(response) ** 2
-        self._tracking += FORCE_COST**2 * (driven + unexpected)
-        travel = travel_response(plant.handle, frequency)
-        self._travel = driven * np.abs(travel) ** 2
-        self._reached = power * (response * extended).conj() * passed
+        self._equations = NormalEquations(plant.handle, frequency, rate, goal)
+        self._given = goal.spectrum(frequency), plant.response(frequency, rate)
 
-    def solution(self, target: ComplexArray, travel_corner: float) -> FloatArray:
+    def sequences(self, target: ComplexArray | float = 1.0) -> FloatArray:
+        """Return the sequences of the three spectra, shape (3, n)."""
+        spectra = self._equations.spectra(*self._given, target)
+        return np.stack([self.grid.sequence(each)[: self._length] for each in spectra])
+
+    def solution(self, travel_corner: float, target: ComplexArray | float = 1.0) -> FloatArray:
         """Return the taps for a target of handle over desired acceleration on the grid."""
         from scipy.linalg import solve_toeplitz
 
-        cost = (2.0 * math.pi * travel_corner) ** 4
-        column = self.grid.sequence(self._tracking + cost * self._travel)[: self._length]
-        column[0] *= 1.0 + _RIDGE
-        wanted = self.grid.sequence(self._reached * target)[: self._length]
+        tracking, travel, wanted = self.sequences(target)
+        column = tracking + travel_cost(travel_corner) * travel
+        column[0] *= 1.0 + RIDGE
         return np.asarray(solve_toeplitz(column, wanted), dtype=np.float64)

@@ -1,0 +1,213 @@
+"""Learning of the tool's spectrum and of the plant, and redesign of the inverse for both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+
+from haptic_accel.core.control.inversion.design import (
+    RIDGE,
+    TRAVEL_CORNERS,
+    Goal,
+    NormalEquations,
+    assumed_sequences,
+    travel_cost,
+)
+from haptic_accel.core.control.inversion.family import InverseFamily
+from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.control.inversion.toeplitz import improved
+from haptic_accel.core.control.response_estimation import ResponseEstimator
+from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
+
+MEMORY = 2.0
+"""Time constant of forgetting, in excited time, s: some strokes over a surface."""
+
+WINDOW = 0.5
+"""Shortest length of signal for one evaluation, s: lines 2 Hz apart."""
+
+WINDOW_PER_MEMORY = 2.0
+"""Smallest ratio of that length to that of the convolution, whose equations are computed on the
+lines."""
+
+LEAST_ACCELERATION = 0.05
+"""Minimum root mean square of the desired acceleration for learning, m/s^2: twice what the arm's
+own motion adds to the handle's."""
+
+LEAST_FORCE = 0.01
+"""Minimum root mean square of the actuator's force for learning, N."""
+
+LOWEST, CERTAIN = 6.0, 12.0
+"""Frequencies below which the plant is not learnt, and above which it is entirely, Hz: the hand's
+own motion is no answer to the force."""
+
+PRIOR_WEIGHT = 0.3
+"""Weight of the expected spectrum against one evaluation's: it matters for the first few."""
+
+EVER_EXPECTED = 5e-3
+"""Fraction of the expected spectrum that is expected whatever has been learnt, by power."""
+
+CAUTION = 4.0
+"""Variances of the estimated response by which a deviation must be larger to be half believed."""
+
+UNRESOLVED = 0.1
+"""Incoherence that few evaluations cannot show."""
+
+NEGLIGIBLE = 1e-2
+"""Deviation of the plant, relative, that is half believed however certain it is."""
+
+INDEPENDENCE = 0.5
+"""Independent evaluations per evaluation: windows overlap by three quarters (Welch 1967)."""
+
+STEPS = 6
+"""Steps of improvement per member of the bank and design: it goes on from there next time."""
+
+
+class Learner:
+    """Redesigns a bank of inverses for the spectrum and the plant that are observed.
+
+    The spectrum is that of the desired acceleration, by Welch's method, taken back through the
+    high-pass. The plant is the model, with the grip as estimated, times the ratio of what was
+    measured to what the model expects of the force that was applied, line by line, drawn to 1 the
+    more the less certain it is. As nothing is fed back, the ratio has no bias. It contains what no
+    parameter describes: a mode of the mount, the describing function of friction, another hand.
+
+    The normal equations differ from the expected ones by what has been learnt, which is smooth and
+    needs few lines. They are solved by a few steps from the last solution, for each member of the
+    bank in turn. A sample only stores values; all else is done in pieces by `step`.
+
+    Parameters
+    ----------
+    family : InverseFamily
+        Inverses for the grip as estimated, to which the corrections are added.
+    plant : Plant
+        Assumed plant.
+    rate : float
+        Samples per second.
+    goal : Goal
+        Goal of the family.
+
+    Attributes
+    ----------
+    correction : ndarray, shape (k, n)
+        To be added to the family's taps, N per m/s^2.
+    deviation : float
+        Difference between the handle's response and the model's, relative, over what was excited.
+    looks : int
+        Number of redesigns.
+    """
+
+    def __init__(self, family: InverseFamily, plant: Plant, rate: float, goal: Goal) -> None:
+        self._family = family
+        self._handle = plant.handle
+        window = max(WINDOW, WINDOW_PER_MEMORY * goal.memory)
+        self._tool = ResponseEstimator(rate, MEMORY, window, LEAST_ACCELERATION)
+        self._ratio = ResponseEstimator(rate, MEMORY, window, LEAST_FORCE)
+        lines = self._tool.frequency[1:]
+        self._lines = lines
+        self._known = plant.response(lines, rate) / handle_model(plant.handle).response(lines)
+        self._equations = NormalEquations(plant.handle, lines, rate, goal)
+        self._expected = goal.spectrum(lines)
+        self._above = np.clip((lines - LOWEST) / (CERTAIN - LOWEST), 0.0, 1.0)
+        assumed = plant.response(lines, rate)
+        self._assumed_spectra = self._equations.spectra(self._expected, assumed)
+        self._assumed_sequences = assumed_sequences(plant, rate, goal)
+        self._work: Iterator[bool] = iter(())
+        self.reset()
+
+    def sample(self, desired: float, actuator_force: float, measured: float) -> None:
+        """Store one sample.
+
+        Parameters
+        ----------
+        desired : float
+            Desired acceleration, m/s^2.
+        actuator_force : float
+            Force that drives the handle, N.
+        measured : float
+            Handle acceleration measured when that force took effect, m/s^2; NaN where unknown.
+        """
+        self._tool.sample(desired, desired)
+        self._ratio.sample(actuator_force, measured)
+
+    def step(self, grip: FloatArray) -> bool:
+        """Do a piece of the pending work; return True when there is a new correction.
+
+        Parameters
+        ----------
+        grip : ndarray, shape (3,)
+            Present estimate of m_h, b_u and k_u.
+        """
+        done = next(self._work, None)
+        if done is not None:
+            return done
+        self._tool.step()
+        if self._ratio.step() and self._tool.weight:
+            self._work = self._redesign(grip)
+        return False
+
+    def reset(self) -> None:
+        """Forget all that was learnt."""
+        self._tool.reset()
+        self._ratio.reset()
+        handle = self._handle
+        self._ratio.model[1:] = self._model(np.array([handle.m_h, handle.b_u, handle.k_u]))
+        self._work = iter(())
+        self.correction = np.zeros_like(self._family.basis[:, 0])
+        self.deviation, self.looks = 0.0, 0
+
+    def _redesign(self, grip: FloatArray) -> Iterator[bool]:
+        """Solve for all members of the bank; yield between pieces, at last True."""
+        model = self._model(grip)
+        # Each evaluation to come is compared with the model of its time.
+        self._ratio.model[1:] = model
+        yield False
+        ratio = self._certain_ratio()
+        excitation = self._ratio.excitation[1:]
+        self.deviation = float(np.sqrt(excitation @ np.abs(ratio - 1.0) ** 2 / excitation.sum()))
+        learnt = self._equations.spectra(self._spectrum(), model * ratio)
+        yield False
+        sequences = self._assumed_sequences + self._sequences(learnt - self._assumed_spectra)
+        given = self._family.taps(grip)
+        taps = given + self.correction
+        yield False
+        for member, corner in enumerate(TRAVEL_CORNERS):
+            column = sequences[0] + travel_cost(corner) * sequences[1]
+            column[0] *= 1.0 + RIDGE
+            for better in islice(improved(column, sequences[2], taps[member]), STEPS):
+                taps[member] = better
+                yield False
+        self.correction = taps - given
+        self.looks += 1
+        yield True
+
+    def _model(self, grip: FloatArray) -> ComplexArray:
+        """Return the response of the plant with a grip, m/s^2 per N, on the lines."""
+        m_h, b_u, k_u = grip.tolist()
+        handle = replace(self._handle, m_h=m_h, b_u=b_u, k_u=k_u)
+        return np.asarray(self._known * handle_model(handle).response(self._lines))
+
+    def _spectrum(self) -> FloatArray:
+        """Return the tool's spectrum as learnt, in the scale of the expected one."""
+        seen = self._tool.excitation[1:] / np.abs(self._equations.passed) ** 2
+        scale = float(self._above @ self._expected) / float(self._above @ seen)
+        weight = self._tool.weight / (self._tool.weight + PRIOR_WEIGHT) * self._above
+        learnt = self._expected + weight * (scale * seen - self._expected)
+        return np.asarray(learnt + EVER_EXPECTED * self._expected)
+
+    def _certain_ratio(self) -> ComplexArray:
+        """Return the ratio of plant to model, as far as it is certain, on the lines."""
+        response, coherence = self._ratio.response[1:], self._ratio.coherence[1:]
+        independent = max(1.0, INDEPENDENCE * self._ratio.weight)
+        unexplained = (1.0 - coherence + UNRESOLVED / independent) / independent
+        variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
+        squared = np.abs(response - 1.0) ** 2
+        doubt = CAUTION * variance + NEGLIGIBLE**2
+        return np.asarray(1.0 + self._above * squared / (squared + doubt) * (response - 1.0))
+
+    def _sequences(self, spectra: ComplexArray) -> FloatArray:
+        """Return the first lags of sequences with these spectra, shape (3, n)."""
+        lags = np.fft.irfft(np.pad(spectra, ((0, 0), (1, 0))), 2 * len(self._lines))
+        return np.asarray(lags[:, : self._assumed_sequences.shape[1]])

@@ -1,0 +1,52 @@
+"""Toeplitz equations solved piece by piece, against Levinson's recursion."""
+
+from __future__ import annotations
+
+from itertools import islice, pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import solve_toeplitz
+
+from haptic_accel.core.control.inversion.toeplitz import improved
+from haptic_accel.core.model import FloatArray
+
+
+def autocorrelation(length: int, seed: int, corner: float) -> FloatArray:
+    """Return the first lags of a first-order process with some white noise."""
+    kept = np.exp(-2 * np.pi * corner)
+    lags = np.asarray(kept ** np.arange(length), dtype=np.float64)
+    lags[0] += np.random.default_rng(seed).uniform(1e-3, 1.0)
+    return lags
+
+
+@given(st.integers(1, 80), st.integers(0, 1000), st.floats(0.005, 0.4))
+def test_it_ends_at_the_solution(length: int, seed: int, corner: float) -> None:
+    column = autocorrelation(length, seed, corner)
+    right = np.random.default_rng(seed + 1).standard_normal(length)
+    *_, last = islice(improved(column, right, np.zeros(length)), 200)
+    assert last == pytest.approx(solve_toeplitz(column, right), rel=1e-6, abs=1e-6)
+
+
+def test_every_step_lowers_the_quadratic_form() -> None:
+    column, right = autocorrelation(200, 1, 0.01), np.ones(200)
+    place = np.arange(200)
+    matrix = column[abs(place[:, None] - place)]
+    forms = [x @ matrix @ x - 2 * right @ x for x in islice(improved(column, right, 0 * right), 8)]
+    assert all(after <= before + 1e-9 for before, after in pairwise(forms))
+    best = -right @ np.linalg.solve(matrix, right)
+    assert forms[-1] == pytest.approx(best, rel=1e-3)
+
+
+def test_a_solution_stays_what_it_is() -> None:
+    column = autocorrelation(50, 2, 0.05)
+    right = np.random.default_rng(3).standard_normal(50)
+    solution = solve_toeplitz(column, right)
+    for better in islice(improved(column, right, solution), 3):
+        assert better == pytest.approx(solution, rel=1e-9, abs=1e-12)
+
+
+def test_nothing_wanted_is_nothing() -> None:
+    assert list(improved(np.array([1.0, 0.5]), np.zeros(2), np.zeros(2))) == []

@@ -1,0 +1,159 @@
+"""Learning of the tool's spectrum and of the plant: known ratios, spectra and optima."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from haptic_accel.core.control.filters import high_pass
+from haptic_accel.core.control.inversion.design import (
+    TRAVEL_CORNERS,
+    Goal,
+    InverseFilter,
+    design_inverse,
+    extension,
+)
+from haptic_accel.core.control.inversion.family import InverseFamily, design_family
+from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.control.inversion.prediction import predict
+from haptic_accel.core.control.inversion.spectrum import TexturePrior
+from haptic_accel.core.control.learning import Learner
+from haptic_accel.core.model import FloatArray, MountParameters
+
+RATE = 1000.0
+GOAL = Goal(2)
+PLANT = Plant().delayed(1)
+GRIP = np.array([PLANT.handle.m_h, PLANT.handle.b_u, PLANT.handle.k_u])
+
+
+@lru_cache(maxsize=1)
+def family() -> InverseFamily:
+    return design_family(PLANT, RATE, GOAL)
+
+
+def texture(seconds: float, spectrum: TexturePrior, seed: int = 1) -> FloatArray:
+    """Return noise with a spectrum, m/s^2, periodic."""
+    count = round(seconds * RATE)
+    frequency = np.fft.rfftfreq(count, 1.0 / RATE)
+    white = np.fft.rfft(np.random.default_rng(seed).standard_normal(count))
+    return np.asarray(np.fft.irfft(white * np.sqrt(spectrum(frequency) * RATE / 2), count))
+
+
+def answer(plant: Plant, force: FloatArray) -> FloatArray:
+    """Return the plant's acceleration after a force that goes on for ever, m/s^2.
+
+    Time counts from where the force takes effect: it is due a latency after its cause.
+    """
+    frequency = np.fft.rfftfreq(len(force), 1.0 / RATE)
+    response = np.zeros(len(frequency), dtype=np.complex128)
+    response[1:] = plant.response(frequency[1:], RATE)
+    return np.asarray(np.fft.irfft(response * np.fft.rfft(force), len(force)))
+
+
+def learn(plant: Plant, spectrum: TexturePrior, seconds: float = 6.0) -> Learner:
+    """Return a learner that has watched a plant, whose force is not that of any controller."""
+    desired = signal.sosfilt(high_pass(15.0, RATE), texture(seconds, spectrum))
+    force = texture(seconds, TexturePrior(), seed=2)
+    learner = Learner(family(), PLANT, RATE, GOAL)
+    for values in zip(desired.tolist(), force.tolist(), answer(plant, force), strict=True):
+        learner.sample(*values)
+        learner.step(GRIP)
+    return learner
+
+
+def error(taps: FloatArray, plant: Plant, spectrum: TexturePrior) -> float:
+    inverse = InverseFilter(extension(15.0, RATE), taps, RATE, GOAL)
+    return predict(inverse, plant, spectrum).nrmse_percent
+
+
+def best(plant: Plant, spectrum: TexturePrior) -> float:
+    goal = replace(GOAL, spectrum=spectrum, travel_corner=TRAVEL_CORNERS[0])
+    return predict(design_inverse(plant, RATE, goal), plant, spectrum).nrmse_percent
+
+
+def test_what_was_expected_changes_nothing() -> None:
+    learner = learn(PLANT, TexturePrior())
+    assert learner.looks
+    spectrum = TexturePrior()
+    taps = family().taps(GRIP)[0]
+    learnt = error(taps + learner.correction[0], PLANT, spectrum)
+    assert learnt == pytest.approx(error(taps, PLANT, spectrum), abs=0.3)
+
+
+@pytest.mark.parametrize(("rise", "fall"), [(60.0, 80.0), (15.0, 60.0), (120.0, 300.0)])
+def test_it_comes_near_the_design_for_the_spectrum(rise: float, fall: float) -> None:
+    plant = replace(PLANT, mount=MountParameters(290.0, 0.11), bandwidth=500.0)
+    spectrum = TexturePrior(rise, fall)
+    learner = learn(plant, spectrum)
+    taps = family().taps(GRIP)[0]
+    expected, learnt = (error(x, plant, spectrum) for x in (taps, taps + learner.correction[0]))
+    assert learnt < expected
+    assert learnt < 1.15 * best(plant, spectrum) + 1.0
+
+
+@pytest.mark.parametrize("frequency", [120.0, 180.0, 320.0])
+@pytest.mark.parametrize("damping", [0.05, 0.3])
+def test_it_learns_a_mode_that_nobody_told_of(frequency: float, damping: float) -> None:
+    plant = replace(PLANT, mount=MountParameters(frequency, damping))
+    spectrum = TexturePrior()
+    learner = learn(plant, spectrum)
+    taps = family().taps(GRIP)[0]
+    assert error(taps, plant, spectrum) > 25.0
+    assert error(taps + learner.correction[0], plant, spectrum) < 20.0
+
+
+def test_noise_that_no_force_explains_is_no_plant() -> None:
+    desired = signal.sosfilt(high_pass(15.0, RATE), texture(4.0, TexturePrior()))
+    force = texture(4.0, TexturePrior(), seed=2)
+    learner = Learner(family(), PLANT, RATE, GOAL)
+    measured = answer(PLANT, force) + texture(4.0, TexturePrior(), seed=3)
+    for values in zip(desired.tolist(), force.tolist(), measured.tolist(), strict=True):
+        learner.sample(*values)
+        learner.step(GRIP)
+    taps = family().taps(GRIP)[0]
+    assert error(taps + learner.correction[0], PLANT, TexturePrior()) < 5.0
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-3])
+def test_silence_teaches_nothing(scale: float) -> None:
+    learner = Learner(family(), PLANT, RATE, GOAL)
+    for value in (scale * texture(2.0, TexturePrior())).tolist():
+        learner.sample(value, value, -value)
+        assert not learner.step(GRIP)
+    assert not learner.looks
+    assert not learner.correction.any()
+
+
+def test_missing_and_huge_samples_leave_it_finite() -> None:
+    learner = Learner(family(), PLANT, RATE, GOAL)
+    for index, value in enumerate(texture(2.0, TexturePrior()).tolist()):
+        measured = np.nan if index % 100 == 0 else 1e4 * value
+        learner.sample(value, value, measured)
+        learner.step(GRIP)
+    assert learner.looks
+    assert np.isfinite(learner.correction).all()
+
+
+def test_reset_forgets_all() -> None:
+    learner = learn(replace(PLANT, mount=MountParameters(180.0, 0.1)), TexturePrior(), 2.0)
+    assert learner.correction.any()
+    learner.reset()
+    assert not learner.correction.any()
+    assert learner.looks == 0
+
+
+@pytest.mark.parametrize("rate", [300.0, 700.0, 4000.0])
+@pytest.mark.parametrize("memory", [0.05, 0.4])
+def test_it_fits_every_rate_and_memory(rate: float, memory: float) -> None:
+    plant, goal = Plant().delayed(1), Goal(2, memory)
+    learner = Learner(design_family(plant, rate, goal), plant, rate, goal)
+    white = np.random.default_rng(1).standard_normal(round(2.5 * rate))
+    for value in white.tolist():
+        learner.sample(value, 0.1 * value, value)
+        learner.step(GRIP)
+    assert learner.looks
+    assert np.isfinite(learner.correction).all()
