@@ -43,9 +43,9 @@ PAUSE = 1.0
 there is no force before a part of its own is tried, s of excitation; twice as long after each
 trial that failed."""
 
-PROBE = 0.25
-"""Part of its force that is tried where none has taken over: nothing is learnt of a handle without
-force, and a quarter of an error of twice the desired acceleration hardly adds to that of none."""
+LEAST_PART, LARGEST_PART = 0.05, 0.25
+"""Bounds of the part of a force that is tried where none has taken over: nothing is learnt of a
+handle without force."""
 
 FADING = 5e-3
 """Duration of a change to a substitute, s."""
@@ -69,9 +69,9 @@ class Fallback:
     is foreseen to be better than none. What is foreseen is the model's response to a force, times
     the ratio in which the handle was measured to respond. The controller continues to receive all
     samples, may learn from them, and is tried again when its own force is foreseen to be better
-    for `PAUSE`. After as long without any force, a part of it is applied, so that there is
-    something to learn from. A force that is tried grows slowly, and is given up at once where it
-    does harm; the pause then doubles.
+    for `PAUSE`. After as long without any force, the part of it that is foreseen to be best is
+    applied, so that there is something to learn from. A force that is tried grows slowly, and is
+    given up at once where it does harm; the pause then doubles.
 
     Parameters
     ----------
@@ -130,6 +130,7 @@ class Fallback:
         self._desired = deque([0.0] * length, maxlen=length)  # the first one is due now
         self._pause = PAUSE
         self._probing = False
+        self._part = 0.0
         self._worse = self._better = self._idle = 0.0
         self._error = 0.0  # relative to that of no force
         self._tracking.reset()
@@ -142,7 +143,7 @@ class Fallback:
         self._running += 1
         settled = self._running > self._settling
         substituted = self._dynamic.force(desired_acceleration, math.nan)
-        share = PROBE * self._probing if self.substitute else 1.0
+        share = self._part * self._probing if self.substitute else 1.0
         self._share = self._faded(self._share, share)
         self._gain = self._faded(self._gain, float(settled and self.substitute == DYNAMIC))
         return self._share * wanted + self._gain * substituted
@@ -229,7 +230,11 @@ class Fallback:
         if power < LEAST_DESIRED**2:
             return
         shared = (ratio.conj() * prospect.cross).real
-        error = np.abs(ratio) ** 2 * prospect.excitation - 2.0 * shared + prospect.output
+        caused = np.abs(ratio) ** 2 * prospect.excitation
+        error = caused - 2.0 * shared + prospect.output
+        # The part of the force that is foreseen to leave the least error.
+        best = self._power(shared) / max(self._power(caused), 1e-12)
+        self._part = min(max(best, LEAST_PART), LARGEST_PART)
         foreseen = math.sqrt(max(0.0, self._power(error)) / power)
         present = 1.0 if self.substitute == NONE else self._error
         better = foreseen < min(BETTER, present)
