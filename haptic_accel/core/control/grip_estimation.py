@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from operator import sub, truediv
 
 import numpy as np
 
@@ -38,8 +40,8 @@ LOWEST, HIGHEST = 15.0, 250.0
 STEEPNESS = 4
 """Order of the band's lower edge: two for the integrations, two for the hand's own motion."""
 
-SMALLEST = np.array([0.35, 0.1, 0.05])
-LARGEST = np.array([3.5, 8.0, 9.0])
+SMALLEST = (0.35, 0.1, 0.05)
+LARGEST = (3.5, 8.0, 9.0)
 """Bounds of the estimate as factors of the assumed m_h, b_u and k_u: wider than hands vary."""
 
 INSIDE = 0.95
@@ -60,8 +62,8 @@ values the least is smaller by a third, and a few times that is chance."""
 NEGLIGIBLE = 3e-4
 """Squared error, relative to the squared force, that always counts as noise: 2 % of the force."""
 
-NOTICEABLE = 3e-3
-"""Least relative change of a parameter for which the grip is changed."""
+NOTICEABLE = 0.01
+"""Least relative change of a parameter for which the grip is changed: other taps take time."""
 
 
 Factors = list[float]
@@ -168,6 +170,7 @@ class GripEstimator:
     def reset(self) -> None:
         """Return to the assumed grip."""
         self.grip = self._assumed.copy()
+        self._present: Factors = [1.0, 1.0, 1.0]
         self._moments = np.zeros((4, 4))
         self._energy = 0.0
         self._beyond = [0, 0, 0]  # successive looks at the upper bound; at the lower, negative
@@ -196,14 +199,15 @@ class GripEstimator:
         """
         self.looks += 1
         self._energy = self._kept * self._energy + (1.0 - self._kept) * energy
-        present = (self.grip / self._assumed).tolist()
-        error = _error(moments, present)
+        error = _error(moments, self._present)
         noise = _error(moments, _solution(moments)) + NEGLIGIBLE * max(energy, self._energy)
         trust = min(1.0, SURPRISE * noise / error) if error > 0.0 else 1.0
         self._moments = self._kept * trust**2 * self._moments + moments / noise
         found = self._within_bounds(_solution(self._moments))
-        if all(abs(new - old) < NOTICEABLE * old for new, old in zip(found, present, strict=True)):
+        changes = map(sub, found, self._present)
+        if max(map(abs, map(truediv, changes, found))) < NOTICEABLE:
             return False
+        self._present = found
         self.grip = self._assumed * found
         return True
 
@@ -225,14 +229,14 @@ class GripEstimator:
 def _error(moments: FloatArray, factors: Factors) -> float:
     """Return the squared error of the equation, N^2."""
     weights = np.array([*factors, -1.0])
-    return max(0.0, float(weights @ moments @ weights))
+    return max(0.0, float(weights.dot(moments.dot(weights))))
 
 
 def _solution(moments: FloatArray) -> Factors:
     """Return the factors that leave the least error, pulled to one."""
     (a, b, c, x), (_, d, e, y), (_, _, f, z), _ = moments.tolist()
     pull = PULL * (a + d + f)
-    if pull < np.finfo(float).eps:
+    if pull < sys.float_info.epsilon:
         return [1.0, 1.0, 1.0]  # the measured acceleration is zero, as without an accelerometer
     a, d, f, x, y, z = (value + pull for value in (a, d, f, x, y, z))
     # Cramer's rule: a tenth of the time of numpy.linalg for three unknowns.
@@ -260,7 +264,7 @@ def _kernels(plant: Plant, rate: float) -> FloatArray:
     ndarray, shape (5, n)
         Those of m_h, b_u and k_u, of the acceleration in eq. (1), and of the force.
     """
-    length, ahead = round(LENGTH * rate), round(AHEAD * rate)
+    length, ahead = round(LENGTH * rate), max(1, round(AHEAD * rate))
     fine = 16 * length
     frequency: FloatArray = np.fft.rfftfreq(fine, 1.0 / rate)[1:].astype(np.float64)
     s = 2j * np.pi * frequency

@@ -223,8 +223,8 @@ def test_whatever_it_sees_the_grip_stays_in_the_safe_set(
         found.step()
     assert np.isfinite(found.grip).all()
     factors = found.grip / grip_of(TABLE_I)
-    assert np.all(factors >= SMALLEST * (1 - 1e-9))
-    assert np.all(factors <= LARGEST * (1 + 1e-9))
+    assert np.all(factors >= np.array(SMALLEST) * (1 - 1e-9))
+    assert np.all(factors <= np.array(LARGEST) * (1 + 1e-9))
 
 
 def test_an_accelerometer_that_is_dead_changes_nothing() -> None:
