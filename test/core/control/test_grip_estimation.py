@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import replace
 from itertools import pairwise
 
@@ -82,6 +83,14 @@ def test_it_is_found_at_4_khz_too() -> None:
     found = GripEstimator(PLANT, 4000.0, AdaptationParameters())
     drive(found, rig(SOFT, rate=4000.0), 2.5, rate=4000.0)
     assert found.grip[0] == pytest.approx(SOFT.m_h, rel=0.05)
+
+
+def test_it_works_at_30_hz_without_a_warning() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = GripEstimator(PLANT, 30.0, AdaptationParameters())
+        drive(found, rig(SOFT, rate=30.0), 5.0, rate=30.0)
+    assert np.isfinite(found.grip).all()
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.00245])
