@@ -204,7 +204,7 @@ def _pooled(grips: Sequence[GripIdentification], fit: Fit, free: Sequence[str]) 
         found = fit(widened, free=_with_mount(free), mount=MOUNT_START)
     else:
         found = fit(widened, free=free)
-    return replace(found, bearing=_mean_friction([grip.fit for grip in grips]))
+    return _with_friction(found, [grip.fit for grip in grips])
 
 
 def _modelled(grip: GripIdentification) -> FrequencyResponse:
@@ -213,9 +213,17 @@ def _modelled(grip: GripIdentification) -> FrequencyResponse:
     return replace(first, response=grip.fit.response(first.frequency, first.rate))
 
 
-def _mean_friction(fits: Sequence[HandleFit]) -> Friction:
-    """Return the bearing's friction, on which a grip has no influence."""
-    return Friction(fmean(fit.bearing.friction for fit in fits))
+def _with_friction(found: HandleFit, fits: Sequence[HandleFit]) -> HandleFit:
+    """Return a fit with the mean friction of others: a grip has no influence on it."""
+    if not all("friction" in fit.standard_errors for fit in fits):
+        return found
+    # What the model lacks is the same for all, so that the error of a mean is not smaller.
+    error = fmean(fit.standard_errors["friction"] for fit in fits)
+    return replace(
+        found,
+        bearing=Friction(fmean(fit.bearing.friction for fit in fits)),
+        standard_errors=found.standard_errors | {"friction": error},
+    )
 
 
 def _with_mount(free: Sequence[str]) -> list[str]:

@@ -44,6 +44,8 @@ def test_grips_are_fitted_one_by_one_and_together() -> None:
         # By definition H1 is H2 times the coherence.
         ratio = np.abs(grip.averaged_h1.response / grip.averaged_h2.response)
         assert ratio == pytest.approx(grip.averaged_h1.coherence)
+    # Dry friction, here none, is the bearing's and not the grip's.
+    assert found.fit.bearing.friction < 3 * found.fit.standard_errors["friction"]
     pinch, hook = (found.grips[name].fit.handle for name in ("pinch", "hook"))
     assert pinch.m_h < found.fit.handle.m_h < hook.m_h
     assert pinch.k_u < found.fit.handle.k_u < hook.k_u
