@@ -8,8 +8,7 @@ from pathlib import Path
 import click
 
 from haptic_accel.bags.folder import find_bags
-from haptic_accel.cli.jobs import jobs_option
-from haptic_accel.cli.options import FILE, json_option, out_option, verb
+from haptic_accel.cli.options import FILE, jobs_option, json_option, out_option, verb
 
 
 @verb(

@@ -22,7 +22,7 @@ from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.jobs import jobs_option, side_by_side
+from haptic_accel.cli.jobs import side_by_side
 from haptic_accel.cli.output import results_folder
 from haptic_accel.cli.report import print_analysis, spread_over
 from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
@@ -107,7 +107,7 @@ AVERAGE_NOTE = (
     default=1,
     help="Number of users and pieces of material, in lockstep.",
 )
-@jobs_option
+@options.jobs_option
 @options.json_option
 @options.out_option
 def experiment(

@@ -17,8 +17,8 @@ from scipy import signal
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.experiment import SURFACES
-from haptic_accel.cli.jobs import jobs_option, side_by_side
-from haptic_accel.cli.options import controllers_option, json_option, one_of, verb
+from haptic_accel.cli.jobs import side_by_side
+from haptic_accel.cli.options import controllers_option, jobs_option, json_option, one_of, verb
 from haptic_accel.cli.output import save
 from haptic_accel.cli.running import progress_bar, stop_on_signal
 from haptic_accel.cli.tables import print_table

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from typing import TypeVar
-
-import click
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.running import ENDING
@@ -20,14 +17,6 @@ Result = TypeVar("Result")
 
 POLL = 0.1
 """Time between two looks for a signal that ends the verb, s."""
-
-jobs_option = click.option(
-    "--jobs",
-    type=click.IntRange(1, 1024),
-    default=len(os.sched_getaffinity(0)),
-    show_default="number of cores",
-    help="Number of trials that run side by side, without ROS; results do not depend on it.",
-)
 
 
 def side_by_side(

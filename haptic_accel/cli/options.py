@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -159,6 +160,13 @@ out_option = click.option(
     type=FILE,
     metavar="FOLDER",
     help="New folder for the results (default: results/<date and time>).",
+)
+jobs_option = click.option(
+    "--jobs",
+    type=click.IntRange(1, 1024),
+    default=len(os.sched_getaffinity(0)),
+    show_default="number of cores",
+    help="Number of trials that run side by side, without ROS; results do not depend on it.",
 )
 lockstep_option = click.option(
     "--lockstep",
