@@ -23,10 +23,10 @@ the coupling. (Without it, a landing of the virtual rig is predicted to take twi
 SETTLING = 0.1
 """Time for which travel outlasts the force that caused it, s: five times 2 m_a / b_s (Table I)."""
 
-PREDICTION_RATE = 1000.0
+PREDICTION_RATE = 500.0
 """Highest rate of the prediction, Hz: travel has little above 100 Hz."""
 
-ATTACK = 0.8e-3
+ATTACK = 1.5e-3
 """Time constant of giving up, s: a step of force would be felt, a late one would not help."""
 
 RELEASE = 0.5

@@ -38,8 +38,8 @@ class TexturePrior(Checked):
     """
 
     rise: float = parameter(
-        15.0,
-        "lower corner of the expected texture: the high-pass' own, as no surface may be left out",
+        20.0,
+        "lower corner of the expected texture: near the high-pass' own, as any surface may come",
         "Hz",
         1.0,
         1000.0,

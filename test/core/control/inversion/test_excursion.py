@@ -23,6 +23,7 @@ from haptic_accel.core.control.inversion.design import TRAVEL_CORNERS, InverseBa
 from haptic_accel.core.control.inversion.excursion import (
     FADING,
     HORIZON,
+    PREDICTION_RATE,
     ExcursionControl,
     TravelPredictor,
 )
@@ -116,9 +117,9 @@ def test_a_pulse_of_force_is_predicted_to_swing_as_eq_1_says(rate: float) -> Non
     predictor = TravelPredictor(SUSPENSION, rate)
     predictor.expect(np.eye(1, round(0.02 * rate)))
     predictor.reset()
-    impulse, samples = 2e-3, round(1e-3 * rate)  # N s, over a millisecond
+    impulse, samples = 2e-3, round(2e-3 * rate)  # N s, over two milliseconds
     for _ in range(samples):
-        predictor.sample(impulse * 1000.0)
+        predictor.sample(impulse / 2e-3)
     # d = p / (m w) exp(-b t / 2m) sin(w t): the first peak, of which some is not believed.
     m, k, b = SUSPENSION.m_a, SUSPENSION.k_s, SUSPENSION.b_s
     w = math.sqrt(k / m - (b / (2 * m)) ** 2)
@@ -136,7 +137,8 @@ inputs = st.lists(st.floats(-100.0, 100.0), min_size=1, max_size=200)
 @settings(max_examples=50, deadline=None)
 @given(inputs, st.floats(0.1, 10.0))
 def test_what_travels_now_is_within_what_is_predicted(values: list[float], gain: float) -> None:
-    predictor, estimator = TravelPredictor(SUSPENSION, RATE), TravelEstimator(SUSPENSION, RATE)
+    rate = PREDICTION_RATE  # at which no samples are taken together
+    predictor, estimator = TravelPredictor(SUSPENSION, rate), TravelEstimator(SUSPENSION, rate)
     predictor.expect(gain * np.eye(1, 20))
     predictor.reset()
     scale = gain * sum(map(abs, values))
