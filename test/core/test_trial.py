@@ -253,7 +253,7 @@ def with_delay(master: MasterRigParameters, delay: float) -> MasterRigParameters
 
 
 @pytest.mark.parametrize("controller", ["inverse", "adaptive"])
-@pytest.mark.parametrize(("rig", "most"), [("ideal", 2.0), ("paper", 15.0)])
+@pytest.mark.parametrize(("rig", "most"), [("ideal", 3.0), ("paper", 12.0)])
 def test_with_a_latency_that_the_design_knows_the_handle_follows(
     rig: str, most: float, controller: str
 ) -> None:
