@@ -83,7 +83,8 @@ class AdaptiveController(InverseController):
     def warning(self) -> str:
         """The parameters of the grip at the end of their range; otherwise empty."""
         ends = self._estimator.at_end
-        if not ends:
+        # What no grip explains is not said of the grip.
+        if not ends or self._learner.deviation >= UNDESCRIBED:
             return ""
         grip = dict(zip(GRIP, self._grip.tolist(), strict=True))
         parts = (
