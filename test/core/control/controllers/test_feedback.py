@@ -92,7 +92,7 @@ def test_a_blow_dies_out_at_every_corner_grip(
     rig.disturb(handle_velocity=0.02)
     struck = rig.energy()
     before = 0.0
-    for index in range(round(0.6 * RATE)):
+    for index in range(round(0.8 * RATE)):
         rig.advance(index / RATE)
         rig.apply_actuator_force(controller.force(0.0, before))
         before = rig.measure().acceleration

@@ -260,7 +260,7 @@ def test_a_low_texture_gives_up_what_is_low_and_nothing_else(rate: float) -> Non
     assert np.abs(free).max() > ActuatorParameters.travel > np.abs(travel).max()
     band = signal.butter(4, 60.0, "highpass", fs=rate, output="sos")
     kept, expected = signal.sosfilt(band, force), signal.sosfilt(band, wanted)
-    assert np.std(kept - expected) < 0.1 * np.std(expected)
+    assert np.std(kept - expected) < 0.15 * np.std(expected)
 
 
 @pytest.mark.parametrize("rate", RATES)
