@@ -15,7 +15,7 @@ from haptic_accel.core.control.inversion.family import InverseFamily, design_fam
 from haptic_accel.core.control.learning import Learner
 from haptic_accel.core.parameters import parameter
 
-UNDESCRIBED = 0.5
+UNDESCRIBED = 0.2
 """Deviation of the response above which the grip is kept, relative: a mode in its band, say, which
 no grip can explain, would make its estimate jump. Ordinary hands cause up to 0.1."""
 

@@ -38,7 +38,7 @@ tilt."""
 MEMORY = 0.2
 """Length of the convolution, s: twice it lowers the error by less than a fiftieth of itself."""
 
-TRAVEL_CORNERS = (1.8, 3.0, 5.0, 8.5, 14.0, 24.0)
+TRAVEL_CORNERS = (1.3, 2.3, 4.0, 7.5, 14.0, 24.0)
 """Corners of travel for which inverses are designed, Hz: from all but the slow motion of the hand,
 whose travel would be missing when the tool lands, to hardly any travel."""
 

@@ -14,7 +14,7 @@ from haptic_accel.core.model import FloatArray, Suspension
 HORIZON = 0.05
 """Time that the travel is predicted for, s: a period of the paper's actuator on its spring."""
 
-REVERSION = 0.06
+REVERSION = 0.03
 """Time after which what comes next is expected to have taken half of a predicted travel back, s: a
 tool that has met a surface, say, does not keep its change of velocity, but bounces and is held by
 the coupling. (Without it, a landing of the virtual rig is predicted to take twice what it takes.)
