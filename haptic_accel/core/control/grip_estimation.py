@@ -62,6 +62,9 @@ values the least is smaller by a third, and a few times that is chance."""
 NEGLIGIBLE = 3e-4
 """Squared error, relative to the squared force, that always counts as noise: 2 % of the force."""
 
+FEWEST = 6
+"""Number of evaluations before the grip is changed for the first time: a first contact's onset."""
+
 NOTICEABLE = 0.01
 """Least relative change of a parameter for which the grip is changed: other taps take time."""
 
@@ -205,7 +208,7 @@ class GripEstimator:
         self._moments = self._kept * trust**2 * self._moments + moments / noise
         found = self._within_bounds(_solution(self._moments))
         changes = map(sub, found, self._present)
-        if max(map(abs, map(truediv, changes, found))) < NOTICEABLE:
+        if self.looks < FEWEST or max(map(abs, map(truediv, changes, found))) < NOTICEABLE:
             return False
         self._present = found
         self.grip = self._assumed * found
