@@ -233,7 +233,7 @@ class MasterRig:
             # Within its time constant, friction that is held does not reverse a slip.
             reduced_mass = 1 / (1 / h.m_a + 1 / h.m_h)
             relaxation = reduced_mass * drive.slip_velocity / drive.coulomb_friction
-            self._friction_steps = max(1, min(self._longest, int(relaxation / self._step)))
+            self._friction_steps = max(1, int(min(self._longest, relaxation / self._step)))
 
     def _advance(self, due: int) -> int:
         """Advance by due steps until an input may change; return their number."""
