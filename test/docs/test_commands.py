@@ -11,11 +11,13 @@ from shutil import copytree
 import click
 import pytest
 
+from bagging import of_trial, write_bag
 from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.cli.main import command_line
 from haptic_accel.cli.options import Verb, Words
 from haptic_accel.core.parameters import schema
 from haptic_accel.core.topics import TOPICS
+from haptic_accel.core.trial import run_trial
 from haptic_accel.graph.files import read_parameter_file
 from haptic_accel.graph.node_parameters import node_schema
 from haptic_accel.graph.words import parse_words
@@ -232,6 +234,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("before", "after", "results/today/bags"):
         copytree(folder / "bags", folder / name)
     copytree(DATA / "text", folder / "bags" / "first")
+    foreign = of_trial(run_trial(duration=3.0))
+    foreign.facts.clear()
+    write_bag(folder / "foreign", foreign)
     return folder
 
 
