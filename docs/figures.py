@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -36,6 +37,9 @@ GOAL = (1.3, 2.0)
 
 BEFORE, AFTER = 0.1, 0.3
 """Part of a trial that is drawn, before and after the largest travel, s."""
+
+FAST_LANDING = {"master_device": {"simulated.exploration.approach_time": 0.25}}
+"""A hand that comes down twice as fast as the virtual rig's: its landings need the control."""
 
 ENDLESS = 1.0
 """Travel limit with which nothing is given up, m."""
@@ -76,14 +80,11 @@ class Run(NamedTuple):
 
 
 def run(limited: bool, recording: FloatArray | None) -> Run:
-    """Run the inverse on a surface, or a recording, with excursion control or without."""
-    arguments = GraphArguments(rig="ideal", controller="inverse", surface="vinyl", duration=8.0)
-    if limited:
-        trial = lockstep_trial(arguments, recording=recording)
-    else:
-        with patch.object(Loop, "travel_limit", ENDLESS):
-            trial = lockstep_trial(arguments, recording=recording)
-    return _signals(trial)
+    """Run the inverse on a recording, or a fast landing, with excursion control or without."""
+    arguments = GraphArguments(rig="ideal", controller="inverse", surface="plywood", duration=8.0)
+    changes = FAST_LANDING if recording is None else {}
+    with nullcontext() if limited else patch.object(Loop, "travel_limit", ENDLESS):
+        return _signals(lockstep_trial(arguments, recording=recording, changes=changes))
 
 
 def _signals(trial: Trial) -> Run:
@@ -103,7 +104,7 @@ def excursion() -> Figure:
     figure = Figure(figsize=(9, 5), layout="constrained")
     panels = figure.subplots(2, 2, sharex="col")
     inputs = {
-        "landing on vinyl": None,
+        "fast landing on plywood": None,
         "texture from 8 Hz, 6 m/s$^2$ RMS": texture(8.0, 6.0, 1e3),
     }
     for (above, below), (name, recording) in zip(panels.T, inputs.items(), strict=True):
