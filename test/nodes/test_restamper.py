@@ -28,9 +28,9 @@ MEMORY = 0.3
 
 
 def tool_acceleration() -> np.ndarray:
-    """Return a texture of three tones, quiet in its first half second."""
+    """Return a texture of three tones that the constant gain follows, quiet for half a second."""
     time = np.arange(round(SECONDS * RATE)) / RATE
-    tones = [np.sin(2 * np.pi * frequency * time) for frequency in (21.0, 34.0, 55.0)]
+    tones = [np.sin(2 * np.pi * frequency * time) for frequency in (61.0, 74.0, 85.0)]
     return np.where(time < 0.5, 0.0, 2.0 * np.sum(tones, axis=0))
 
 
