@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -218,7 +218,7 @@ def design_inverse(plant: Dynamics, rate: float, goal: Goal = DEFAULT_GOAL) -> I
         A number is out of range, or the plant has no such rate.
     """
     problem = _Problem(plant, rate, goal)
-    taps = problem.solution(goal.travel_corner)
+    ((taps,),) = problem.solutions((goal.travel_corner,))
     return InverseFilter(extension(goal.high_pass_frequency, rate), taps, rate, goal)
 
 
@@ -233,7 +233,7 @@ def design_bank(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inverse
     InverseBank
     """
     problem = _Problem(plant, rate, goal)
-    taps = np.stack([problem.solution(corner) for corner in TRAVEL_CORNERS])
+    taps = problem.solutions(TRAVEL_CORNERS)[:, 0]
     return InverseBank(
         extension(goal.high_pass_frequency, rate), taps, caused_motion(plant, rate, taps)
     )
@@ -303,9 +303,7 @@ def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatA
     frequency = problem.grid.frequency
     model = handle_model(plant.handle).response(frequency)
     terms = inverse_terms(plant.handle, frequency) * model
-    return np.stack(
-        [[problem.solution(corner, term) for term in terms] for corner in TRAVEL_CORNERS]
-    )
+    return problem.solutions(TRAVEL_CORNERS, terms)
 
 
 def nearest(keeps: Callable[[float], bool], start: float, end: float, halvings: int) -> float:
@@ -407,11 +405,22 @@ class _Problem:
         spectra = self._equations.spectra(*self._given, target)
         return np.stack([self.grid.sequence(each)[: self._length] for each in spectra])
 
-    def solution(self, travel_corner: float, target: ComplexArray | float = 1.0) -> FloatArray:
-        """Return the taps for a target of handle over desired acceleration on the grid."""
+    def solutions(
+        self, travel_corners: Sequence[float], targets: Iterable[ComplexArray | float] = (1.0,)
+    ) -> FloatArray:
+        """Return the taps for each corner and each target of handle over desired acceleration.
+
+        Returns
+        -------
+        ndarray, shape (corners, targets, n)
+        """
         from scipy.linalg import solve_toeplitz
 
-        tracking, travel, wanted = self.sequences(target)
-        column = tracking + travel_cost(travel_corner) * travel
-        column[0] *= 1.0 + RIDGE
-        return np.asarray(solve_toeplitz(column, wanted), dtype=np.float64)
+        sequences = np.stack([self.sequences(target) for target in targets])
+        tracking, travel = sequences[0, :2]
+        found = []
+        for corner in travel_corners:
+            column = tracking + travel_cost(corner) * travel
+            column[0] *= 1.0 + RIDGE
+            found.append(solve_toeplitz(column, sequences[:, 2].T).T)
+        return np.ascontiguousarray(found, dtype=np.float64)
