@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import sys
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import sub, truediv
 
 import numpy as np
 
-from haptic_accel.core.control.inversion.convolution import SampleWindow
 from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.control.paired_window import PairedWindow
 from haptic_accel.core.model import FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import Checked, parameter
 
@@ -30,9 +29,6 @@ AHEAD = 0.012
 
 THINNED_RATE = 1000.0
 """Rate at which the equation of faster signals is evaluated, Hz."""
-
-MOST_MISSING = 0.02
-"""Maximum fraction of missing samples in a window; they repeat the value before."""
 
 LOWEST, HIGHEST = 15.0, 250.0
 """Frequency band of the estimate, Hz: above the hand's own motion, below the mount's mode."""
@@ -133,13 +129,10 @@ class GripEstimator:
         self._length = filters.shape[-1]
         self._of_acceleration = filters[:4].reshape(-1, self._length)
         self._of_force = filters[4]
-        self._force, self._acceleration = SampleWindow(self._length), SampleWindow(self._length)
+        self._window = PairedWindow(self._length, self._hop)
         self._kept = math.exp(-self._hop / rate / parameters.memory)
         self._least_energy = rows * parameters.least_force**2
         self._work: Iterator[bool] = iter(())
-        self._last = 0.0
-        # Missing samples in the part of the window that is being filled, and in those before.
-        self._missing: deque[int] = deque(maxlen=math.ceil(self._length / self._hop))
         self.reset()
 
     @property
@@ -153,18 +146,8 @@ class GripEstimator:
 
     def sample(self, actuator_force: float, handle_acceleration: float) -> None:
         """Store force (N) and handle acceleration (m/s^2; NaN where unknown) of one sample."""
-        if not math.isfinite(handle_acceleration):
-            self._missing[-1] += 1
-            handle_acceleration = self._last
-        self._last = handle_acceleration
-        self._force.push(actuator_force)
-        self._acceleration.push(handle_acceleration)
-        self._samples += 1
-        if self._samples % self._hop:
-            return
-        if self._samples >= self._length and sum(self._missing) <= MOST_MISSING * self._length:
+        if self._window.push(actuator_force, handle_acceleration):
             self._work = self._look()
-        self._missing.append(0)
 
     def step(self) -> bool:
         """Do a piece of the pending work; return True when the grip has changed."""
@@ -177,18 +160,15 @@ class GripEstimator:
         self._moments = np.zeros((4, 4))
         self._energy = 0.0
         self._beyond = [0, 0, 0]  # successive looks at the upper bound; at the lower, negative
-        self._samples = self.looks = 0
-        self._last = 0.0
-        self._missing.clear()
-        self._missing.append(0)
+        self.looks = 0
         self._work = iter(())
-        self._force.reset()
-        self._acceleration.reset()
+        self._window.reset()
 
     def _look(self) -> Iterator[bool]:
         """Evaluate the latest hop; yield between pieces, at last True if the grip changed."""
-        driving = self._of_force @ self._force.latest()
-        terms = (self._of_acceleration @ self._acceleration.latest()).reshape(4, -1)
+        force, acceleration = self._window.latest()
+        driving = self._of_force @ force
+        terms = (self._of_acceleration @ acceleration).reshape(4, -1)
         yield False
         energy = float(driving.dot(driving))
         if energy > self._least_energy:

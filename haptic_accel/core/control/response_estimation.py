@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
 
-from haptic_accel.core.control.inversion.convolution import SampleWindow
+from haptic_accel.core.control.paired_window import PairedWindow
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 WINDOW = 0.25
@@ -17,9 +16,6 @@ grip, so that little of a response ends outside its window."""
 
 LOOKS = 4
 """Number of evaluations per window; Hann windows that overlap so far lose no sample's weight."""
-
-MOST_MISSING = 0.02
-"""Maximum fraction of missing samples in a window; they repeat the value before."""
 
 
 class ResponseEstimator:
@@ -75,11 +71,8 @@ class ResponseEstimator:
         self._least = least
         self.model: ComplexArray = np.ones(len(self.frequency), dtype=np.complex128)
         self._kept = math.exp(-self.interval / memory)
-        self._input, self._output = SampleWindow(self._length), SampleWindow(self._length)
-        # Missing samples in the part of the window that is being filled, and in those before.
-        self._missing: deque[int] = deque(maxlen=LOOKS)
+        self._window = PairedWindow(self._length, self._hop)
         self._work: Iterator[bool] = iter(())
-        self._last = 0.0
         self.reset()
 
     @property
@@ -104,18 +97,8 @@ class ResponseEstimator:
             Output, m/s^2: what is measured at the same tick. A delay between the two, small
             against `WINDOW`, is a part of the response.
         """
-        if not math.isfinite(acceleration):
-            self._missing[-1] += 1
-            acceleration = self._last
-        self._last = acceleration
-        self._input.push(force)
-        self._output.push(acceleration)
-        self._samples += 1
-        if self._samples % self._hop:
-            return
-        if self._samples >= self._length and sum(self._missing) <= MOST_MISSING * self._length:
+        if self._window.push(force, acceleration):
             self._work = self._look()
-        self._missing.append(0)
 
     def step(self) -> bool:
         """Do a piece of the pending work; return True when there is a new estimate."""
@@ -127,17 +110,13 @@ class ResponseEstimator:
         self.excitation, self.output = np.zeros(lines), np.zeros(lines)
         self.cross = np.zeros(lines, dtype=np.complex128)
         self.weight = 0.0  # of all windows, each new one counting 1
-        self._samples = self.looks = 0
-        self._last = 0.0
-        self._missing.clear()
-        self._missing.append(0)
+        self.looks = 0
         self._work = iter(())
-        self._input.reset()
-        self._output.reset()
+        self._window.reset()
 
     def _look(self) -> Iterator[bool]:
         """Evaluate the latest window; yield between pieces, at last True."""
-        given, shown = self._input.latest()[::-1].copy(), self._output.latest()[::-1].copy()
+        given, shown = (samples[::-1].copy() for samples in self._window.latest())
         yield False
         # Gravity is no part of the response, and would leak into the lowest lines.
         given -= given.mean()

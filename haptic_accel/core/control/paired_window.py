@@ -1,0 +1,67 @@
+"""The latest samples of a cause and of its measured effect, with gaps."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from haptic_accel.core.control.inversion.convolution import SampleWindow
+from haptic_accel.core.model import FloatArray
+
+MOST_MISSING = 0.02
+"""Maximum fraction of missing samples in a window; they repeat the value before."""
+
+
+class PairedWindow:
+    """Storage of cause and effect sample by sample, to tell when a window may be evaluated.
+
+    Parameters
+    ----------
+    length : int
+        Number of samples.
+    hop : int
+        Number of samples from one evaluation to the next.
+    """
+
+    def __init__(self, length: int, hop: int) -> None:
+        self._length, self._hop = length, hop
+        self._cause, self._effect = SampleWindow(length), SampleWindow(length)
+        # Missing samples in the part of the window that is being filled, and in those before.
+        self._missing: deque[int] = deque(maxlen=math.ceil(length / hop))
+        self._last = 0.0
+        self.reset()
+
+    def push(self, cause: float, effect: float) -> bool:
+        """Take a sample of both; return True where the window is due and complete enough.
+
+        Parameters
+        ----------
+        cause : float
+            Finite.
+        effect : float
+            NaN or infinite where it is not known.
+        """
+        if not math.isfinite(effect):
+            self._missing[-1] += 1
+            effect = self._last
+        self._last = effect
+        self._cause.push(cause)
+        self._effect.push(effect)
+        self._samples += 1
+        if self._samples % self._hop:
+            return False
+        few = sum(self._missing) <= MOST_MISSING * self._length
+        self._missing.append(0)
+        return self._samples >= self._length and few
+
+    def latest(self) -> tuple[FloatArray, FloatArray]:
+        """Return cause and effect, newest first; views until the next sample."""
+        return self._cause.latest(), self._effect.latest()
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self._samples, self._last = 0, 0.0
+        self._missing.clear()
+        self._missing.append(0)
+        self._cause.reset()
+        self._effect.reset()
