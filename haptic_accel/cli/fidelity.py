@@ -125,7 +125,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a user asked for: inputs, rigs and rates of all conditions, hands and their seed."""
+    """The user's choice of inputs, rigs and rates of all conditions, hands and their seed."""
 
     inputs: Sequence[GraphArguments]
     rig: str

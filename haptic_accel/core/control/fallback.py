@@ -1,4 +1,4 @@
-"""What takes over from a controller that is worse than no compensation."""
+"""Replacement of a controller that is worse than no compensation."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Fallback:
 
     @property
     def warning(self) -> str:
-        """What deviates and what took over; empty for nothing."""
+        """The deviating bands and the substitute in words; empty for none."""
         replaced = ""
         if self.substitute:
             took_over = "a part is tried" if self._probing else f"{self.substitute} took over"

@@ -111,7 +111,7 @@ class ResponseSupervisor:
 
     @property
     def described(self) -> bool:
-        """Whether the handle responds as described in all bands, as far as is known."""
+        """True if the handle responds as described in all bands, as far as is known."""
         return not self._bad.any()
 
     @property

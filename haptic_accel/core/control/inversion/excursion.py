@@ -166,7 +166,7 @@ class ExcursionControl:
 
     @property
     def changing(self) -> bool:
-        """Whether other taps are being faded in."""
+        """True while other taps are being faded in."""
         return self._left > 0
 
     def replace(self, taps: FloatArray) -> None:
