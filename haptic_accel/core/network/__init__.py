@@ -1,0 +1,1 @@
+"""Coupling of two hosts over a network: packets, sessions, clocks, playout."""
