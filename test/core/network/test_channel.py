@@ -5,7 +5,6 @@ import pytest
 
 from haptic_accel.core.network.channel import Channel, ChannelParameters
 
-
 COUNT, PERIOD = 4000, 1e-3
 
 
