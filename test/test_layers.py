@@ -26,11 +26,12 @@ BELOW: dict[str, set[str]] = {
     "bags": {"core"},
     "devices": {"core", "bags"},
     "emulators": {"core", "devices"},
-    "graph": {"core", "bags", "devices"},
-    "nodes": {"core", "bags", "devices", "graph", "scope"},
+    "links": {"core"},
+    "graph": {"core", "bags", "devices", "links"},
+    "nodes": {"core", "bags", "devices", "links", "graph", "scope"},
     "analysis": {"core", "bags", "graph", "pages"},
     "cli": {
-        *("core", "bags", "devices", "emulators", "graph"),
+        *("core", "bags", "devices", "links", "emulators", "graph"),
         *("nodes", "scope", "analysis"),
     },
 }

@@ -30,6 +30,7 @@ from haptic_accel.core.parameters import (
 from haptic_accel.core.sampling import HIGHEST_LATENCY, IDENTIFICATION_LATENCY, LATENCY
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES
+from haptic_accel.links.parameters import LinkNodeParameters
 
 SAFETY = "safety"
 """Name of a device node's safety limits among its devices' parameters."""
@@ -201,6 +202,7 @@ NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     "slave_device": (SlaveNodeParameters, _device_parts(SLAVES, SafetyParameters)),
     "restamper": (RestamperNodeParameters, {}),
     "coupler": (CouplerNodeParameters, {}),
+    "link": (LinkNodeParameters, {}),
     "identifier": (
         IdentifierNodeParameters,
         {ACTUATOR: ActuatorParameters, "accelerometer": AccelerometerParameters},

@@ -1,0 +1,1 @@
+"""Transports of datagrams: between processes of one host, and between two hosts."""

@@ -1,0 +1,97 @@
+"""Datagrams between the half coupler and the link of one host.
+
+The sockets have abstract names: the kernel releases them however a process ends, and they are not
+seen beyond the machine.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import socket
+from contextlib import suppress
+
+from haptic_accel.core.parameters import ParameterError
+
+COUPLER, LINK = "coupler", "link"
+"""The two ends."""
+
+LONGEST = 1100
+"""Longest datagram, bytes: with the headers of a transport and a tunnel it stays below 1280, which
+every network of IPv6 carries whole (RFC 8200)."""
+
+_OTHER = {COUPLER: LINK, LINK: COUPLER}
+
+
+class LocalEnd:
+    """One end of the path between half coupler and link, which never blocks.
+
+    Parameters
+    ----------
+    end : str
+        `COUPLER` or `LINK`.
+    domain : int
+        ROS domain of the host's graph.
+    namespace : str
+        Namespace of the host's graph, with a slash before; empty for the root.
+
+    Attributes
+    ----------
+    dropped : int
+        Datagrams that were not sent, as the other end was not there or did not take them: the
+        kernel keeps net.unix.max_dgram_qlen of them, 10 by default.
+
+    Raises
+    ------
+    ParameterError
+        Another process has this end.
+    """
+
+    def __init__(self, end: str, domain: int, namespace: str) -> None:
+        self.dropped = 0
+        self._other = _address(_OTHER[end], domain, namespace)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind(_address(end, domain, namespace))
+        except OSError as error:
+            self._socket.close()
+            if error.errno != errno.EADDRINUSE:
+                raise
+            raise ParameterError(
+                f"ROS domain {domain}: has a {end} of two hosts in namespace {namespace or '/'}"
+                " already; stop it, or set another namespace"
+            ) from None
+
+    def fileno(self) -> int:
+        """Return the file descriptor, to wait on; -1 once closed."""
+        return self._socket.fileno()
+
+    def send(self, datagram: bytes) -> bool:
+        """Send a datagram; return whether the other end will find it."""
+        try:
+            self._socket.sendto(datagram, self._other)
+        except (BlockingIOError, ConnectionRefusedError):
+            self.dropped += 1
+            return False
+        return True
+
+    def take(self) -> list[bytes]:
+        """Return the datagrams that came from the other end since the last call, oldest first."""
+        taken = []
+        with suppress(BlockingIOError):
+            while True:
+                datagram, sender = self._socket.recvfrom(LONGEST + 1)
+                if sender == self._other and len(datagram) <= LONGEST:
+                    taken.append(datagram)
+        return taken
+
+    def close(self) -> None:
+        """Release the name."""
+        self._socket.close()
+
+
+def _address(end: str, domain: int, namespace: str) -> bytes:
+    """Return the address of an end, hashed, as namespaces can be longer than addresses."""
+    digest = hashlib.sha256(namespace.encode()).hexdigest()
+    return f"\0haptic_accel/{domain}/{end}/{digest}".encode()

@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import select
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.links.local import COUPLER, LINK, LONGEST, LocalEnd
+
+DOMAIN = 250
+"""No ROS domain, so that no graph of this machine is met."""
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[LocalEnd, LocalEnd]]:
+    with (
+        closing(LocalEnd(COUPLER, DOMAIN, "/a")) as one,
+        closing(LocalEnd(LINK, DOMAIN, "/a")) as two,
+    ):
+        yield one, two
+
+
+def test_datagrams_pass_both_ways_in_order(ends: tuple[LocalEnd, LocalEnd]) -> None:
+    for sender, receiver in (ends, ends[::-1]):
+        sent = [bytes([number]) * LONGEST for number in range(5)]
+        assert all(sender.send(datagram) for datagram in sent)
+        assert select.select([receiver], [], [], 1.0)[0] == [receiver]
+        assert receiver.take() == sent
+        assert receiver.take() == []
+
+
+def test_what_nobody_takes_is_dropped_and_counted() -> None:
+    with closing(LocalEnd(COUPLER, DOMAIN, "/b")) as coupler:
+        assert not coupler.send(b"1")
+        with closing(LocalEnd(LINK, DOMAIN, "/b")) as link:
+            sent = 0
+            while coupler.send(b"2"):
+                sent += 1
+            assert link.take() == [b"2"] * sent
+        assert coupler.dropped == 2
+
+
+def test_an_end_that_comes_back_is_met_again() -> None:
+    with closing(LocalEnd(COUPLER, DOMAIN, "/c")) as coupler:
+        for text in (b"first", b"second"):
+            with closing(LocalEnd(LINK, DOMAIN, "/c")) as link:
+                coupler.send(text)
+                assert link.take() == [text]
+
+
+def test_other_namespaces_domains_and_senders_are_not_heard(
+    ends: tuple[LocalEnd, LocalEnd],
+) -> None:
+    _, link = ends
+    with closing(LocalEnd(COUPLER, DOMAIN, "/x" * 500)) as one:
+        assert not one.send(b"other namespace")
+    with closing(LocalEnd(COUPLER, DOMAIN + 1, "/a")) as one:
+        assert not one.send(b"other domain")
+    link.send(b"to the coupler")
+    assert link.take() == []
+
+
+def test_a_second_process_for_one_end_is_refused_in_one_line(
+    ends: tuple[LocalEnd, LocalEnd],
+) -> None:
+    with pytest.raises(ParameterError, match=r"^ROS domain 250: has a link .* in namespace /a al"):
+        LocalEnd(LINK, DOMAIN, "/a")
