@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -65,6 +66,16 @@ class Channel(Generic[T]):
         self._blackouts = tuple(blackouts)
         self._order = itertools.count()
         self._travelling: list[tuple[float, int, T]] = []
+
+    @property
+    def travelling(self) -> int:
+        """Number of packets on their way, one that is doubled counted twice."""
+        return len(self._travelling)
+
+    @property
+    def next_arrival(self) -> float:
+        """Time of the next arrival, s; infinite with no packet on its way."""
+        return self._travelling[0][0] if self._travelling else math.inf
 
     def send(self, packet: T, now: float) -> None:
         """Put a packet on its way, or lose it."""
