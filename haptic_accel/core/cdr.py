@@ -1,8 +1,8 @@
 """Stamped vectors and states as serialised by ROS: one layout for all signals of the graph.
 
-PoseStamped, TwistStamped, WrenchStamped and AccelStamped all are a header followed by doubles,
-of which the first three are the signal. Filling and reading message objects would cost a node
-more than everything else it does; packing the same bytes takes a microsecond.
+PoseStamped, TwistStamped, WrenchStamped, AccelStamped and Vector3Stamped are a header followed by
+doubles, of which the first three are the signal. Filling and reading message objects would cost a
+node more than everything else it does; packing the same bytes takes a microsecond.
 Format: OMG DDS-RTPS 2.5, section 10.2 (CDR); times and doubles are aligned to their size.
 """
 
@@ -34,8 +34,9 @@ _STAMP = struct.Struct("<iI")
 _LENGTH = struct.Struct("<I")
 _VECTORS = {code: struct.Struct(f"{mark}3d") for code, mark in _BYTE_ORDERS.items()}
 _VECTOR_SIZE = _VECTORS[1].size
-_UPRIGHT = struct.pack("<4d", 0.0, 0.0, 0.0, 1.0)  # the quaternion behind a position
-_NO_ROTATION = bytes(24)  # the vector behind a linear velocity, force or acceleration
+_BEHIND = {"pose.position": struct.pack("<4d", 0.0, 0.0, 0.0, 1.0), "vector": b""}
+"""What follows the vector, by its path: an upright quaternion, nothing, or no rotation."""
+_NO_ROTATION = bytes(24)
 
 
 def _vector_offset(frame_length: Offset) -> Offset:
@@ -56,7 +57,7 @@ class StampedVector:
         frame = topic.frame.encode() + b"\0"
         self._offset = _vector_offset(len(frame))
         header = _HEADERS[1].pack(0, 0, len(frame))
-        behind = _UPRIGHT if VECTORS[topic.type] == "pose.position" else _NO_ROTATION
+        behind = _BEHIND.get(VECTORS[topic.type], _NO_ROTATION)
         start = (_ENCAPSULATION + header + frame).ljust(self._offset, b"\0")
         self._bytes = bytearray(start + bytes(_VECTOR_SIZE) + behind)
 

@@ -47,6 +47,7 @@ _POSE = "geometry_msgs/msg/PoseStamped"
 _TWIST = "geometry_msgs/msg/TwistStamped"
 _WRENCH = "geometry_msgs/msg/WrenchStamped"
 _ACCEL = "geometry_msgs/msg/AccelStamped"
+_VECTOR = "geometry_msgs/msg/Vector3Stamped"
 _BOOL = "std_msgs/msg/Bool"
 
 VECTORS = {
@@ -54,6 +55,7 @@ VECTORS = {
     _TWIST: "twist.linear",
     _WRENCH: "wrench.force",
     _ACCEL: "accel.linear",
+    _VECTOR: "vector",
 }
 """Path of the vector that each type of signal carries."""
 
@@ -65,6 +67,8 @@ MASTER_VELOCITY = Topic("master/measured_cv", _TWIST, MASTER_FRAME, "master")
 MASTER_ARM_FORCE = Topic("master/servo_cf", _WRENCH, MASTER_FRAME, "slave")
 HANDLE_ACCELERATION = Topic("master/handle/acceleration", _ACCEL, HANDLE_FRAME, "master")
 ACTUATOR_FORCE = Topic("master/handle/servo_cf", _WRENCH, HANDLE_FRAME, "slave")
+MASTER_WORK = Topic("master/work", _VECTOR, MASTER_FRAME, "master")
+SLAVE_WORK = Topic("slave/work", _VECTOR, SLAVE_FRAME, "slave")
 SLAVE_POSITION = Topic("slave/measured_cp", _POSE, SLAVE_FRAME, "slave")
 SLAVE_VELOCITY = Topic("slave/measured_cv", _TWIST, SLAVE_FRAME, "slave")
 SLAVE_ARM_FORCE = Topic("slave/servo_cf", _WRENCH, SLAVE_FRAME, "master")
@@ -124,6 +128,8 @@ class ArmTopics:
         Signals that it applies; an arm without an actuator has no `actuator_force`.
     stopped : Topic
         State that it publishes: whether it follows an emergency stop.
+    work : Topic
+        Work of its force per axis since the device was opened, J, while somebody subscribes.
     """
 
     position: Topic
@@ -131,6 +137,7 @@ class ArmTopics:
     acceleration: Topic
     arm_force: Topic
     stopped: Topic
+    work: Topic
     actuator_force: Topic | None = None
 
     def beside(
@@ -147,10 +154,16 @@ MASTER = ArmTopics(
     HANDLE_ACCELERATION,
     MASTER_ARM_FORCE,
     MASTER_STOPPED,
+    MASTER_WORK,
     ACTUATOR_FORCE,
 )
 SLAVE = ArmTopics(
-    SLAVE_POSITION, SLAVE_VELOCITY, TOOL_ACCELERATION, SLAVE_ARM_FORCE, SLAVE_STOPPED
+    SLAVE_POSITION,
+    SLAVE_VELOCITY,
+    TOOL_ACCELERATION,
+    SLAVE_ARM_FORCE,
+    SLAVE_STOPPED,
+    SLAVE_WORK,
 )
 
 SLAVE_SIGNALS = (TOOL_ACCELERATION, SLAVE_POSITION, SLAVE_VELOCITY)

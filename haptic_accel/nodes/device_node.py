@@ -14,6 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import MAX_AGE, STOPPED, SafetyLayer
+from haptic_accel.core.arm_work import ArmWork
 from haptic_accel.core.due_forces import DueForces
 from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.evaluation.histogram import DurationHistogram
@@ -188,6 +189,9 @@ class DeviceNode(ManagedNode):
         self._send_position = self.sender(arm.position).send
         self._send_velocity = self.sender(arm.velocity).send
         self._send_acceleration = self.sender(arm.acceleration).send
+        self._work_sender = self.sender(arm.work)
+        self._work_asked = False
+        self._work = ArmWork()
         self._publish_stopped = self.publisher(arm.stopped).publish
         self._joint_states = JointStates(self, arm.position, p.rate)
         self._commands = {
@@ -225,6 +229,7 @@ class DeviceNode(ManagedNode):
             self.rate_keeper = RateKeeper(self.parameters.rate, lead=self._lead)
             self._arrivals = ArrivalKeeper(self.parameters.rate)
             self._waiting.clear()
+            self._work = ArmWork()
             self._sampling = True
         except Exception as error:  # rclpy would keep it to itself
             self._failure = error
@@ -468,6 +473,9 @@ class DeviceNode(ManagedNode):
                 stamp = self._stamp - self.rate_keeper.time(self._tick) + moment
                 self._newest = sample
                 self._publish(sample, stamp)
+                work = self._work.until(moment / NANOSECONDS, sample.position)
+                if self._work_asked:
+                    self._work_sender.send(stamp, work)
                 if self._motions.servo.set_point:
                     self._hold(tick, stamp, sample)
         return acceleration
@@ -575,6 +583,8 @@ class DeviceNode(ManagedNode):
         except (DeviceError, OSError) as error:
             self._fail(error)
             return False
+        if "arm_force" in given:
+            self._work.apply(time, given["arm_force"])
         return True
 
     def _allowed_actuator_force(self, now: float, age: float, force: Vector) -> float | None:
@@ -649,6 +659,7 @@ class DeviceNode(ManagedNode):
         """Log news of the safety layer, each once; look who sends commands and who asks."""
         for look in (self._motions.look, self._queries.look, self._operating.report):
             look()
+        self._work_asked = self._work_sender.listeners > 0
         for name, commands in self._commands.items():
             inboxes = [commands.inbox, *([self._motions.positions] if name == ARM else [])]
             self.safety.note_senders(name.replace("_", " "), self.rivals(*inboxes))

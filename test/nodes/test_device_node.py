@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -236,6 +237,30 @@ def test_a_display_gets_positions_as_joints_of_the_description(bench: Bench) -> 
         assert list(state.name) == ["master_x", "master_y", "master_z"]
         # The first came perhaps before anybody listened to positions.
         assert tuple(state.position) == positions.get(stamp, tuple(state.position))
+
+
+def test_a_subscriber_gets_the_work_of_the_forces_that_were_applied(bench: Bench) -> None:
+    positions: dict[int, Vector] = {}
+    works: dict[int, Vector] = {}
+    bench.other.listen(topics.MASTER_POSITION, positions.__setitem__)
+    bench.other.listen(topics.MASTER_WORK, works.__setitem__)
+    bench.until(lambda: bool(works))
+    force, full = (0.1, 0.0, 0.2), 0
+    while full < 5:
+        bench.command(force, 0.0)
+        bench.turn(0.001)
+        stamps = sorted(positions.keys() & works.keys())
+        for before, now in itertools.pairwise(stamps):
+            if now - before > 1.5 * PERIOD:
+                continue
+            moved = np.subtract(positions[now], positions[before])
+            done = np.subtract(works[now], works[before])
+            most = moved * force
+            assert np.all(np.abs(done) <= np.abs(most) + 1e-12)
+            full += bool(np.any(most)) and done == pytest.approx(most, rel=1e-6, abs=1e-15)
+    for transition in ("deactivate", "cleanup", "configure"):
+        assert bench.change_state(transition)
+    bench.until(lambda: works[max(works)] == ZERO)  # no force since the device was opened
 
 
 def test_what_was_stopped_is_not_said_to_have_timed_out(bench: Bench) -> None:

@@ -5,6 +5,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from haptic_accel.core.topics import (
     COUPLER_STOPPED,
     EMERGENCY_STOP,
     MASTER_STOPPED,
+    MASTER_WORK,
     SIGNALS,
     SLAVE_STOPPED,
     VECTORS,
@@ -37,7 +39,9 @@ from running import PATIENCE, Command, wait_until
 
 numbers = st.floats(allow_nan=False)
 frames = st.text(st.characters(codec="ascii", exclude_characters="\0"))
-one_of_each_type = st.sampled_from(list({topic.type: topic for topic in SIGNALS}.values()))
+one_of_each_type = st.sampled_from(
+    list({topic.type: topic for topic in (*SIGNALS, MASTER_WORK)}.values())
+)
 
 
 @given(
@@ -52,8 +56,7 @@ def test_ros_reads_what_is_packed_and_what_it_writes_is_unpacked(
     message = deserialize_message(packed, message_type(topic))
     assert message.header.frame_id == topic.frame
     assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == stamp
-    outer, inner = VECTORS[topic.type].split(".")
-    part = getattr(getattr(message, outer), inner)
+    part = attrgetter(VECTORS[topic.type])(message)
     assert (part.x, part.y, part.z) == vector
     assert unpack_stamped_vector(serialize_message(message)) == (stamp, vector)
 

@@ -1,0 +1,83 @@
+"""Work of an arm's motors, from the forces that were applied and the positions measured."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from haptic_accel.core.model import ZERO, Vector
+
+KEPT = 1000
+"""Changes of force that wait for the next sample; beyond, the oldest count with those before."""
+
+
+class ArmWork:
+    """Sum of applied force times displacement, per axis, since it was made.
+
+    The work between two samples is the force held between them times the change of position, which
+    is exact for a force that changes at the moment of a sample only. Where it changes in between,
+    late or taken off by a watchdog, the displacement is divided as by a constant velocity: an
+    acceleration a during the period T makes that wrong by a T^2 / 8 times the change of force at
+    most, 1 uJ for 1 N, 8 m/s^2 and 1 ms. A sample that is lost makes the period longer.
+
+    The forces are those that a device was told to apply, at the times it was told to: the delay in
+    a device, and forces that it withholds itself, are not known here.
+
+    Examples
+    --------
+    >>> work = ArmWork()
+    >>> work.until(0.0, (0.0, 0.0, 0.0))
+    (0.0, 0.0, 0.0)
+    >>> work.apply(0.0, (2.0, 0.0, -1.0))
+    >>> work.until(0.001, (0.5, 7.0, 0.25))
+    (1.0, 0.0, -0.25)
+    """
+
+    def __init__(self) -> None:
+        self._sum = ZERO
+        self._time = -math.inf
+        self._position: Vector | None = None
+        self._force = ZERO
+        self._changes: deque[tuple[float, Vector]] = deque(maxlen=KEPT)
+
+    def apply(self, time: float, force: Vector) -> None:
+        """Note that a force, N, is held from a time on, s; in order of time."""
+        self._changes.append((time, force))
+
+    def until(self, time: float, position: Vector) -> Vector:
+        """Return the work until a sample, J, per axis.
+
+        Parameters
+        ----------
+        time : float
+            Time of the sample, s, which may be before that of the last forces.
+        position : tuple of float
+            Position then, m; one that is not finite counts as lost.
+        """
+        if not math.isfinite(sum(position)):
+            return self._sum
+        before, since = self._position, self._time
+        force = self._mean_force(since, time)
+        self._position, self._time = position, time
+        if before is not None:
+            x, y, z = (
+                w + f * (new - old)
+                for w, f, new, old in zip(self._sum, force, position, before, strict=True)
+            )
+            self._sum = x, y, z
+        return self._sum
+
+    def _mean_force(self, since: float, time: float) -> Vector:
+        """Return the mean force between two times, and go on to what is held at the second."""
+        mean = self._force
+        while self._changes and self._changes[0][0] <= time:
+            moment, force = self._changes.popleft()
+            left = (time - max(moment, since)) / (time - since) if time > since else 0.0
+            if left:
+                x, y, z = (
+                    m + (new - old) * left
+                    for m, new, old in zip(mean, force, self._force, strict=True)
+                )
+                mean = x, y, z
+            self._force = force
+        return mean
