@@ -1,0 +1,127 @@
+"""Offset of a peer's clock from packets that echo each other.
+
+Times are system times in ns, of which those of the two hosts need not agree.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from haptic_accel.core.sampling import NANOSECONDS
+
+INTERVAL = NANOSECONDS
+"""Time in which the exchange of least round trip is kept, ns."""
+
+WINDOW = 120
+"""Number of intervals to which a line is fitted."""
+
+FEWEST = 10
+"""Intervals from which on the drift is estimated; until then the exchange of least round trip
+counts."""
+
+SLACK = 1e-3
+"""Deviation from the line, beyond what both round trips allow, above which a clock was set, s."""
+
+
+class Exchange(NamedTuple):
+    """Middle of an exchange by the own clock, ns; offset that it shows, and its round trip, s."""
+
+    time: int
+    offset: float
+    round_trip: float
+
+
+class ClockOffset:
+    """Peer's clock minus the own one: a line through the best exchange of every second.
+
+    The way there and back need not take equally long: the offset is known to half a round trip.
+
+    Attributes
+    ----------
+    bound : float
+        Half of the least round trip, s; infinite before the first exchange.
+    drift : float
+        Change of the offset, s/s.
+
+    Examples
+    --------
+    >>> clock = ClockOffset()
+    >>> clock.add(sent=0, received=3_000_000, replied=4_000_000, arrived=2_000_000)
+    >>> clock.offset(2_000_000), clock.bound
+    (0.0025, 0.0005)
+    """
+
+    def __init__(self) -> None:
+        self._exchanges: deque[Exchange] = deque(maxlen=WINDOW)
+        self._interval: int | None = None
+        self._restart()
+
+    def add(self, sent: int, received: int, replied: int, arrived: int) -> None:
+        """Take an exchange.
+
+        Parameters
+        ----------
+        sent, arrived : int
+            Own time of the packet's sending, and of the reply's arrival, ns.
+        received, replied : int
+            Peer's time of the packet's reception, and of the reply's sending, ns.
+        """
+        away, held = arrived - sent, replied - received
+        if held < 0 or away <= held:  # a clock was set meanwhile
+            return
+        found = Exchange(
+            (sent + arrived) // 2,
+            ((received - sent) + (replied - arrived)) / 2 / NANOSECONDS,
+            (away - held) / NANOSECONDS,
+        )
+        interval = arrived // INTERVAL
+        if interval != self._interval:
+            self._interval = interval
+            if self._exchanges and self._differs(self._exchanges[-1]):
+                last = self._exchanges[-1]
+                self._restart()
+                self._exchanges.append(last)
+            self._fit()
+            self._exchanges.append(found)
+        elif found.round_trip < self._exchanges[-1].round_trip:
+            self._exchanges[-1] = found
+        if len(self._exchanges) == 1:
+            self._fit()
+
+    def offset(self, now: int) -> float:
+        """Return the offset at an own time in ns, s; 0 before the first exchange."""
+        return self._offset + self.drift * (now - self._origin) / NANOSECONDS
+
+    def _restart(self) -> None:
+        self._exchanges.clear()
+        self._origin, self._offset = 0, 0.0
+        self.drift, self.bound = 0.0, math.inf
+
+    def _differs(self, exchange: Exchange) -> bool:
+        """Return whether an exchange can only be explained by a clock that was set."""
+        difference = abs(exchange.offset - self.offset(exchange.time))
+        return difference > exchange.round_trip / 2 + self.bound + SLACK
+
+    def _fit(self) -> None:
+        """Fit the line to the exchanges there are."""
+        if not self._exchanges:
+            return
+        best = min(self._exchanges, key=lambda each: each.round_trip)
+        self.bound = best.round_trip / 2
+        self._origin, self._offset, self.drift = best.time, best.offset, 0.0
+        if (count := len(self._exchanges)) < FEWEST:
+            return
+        times = [(each.time - best.time) / NANOSECONDS for each in self._exchanges]
+        middle = sum(times) / count
+        mean = sum(each.offset for each in self._exchanges) / count
+        spread = sum((time - middle) ** 2 for time in times)
+        self.drift = (
+            sum(
+                (time - middle) * (each.offset - mean)
+                for time, each in zip(times, self._exchanges, strict=True)
+            )
+            / spread
+        )
+        self._offset = mean - self.drift * middle

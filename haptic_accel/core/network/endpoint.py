@@ -1,0 +1,227 @@
+"""One host's end of a coupling over a network: what it says to its peer, and what it knows of it.
+
+It has no clock: times are the caller's. `now` is monotonic, in s; `system` is the host's system
+time, in ns, which the peer's need not agree with.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.network.clock import ClockOffset
+from haptic_accel.core.network.packet import LARGEST_SAMPLE, MOST_SAMPLES, Packet, unpack
+from haptic_accel.core.network.session import Session
+from haptic_accel.core.sampling import NANOSECONDS, same_rate
+
+PACKET_PERIOD = 2e-3
+"""Interval between packets, s. Packets cost, bits do not: 500 a second are half of what a packet
+for each sample would cost, and delay the tool's acceleration by 1 ms on average."""
+
+EARLY = 0.25
+"""Share of `PACKET_PERIOD` by which a packet may be sent before it is due: the caller's ticks do
+not come exactly in time."""
+
+REMEMBERED = 4096
+"""Packets whose time is remembered for their echo: 8 s."""
+
+CLOCKS_AGREE = 2e-3
+"""Offset of the clocks, beyond its bound, above which it is warned of, s."""
+
+
+class State(NamedTuple):
+    """What a host is doing; meanings as in `Packet`."""
+
+    ready: bool = False
+    engaged: bool = False
+    stopped: bool = False
+    stops: int = 0
+    engagement: int = 0
+
+
+class Motion(NamedTuple):
+    """Motion of an arm as a packet has it: stamp in ns, m from where it engaged, m/s."""
+
+    stamp: int = 0
+    position: Vector = ZERO
+    velocity: Vector = ZERO
+
+
+class Endpoint:
+    """Makes the packets for the peer, and admits the peer's.
+
+    Parameters
+    ----------
+    side : str
+        Arm of this host: master or slave.
+    rate : float
+        Samples per second.
+    session : int
+        Random number of this run, of 64 bit and not 0.
+
+    Attributes
+    ----------
+    peer : Packet or None
+        Newest packet of the peer: its state, motion and energy.
+    session : Session
+        Admission of packets, with its counts.
+    clock : ClockOffset
+        Peer's clock minus the own one.
+    delay : float
+        Time that the newest packet took, as the clocks' offset has it, s.
+
+    Examples
+    --------
+    >>> master, slave = Endpoint("master", 1000.0, 1), Endpoint("slave", 1000.0, 2)
+    >>> sent = master.outgoing(State(ready=True), Motion(), 0.0, now=0.0, system=5_000_000)
+    >>> packet = slave.incoming(sent, now=70.0, system=9_000_000)
+    >>> slave.fresh(70.05, timeout=0.1), slave.peer.ready
+    (True, True)
+    """
+
+    def __init__(self, side: str, rate: float, session: int) -> None:
+        self._side, self._rate, self._own_session = side, rate, session
+        self._sequence = 0
+        self._due = -math.inf
+        self._said: State | None = None
+        self._measured = [(0, 0.0)] * REMEMBERED
+        self._samples: deque[float] = deque(maxlen=MOST_SAMPLES)
+        self._next_sample = 0
+        self._received = 0
+        self.peer: Packet | None = None
+        self.session = Session(side)
+        self.clock = ClockOffset()
+        self.delay = 0.0
+
+    def sampled(self, stamp: int, acceleration: float) -> None:
+        """Take a sample of the tool's acceleration, m/s^2, to be sent with the next packets.
+
+        One that is no finite number counts as not sampled.
+        """
+        if not abs(acceleration) <= LARGEST_SAMPLE:
+            return
+        number = round(stamp * self._rate / NANOSECONDS)
+        if number != self._next_sample:
+            self._samples.clear()  # a packet has successive samples only
+        self._samples.append(acceleration)
+        self._next_sample = number + 1
+
+    def outgoing(
+        self, state: State, motion: Motion, shipped: float, now: float, system: int
+    ) -> bytes | None:
+        """Return the packet that is due now, None if none is; one is whenever the state changes.
+
+        Parameters
+        ----------
+        state : State
+        motion : Motion
+            Newest motion of the own arm.
+        shipped : float
+            Energy given to the peer, cumulative, J.
+        now, system : float, int
+        """
+        if state == self._said and now < self._due - EARLY * PACKET_PERIOD:
+            return None
+        self._due = max(self._due + PACKET_PERIOD, now)
+        self._said = state
+        self._sequence += 1
+        age = max(0.0, (system - motion.stamp) / NANOSECONDS) if motion.stamp else 0.0
+        self._measured[self._sequence % REMEMBERED] = self._sequence, now - age
+        peer = self.peer
+        return Packet(
+            self._side,
+            self._own_session,
+            self._sequence,
+            system,
+            peer.session if peer else 0,
+            peer.sequence if peer else 0,
+            peer.sent if peer else 0,
+            self._received,
+            *state,
+            *motion,
+            shipped,
+            self._rate,
+            self._next_sample - len(self._samples),
+            tuple(self._samples),
+        ).pack()
+
+    def incoming(self, data: bytes, now: float, system: int) -> Packet | None:
+        """Return the packet of a datagram if it is the peer's and newer than those before."""
+        try:
+            packet = unpack(data)
+        except ValueError as error:
+            self.session.refuse(str(error), now)
+            return None
+        if not same_rate(packet.rate, self._rate):
+            self.session.refuse(
+                f"the peer has rate:={packet.rate:g}: must be {self._rate:g} Hz as here", now
+            )
+            return None
+        if not self.session.admits(packet, now):
+            return None
+        if self.peer and packet.session != self.peer.session:
+            self.clock = ClockOffset()
+        self.peer, self._received = packet, system
+        if self._is_echoed(packet):
+            self.clock.add(packet.echo_sent, packet.echo_received, packet.sent, system)
+        self.delay = self._age_of(packet.sent, system)
+        return packet
+
+    def fresh(self, now: float, timeout: float) -> bool:
+        """Return whether the peer was heard within a time in s."""
+        return now - self.session.heard <= timeout
+
+    def round_trip_age(self, now: float) -> float:
+        """Return how long ago the own arm was where the peer's newest packet knows it to be, s.
+
+        It is measured by the own clock: the peer's packet says which of the own ones it has seen.
+        Infinite before the first echo.
+        """
+        if not (self.peer and self._is_echoed(self.peer)):
+            return math.inf
+        sequence, measured = self._measured[self.peer.echo % REMEMBERED]
+        return now - measured if sequence == self.peer.echo else math.inf
+
+    def age(self, system: int) -> float:
+        """Return the age of the peer's position by the clocks' offset, s; 0 without one."""
+        return self._age_of(self.peer.stamp, system) if self.peer and self.peer.stamp else 0.0
+
+    def problem(self, system: int, now: float) -> str:
+        """Return what is wrong between the hosts, one line; empty for nothing."""
+        if refused := self.session.problem(now):
+            return refused
+        offset, bound = self.clock.offset(system), self.clock.bound
+        if math.isfinite(bound) and abs(offset) > CLOCKS_AGREE + bound:
+            return (
+                f"the peer's clock is {offset * 1e3:+.1f} ms (within {bound * 1e3:.1f} ms) from"
+                " this host's: run chrony on both"
+            )
+        return ""
+
+    def status(self, system: int, now: float) -> dict[str, str]:
+        """Return values for diagnostics."""
+        session, known = self.session, math.isfinite(self.clock.bound)
+        age = self.round_trip_age(now)
+        return {
+            "one-way delay (ms)": f"{self.delay * 1e3:.2f}" if known else "",
+            "round-trip age (ms)": f"{age * 1e3:.2f}" if math.isfinite(age) else "",
+            "clock offset (ms)": f"{self.clock.offset(system) * 1e3:.3f}" if known else "",
+            "clock offset bound (ms)": f"{self.clock.bound * 1e3:.3f}" if known else "",
+            "clock drift (ppm)": f"{self.clock.drift * 1e6:.1f}" if known else "",
+            "packets received": str(session.received),
+            "packets lost": str(session.lost),
+            "packet loss (%)": f"{100 * session.loss:.2f}",
+            "packets doubled": str(session.doubled),
+            "packets out of order": str(session.out_of_order),
+            "packets refused": str(session.refused),
+            "peer restarts": str(session.restarts),
+        }
+
+    def _is_echoed(self, packet: Packet) -> bool:
+        return packet.echo_session == self._own_session
+
+    def _age_of(self, moment: int, system: int) -> float:
+        """Return the age of a moment of the peer's clock, s."""
+        return (system - moment) / NANOSECONDS + self.clock.offset(system)

@@ -1,0 +1,156 @@
+"""The datagram that the two hosts of a coupling send each other: one layout, both ways."""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from typing import NamedTuple
+
+from haptic_accel.core.model import Vector
+
+VERSION = 1
+"""Version of the layout; hosts of different versions refuse each other."""
+
+SIDES = ("master", "slave")
+"""Hosts of a coupling, by the arm that they have."""
+
+MOST_SAMPLES = 16
+"""Most samples of the tool's acceleration in a packet: with one packet every 2 ms at 1 kHz, each
+sample is sent eight times."""
+
+LARGEST_SAMPLE = 1e6
+"""Largest magnitude of a sample that is sent, m/s^2: far above any accelerometer's range."""
+
+_MAGIC = b"hapt"
+_START = struct.Struct("<4sB")  # the same in every version
+_BODY = struct.Struct("<3B Q2q Q3q 2Iq 3d3d d d q")
+_CHECK = struct.Struct("<I")  # CRC-32 of everything before
+_SAMPLE = struct.calcsize("<f")
+_FIXED = _START.size + _BODY.size + _CHECK.size
+_READY, _ENGAGED, _STOPPED = 1, 2, 4
+
+
+class Packet(NamedTuple):
+    """State of one host, its arm's motion, and on the slave's side the tool's acceleration.
+
+    Every packet carries the whole state, so that none of them has to arrive.
+
+    Attributes
+    ----------
+    side : str
+        Sender, one of `SIDES`.
+    session : int
+        Random number of the sender's run, not 0.
+    sequence : int
+        Number of the packet in its session.
+    sent : int
+        System time of the sender, ns.
+    echo_session, echo, echo_sent : int
+        Session, sequence and `sent` of the newest packet that the sender received; session 0 for
+        none.
+    echo_received : int
+        System time of the sender at that packet's reception, ns.
+    ready, engaged, stopped : bool
+        The sender could engage; is engaged; follows an emergency stop.
+    stops : int
+        Number of emergency stops that began at the sender.
+    engagement : int
+        Number of times that the sender engaged.
+    stamp : int
+        System time of the sender at which the position was measured, ns.
+    position, velocity : tuple of float
+        Of the sender's arm: relative to where it engaged, m, and in m/s.
+    shipped : float
+        Energy that the sender gave away since the session began, J.
+    rate : float
+        Samples per second of the sender.
+    first : int
+        Number of the first sample: its stamp in s times the rate, rounded.
+    samples : tuple of float
+        Acceleration of the tool along the actuator's axis, m/s^2, at most `MOST_SAMPLES`.
+    """
+
+    side: str
+    session: int
+    sequence: int
+    sent: int
+    echo_session: int
+    echo: int
+    echo_sent: int
+    echo_received: int
+    ready: bool
+    engaged: bool
+    stopped: bool
+    stops: int
+    engagement: int
+    stamp: int
+    position: Vector
+    velocity: Vector
+    shipped: float
+    rate: float
+    first: int
+    samples: tuple[float, ...] = ()
+
+    def pack(self) -> bytes:
+        """Return the datagram."""
+        flags = _READY * self.ready | _ENGAGED * self.engaged | _STOPPED * self.stopped
+        data = b"".join(
+            (
+                _START.pack(_MAGIC, VERSION),
+                _BODY.pack(
+                    SIDES.index(self.side),
+                    flags,
+                    len(self.samples),
+                    *self[1:8],
+                    *self[11:14],
+                    *self.position,
+                    *self.velocity,
+                    *self[16:19],
+                ),
+                struct.pack(f"<{len(self.samples)}f", *self.samples),
+            )
+        )
+        return data + _CHECK.pack(zlib.crc32(data))
+
+
+def unpack(data: bytes) -> Packet:
+    """Return the packet of a datagram.
+
+    Raises
+    ------
+    ValueError
+        It is none, damaged, or of another version.
+
+    Examples
+    --------
+    >>> unpack(b"hello")
+    Traceback (most recent call last):
+    ...
+    ValueError: not a packet of haptic_accel
+    """
+    if len(data) < _START.size or not data.startswith(_MAGIC):
+        raise ValueError("not a packet of haptic_accel")
+    version = data[len(_MAGIC)]
+    if version != VERSION:
+        raise ValueError(
+            f"the peer's packets have version {version}: must be {VERSION}; install the same"
+            " haptic_accel on both hosts"
+        )
+    if len(data) < _FIXED or _CHECK.unpack_from(data, len(data) - _CHECK.size) != (
+        zlib.crc32(memoryview(data)[: -_CHECK.size]),
+    ):
+        raise ValueError("damaged packet")
+    side, flags, count, *values = _BODY.unpack_from(data, _START.size)
+    if side >= len(SIDES) or count > MOST_SAMPLES or len(data) != _FIXED + count * _SAMPLE:
+        raise ValueError("damaged packet")
+    samples = struct.unpack_from(f"<{count}f", data, _START.size + _BODY.size)
+    *real, first = values[10:]
+    if not (all(map(math.isfinite, (*real, *samples))) and values[0] and real[-1] > 0):
+        raise ValueError("damaged packet")
+    px, py, pz, vx, vy, vz, shipped, rate = real
+    state = [bool(flags & each) for each in (_READY, _ENGAGED, _STOPPED)]
+    motion = (px, py, pz), (vx, vy, vz)
+    return Packet._make(
+        (SIDES[side], *values[:7], *state, *values[7:10], *motion, shipped, rate, first, samples)
+    )

@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.network.channel import Channel, ChannelParameters
+from haptic_accel.core.network.endpoint import PACKET_PERIOD, Endpoint, Motion, State
+from haptic_accel.core.network.packet import MOST_SAMPLES, Packet, unpack
+
+RATE = 1000.0
+TICK = 1_000_000
+
+
+class Hosts:
+    """Two hosts whose clocks differ, joined by two channels."""
+
+    def __init__(
+        self, channel: ChannelParameters, clock_offset: float = 0.0, seed: int = 1
+    ) -> None:
+        self.ends = {"master": Endpoint("master", RATE, 11), "slave": Endpoint("slave", RATE, 22)}
+        self.ahead = {"master": 0, "slave": round(clock_offset * 1e9)}
+        self.channels = {
+            side: Channel[bytes](channel, seed + i) for i, side in enumerate(self.ends)
+        }
+        self.state = State()
+        self.tick = 1000
+
+    @property
+    def now(self) -> float:
+        return self.tick / RATE
+
+    def system(self, side: str) -> int:
+        return self.tick * TICK + self.ahead[side]
+
+    def run(self, seconds: float) -> Iterator[Packet]:
+        """Let time pass; yield what the master admits."""
+        for _ in range(round(seconds * RATE)):
+            self.tick += 1
+            for side, end in self.ends.items():
+                system = self.system(side)
+                if side == "slave":
+                    end.sampled(system, float(self.tick))
+                x = self.tick / 1e6
+                motion = Motion(system, (x, 0.0, -x), (1.0, 0.0, 0.0))
+                if data := end.outgoing(self.state, motion, x, self.now, system):
+                    self.channels[side].send(data, self.now)
+            for side, end in self.ends.items():
+                (other,) = set(self.ends) - {side}
+                for data in self.channels[other].arrived(self.now):
+                    packet = end.incoming(data, self.now, self.system(side))
+                    if packet and side == "master":
+                        yield packet
+
+
+def test_a_packet_leaves_every_period_and_at_once_when_the_state_changes() -> None:
+    end = Endpoint("slave", RATE, 1)
+    state, sent = State(), []
+    for tick in range(1000):
+        if tick == 501:
+            state = State(stopped=True, stops=1)
+        if end.outgoing(state, Motion(), 0.0, tick / RATE, tick * TICK):
+            sent.append(tick)
+    assert len(sent) == pytest.approx(1.0 / PACKET_PERIOD, abs=2)
+    assert {500, 501} <= set(sent)
+
+
+@pytest.mark.parametrize("clock_offset", [0.0, -3.0, 0.25])
+def test_ages_are_those_of_the_channel_whatever_the_clocks_say(clock_offset: float) -> None:
+    hosts = Hosts(ChannelParameters(delay=0.02), clock_offset)
+    *_, last = hosts.run(15.0)
+    master = hosts.ends["master"]
+    assert master.fresh(hosts.now, 0.01)
+    # There, waiting for the next packet, back, and waiting for the next one here.
+    age = master.round_trip_age(hosts.now)
+    assert 0.04 - 1e-9 <= age <= 0.04 + 2 * PACKET_PERIOD + 2 / RATE
+    assert master.delay == pytest.approx(0.02, abs=1e-3)
+    assert 0.02 - 1e-3 <= master.age(hosts.system("master")) <= 0.02 + PACKET_PERIOD + 1e-3
+    offset = master.clock.offset(hosts.system("master"))
+    assert offset == pytest.approx(clock_offset, abs=1e-3)
+    assert last.position == (last.shipped, 0.0, -last.shipped)
+    warned = master.problem(hosts.system("master"), hosts.now)
+    assert ("chrony" in warned) == (clock_offset != 0.0)
+
+
+def test_the_age_of_what_is_known_grows_through_a_blackout() -> None:
+    hosts = Hosts(ChannelParameters(delay=0.01))
+    list(hosts.run(1.0))
+    channel = hosts.channels["slave"]
+    before = hosts.ends["master"].round_trip_age(hosts.now)
+    channel.parameters = replace(channel.parameters, loss=1.0)
+    list(hosts.run(0.5))
+    master = hosts.ends["master"]
+    assert not master.fresh(hosts.now, 0.1)
+    assert master.round_trip_age(hosts.now) == pytest.approx(before + 0.49, abs=5e-3)
+
+
+def test_every_sample_arrives_although_packets_are_lost() -> None:
+    hosts = Hosts(ChannelParameters(delay=0.01, jitter=0.005, loss=0.1))
+    found: dict[int, float] = {}
+    for packet in hosts.run(5.0):
+        assert len(packet.samples) <= MOST_SAMPLES
+        for number, value in enumerate(packet.samples, packet.first):
+            assert found.setdefault(number, value) == value
+    # Sample n was measured at tick n, and has the tick as its value.
+    assert all(number == value for number, value in found.items())
+    missing = set(range(min(found), max(found))) - set(found)
+    assert len(missing) <= 2
+    assert hosts.ends["master"].session.loss == pytest.approx(0.1, abs=0.03)
+
+
+def test_a_sample_that_is_missing_or_no_number_begins_a_new_run() -> None:
+    end = Endpoint("slave", RATE, 1)
+    for tick, value in enumerate([1.0, 2.0, 3.0, math.nan, 5.0, 6.0]):
+        end.sampled(tick * TICK, value)
+    data = end.outgoing(State(), Motion(), 0.0, 0.0, 0)
+    assert data
+    packet = unpack(data)
+    assert (packet.first, packet.samples) == (4, (5.0, 6.0))
+
+
+def test_another_rate_is_refused() -> None:
+    fast, slow = Endpoint("master", 1000.0, 1), Endpoint("slave", 500.0, 2)
+    data = fast.outgoing(State(), Motion(), 0.0, 0.0, 0)
+    assert data
+    assert slow.incoming(data, 0.0, 0) is None
+    assert slow.problem(0, 0.0) == "the peer has rate:=1000: must be 500 Hz as here"
+    assert slow.peer is None
+
+
+def test_a_peer_that_starts_again_is_known_afresh() -> None:
+    hosts = Hosts(ChannelParameters(delay=0.01), clock_offset=2.0)
+    list(hosts.run(2.0))
+    hosts.ends["slave"] = Endpoint("slave", RATE, 33)
+    list(hosts.run(2.0))
+    master = hosts.ends["master"]
+    assert master.peer
+    assert (master.peer.session, master.session.restarts) == (33, 1)
+    assert master.round_trip_age(hosts.now) < 0.05
+
+
+@settings(max_examples=25)
+@given(
+    st.floats(0.0, 0.5),
+    st.floats(0.0, 0.3),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 1.0),
+    st.integers(0, 1000),
+)
+def test_whatever_the_network_does_only_newer_packets_count(
+    delay: float, jitter: float, loss: float, duplication: float, seed: int
+) -> None:
+    hosts = Hosts(ChannelParameters(delay, jitter, loss, duplication), seed=seed)
+    sequence, shipped = 0, 0.0
+    for packet in hosts.run(0.5):
+        assert packet.sequence > sequence
+        assert packet.shipped > shipped
+        sequence, shipped = packet.sequence, packet.shipped
+        age = hosts.ends["master"].round_trip_age(hosts.now)
+        assert age >= max(0.0, 2 * (delay - jitter)) - 1e-9

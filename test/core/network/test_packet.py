@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fuzzing import fuzz
+from haptic_accel.core.network.packet import MOST_SAMPLES, SIDES, Packet, unpack
+
+WORD = st.integers(-(2**63), 2**63 - 1)
+SESSION = st.integers(1, 2**64 - 1)
+COUNT = st.integers(0, 2**32 - 1)
+REAL = st.floats(allow_nan=False, allow_infinity=False)
+VECTOR = st.tuples(REAL, REAL, REAL)
+SAMPLES = st.lists(
+    st.floats(width=32, allow_nan=False, allow_infinity=False), max_size=MOST_SAMPLES
+).map(tuple)
+
+PACKETS = st.builds(
+    Packet,
+    *(st.sampled_from(SIDES), SESSION, WORD, WORD),
+    *(st.integers(0, 2**64 - 1), WORD, WORD, WORD),
+    *(st.booleans(), st.booleans(), st.booleans(), COUNT, COUNT),
+    *(WORD, VECTOR, VECTOR, REAL, st.floats(1.0, 1e5), WORD, SAMPLES),
+)
+
+
+def example(**values: object) -> Packet:
+    zero = (0.0, 0.0, 0.0)
+    packet = Packet(
+        "slave", 7, 1, 0, 0, 0, 0, 0, True, False, False, 0, 0, 0, zero, zero, 0.0, 1e3, 0, (1.0,)
+    )
+    return packet._replace(**values)  # type: ignore[arg-type]
+
+
+@given(PACKETS)
+def test_a_packet_survives_its_way(packet: Packet) -> None:
+    assert unpack(packet.pack()) == packet
+
+
+def test_the_largest_packet_fits_into_what_networks_carry_unfragmented() -> None:
+    assert len(example(samples=(0.0,) * MOST_SAMPLES).pack()) < 1100
+
+
+@fuzz
+@given(PACKETS, st.data())
+def test_damage_is_refused_in_one_line(packet: Packet, data: st.DataObject) -> None:
+    sent = packet.pack()
+    damaged = bytearray(sent)
+    for _ in range(data.draw(st.integers(1, 4))):
+        damaged[data.draw(st.integers(0, len(sent) - 1))] ^= data.draw(st.integers(1, 255))
+    for wrong in (
+        *(each for each in [bytes(damaged)] if each != sent),
+        sent[: data.draw(st.integers(0, len(sent) - 1))],
+        sent + data.draw(st.binary(min_size=1, max_size=9)),
+    ):
+        with pytest.raises(ValueError, match=r"^[^\n]+$"):
+            unpack(wrong)
+
+
+@fuzz
+@given(st.binary(max_size=300))
+def test_whatever_else_arrives_is_no_packet(data: bytes) -> None:
+    with pytest.raises(ValueError, match=r"^not a packet"):
+        unpack(data)
+
+
+def test_another_version_is_named_whatever_follows_it() -> None:
+    data = bytearray(example().pack()[:9])
+    data[4] = 2
+    with pytest.raises(ValueError, match=r"version 2: must be 1; install the same"):
+        unpack(bytes(data))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"position": (0.0, math.nan, 0.0)},
+        {"velocity": (math.inf, 0.0, 0.0)},
+        {"shipped": math.nan},
+        {"samples": (math.nan,)},
+        {"rate": 0.0},
+        {"session": 0},
+        {"samples": (0.0,) * (MOST_SAMPLES + 1)},
+    ],
+)
+def test_values_that_no_host_sends_are_refused(values: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="damaged"):
+        unpack(example(**values).pack())
+
+
+def test_the_version_follows_the_name() -> None:
+    assert struct.unpack_from("<4sB", example().pack()) == (b"hapt", 1)
