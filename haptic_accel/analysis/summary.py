@@ -153,10 +153,12 @@ def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
 
 def _deviations(analysis: Analysis) -> list[str]:
     """Return a sentence on trials whose handle was not as the compensator was told."""
-    found = [note for t in analysis.trials for note in t.notes if note.startswith(DEVIATES)]
+    said = ([*t.notes, *t.segment.delivery.warnings] for t in analysis.trials)
+    found = [next((line for line in lines if DEVIATES in line), "") for lines in said]
+    found = list(filter(None, found))
     if not found:
         return []
-    where = found[0].split(" (")[0]
+    where = found[0][found[0].index(DEVIATES) :].split(" (")[0]
     return [f"In {len(found)} of {_many(len(analysis.trials), 'trial')} {where}."]
 
 

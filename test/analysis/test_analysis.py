@@ -319,7 +319,7 @@ def test_a_handle_that_is_not_as_the_compensator_was_told_is_named(tmp_path: Pat
         signals = desired, desired, handle, 0.128 * desired
         return Trial("plywood", "constant", RATE, time, *signals, latency=0)
 
-    for name, frequency in (("unknown", 180.0), ("known", 290.0)):
+    for name, frequency in (("known", 290.0), ("unknown", 180.0)):
         content = of_trial(trial(frequency), seed=0)
         mount = {"plant.mount.frequency": 290.0, "plant.mount.damping": 0.05}
         content.facts["parameters"]["compensator"] |= mount
@@ -331,6 +331,13 @@ def test_a_handle_that_is_not_as_the_compensator_was_told_is_named(tmp_path: Pat
     assert "run identify (from 0." in told["unknown"][0]
     sentence = next(line for line in summary(analysis) if "not as described" in line)
     assert sentence.startswith("In 1 of 2 trials the handle is not as described ")
+    for name, message in (("silent", "OK"), ("loud", "the handle is not as described above 1 Hz")):
+        # The live compensator knew which samples were missing or out of order.
+        said = [(seconds, "compensator", message, {}) for seconds in (1.0, 2.0)]
+        write_bag(tmp_path / name / "bag", replace(content, diagnostics=said))
+        analysis = load(tmp_path / name, perceptual=False)
+        assert [n for t in analysis.trials for n in t.notes if "not as described" in n] == []
+        assert any("above 1 Hz" in line for line in summary(analysis)) == (name == "loud")
 
 
 def test_trials_without_contact_are_in_no_mean(tmp_path: Path) -> None:
