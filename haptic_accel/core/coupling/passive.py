@@ -1,0 +1,420 @@
+"""Coupling of two arms over a network: a spring with local damping, and an account of energy.
+
+One half is beside each arm. The law, its proof and what it reaches: docs/passive_coupling.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from haptic_accel.core.coupling.position_position import CouplingParameters
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.parameters import Checked, like, parameter
+from haptic_accel.core.sampling import LATENCY
+
+LAWS = ("spring", "damped", "passive")
+"""A spring alone; with local damping and stiffness after the age; with the account as well."""
+
+CEILING = 2.5
+"""Energy that a half keeps for itself, as a multiple of the granted one: what it has above that is
+for its peer."""
+
+KEPT = 0.5
+"""Share of what local damping takes from the arm that the account may spend; 1 lets a coupling
+ring for long beyond the delay it is made for."""
+
+SPEED_MARGIN = 0.5
+"""Most by which an arm may be faster than measured while a force acts, m/s: a tip of 60 g that
+bounces off a wall at 0.25 m/s."""
+
+RESTART_TRAVEL = 0.01
+"""Distance, m, above which a device's work, divided by the largest force, is that of a device
+that began to count anew."""
+
+QUANTILE = 0.99
+"""Share of the ages of the peer's data that the damping is made for."""
+
+WINDOW = 2.0
+"""Time over which their quantile is taken, s."""
+
+LOOK = 0.01
+"""Time between two ages in the window, s."""
+
+NONSENSE = 1e6
+"""Sum of positions, m, velocities, m/s, and work, J, that no arm can have."""
+
+LONGEST_AGE = 10.0
+"""Age, s, that stands for every longer one."""
+
+RAISE_TIME = 1.0
+"""Least time in which stiffness rises from zero to that of the parameters, s; it falls at once."""
+
+
+@dataclass(frozen=True)
+class PassiveParameters(Checked):
+    """Gains of the coupling in two halves; lengths and forces are the master's."""
+
+    law: str = parameter(
+        "passive",
+        "spring alone; damped: with local damping and stiffness after the delay; passive: with the"
+        " account of energy as well",
+        choices=LAWS,
+    )
+    stiffness: float = parameter(
+        250.0, "stiffness while the peer's data is fresh enough (paper: 0.25 N/mm)", "N/m", 1, 5000
+    )
+    local_damping: float = parameter(
+        3.0,
+        "largest damping of each arm's own motion; with data of age A, stiffness is at most twice"
+        " this over A",
+        "N s/m",
+        0.1,
+        50.0,
+    )
+    energy: float = parameter(
+        2e-3, "net energy that each half may give to its arm at most", "J", 1e-6, 1.0
+    )
+    scale: float = like(CouplingParameters, "scale")
+    max_force: float = like(CouplingParameters, "max_force")
+
+
+class _Force(NamedTuple):
+    """A commanded force, N, its part from damping, and the most it can give its arm, J."""
+
+    total: Vector
+    damping: Vector
+    reserve: float
+
+
+_NO_FORCE = _Force(ZERO, ZERO, 0.0)
+
+
+class _AgeQuantile:
+    """Quantile of the ages of the peer's data in a sliding window.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._every = max(1, round(LOOK * rate))
+        self._ages: deque[float] = deque(maxlen=round(WINDOW / LOOK))
+        self._samples = 0
+        self._longest = 0.0
+        self._quantile = 0.0
+
+    def put(self, age: float) -> float:
+        """Return the quantile, or a present age that is longer, s."""
+        self._longest = max(self._longest, age)
+        self._samples += 1
+        if self._samples % self._every == 0:
+            self._ages.append(self._longest)
+            self._longest = 0.0
+            ages = sorted(self._ages)
+            self._quantile = ages[int(QUANTILE * (len(ages) - 1))]
+        return max(self._quantile, age)
+
+
+class PassiveHalf:
+    """The coupling's half at one arm: force, local damping and the account of energy.
+
+    Positions are relative to where the arm was when it engaged, in the master's scale. Energy is
+    granted once: engaging again and a peer that restarted add none.
+
+    Parameters
+    ----------
+    parameters : PassiveParameters
+    rate : float
+        Samples per second.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force takes effect.
+
+    Attributes
+    ----------
+    energy : float
+        Account: what may be given to the arm, J, the spring's potential energy included.
+    shipped : float
+        Energy given to the present peer since `new_session`, J.
+    stiffness, damping : float
+        In use, N/m and N s/m.
+    limited : float
+        Share of the last second in which the account shortened the force.
+    """
+
+    def __init__(self, parameters: PassiveParameters, rate: float, latency: int = LATENCY) -> None:
+        self._p = parameters
+        self._period = 1.0 / rate
+        self._latency = latency
+        self._ages = _AgeQuantile(rate)
+        self._engaged = self._used = False
+        self.energy = parameters.energy
+        self.shipped = self._received = 0.0
+        self.limited = 0.0
+        self.stiffness = self.damping = 0.0
+        self._clear()
+
+    @property
+    def engaged(self) -> bool:
+        """The arm is coupled."""
+        return self._engaged
+
+    def engage(self) -> None:
+        """Couple the arm where it is."""
+        self._engaged = self._used = True
+
+    def disengage(self) -> None:
+        """Uncouple: forces are zero until the next `engage`."""
+        self._settle()
+        self._engaged = False
+
+    def change(self, parameters: PassiveParameters) -> None:
+        """Take other gains; energy that was granted stays as it is."""
+        self._p = parameters
+
+    def new_session(self, *, veteran: bool = False) -> None:
+        """Begin with a peer that was not heard before, or one that restarted.
+
+        Of two halves that meet for the first time each keeps the energy it was granted. Later, the
+        one that restarted starts with nothing, and the veteran shares its own with it.
+
+        Parameters
+        ----------
+        veteran : bool
+            The peer has been engaged before.
+        """
+        self.shipped = self._received = 0.0
+        if self._used:
+            self._ship(min(self._p.energy, (self.energy - self._under_way) / 2))
+        else:
+            self.energy = 0.0 if veteran else self._p.energy
+
+    def receive(self, shipped: float) -> None:
+        """Take what the peer has shipped to this session so far, J; old values are harmless."""
+        if math.isfinite(shipped) and shipped > self._received:
+            room = self._p.energy * CEILING - self.energy
+            self.energy += min(shipped - self._received, max(0.0, room))
+            self._received = shipped
+
+    def force(
+        self,
+        position: Vector,
+        velocity: Vector,
+        set_point: Vector,
+        set_point_velocity: Vector,
+        round_trip_age: float,
+        work: float | None = None,
+    ) -> Vector:
+        """Return the force for the arm, N; zero where a number makes no sense.
+
+        Parameters
+        ----------
+        position, velocity : tuple of float
+            The arm's, m and m/s.
+        set_point, set_point_velocity : tuple of float
+            The peer's newest, m and m/s.
+        round_trip_age : float
+            Time since the newest of the arm's own positions that the peer knew of then, s.
+        work : float, optional
+            Cumulative work of the forces that were really applied, up to this position, J; None
+            if they were those commanded.
+        """
+        numbers = (*position, *velocity, *set_point, *set_point_velocity, work or 0.0)
+        if not (self._engaged and sum(map(abs, numbers)) < NONSENSE):
+            self._settle()
+            return ZERO
+        self._book(position, work)
+        self._follow_age(round_trip_age)
+        force = self._spend(position, velocity, set_point)
+        self._forces.append(force)
+        return force.total
+
+    @property
+    def _under_way(self) -> float:
+        """Most that forces which still act can give to the arm, J."""
+        return sum(force.reserve for force in self._forces)
+
+    @property
+    def _accounted(self) -> bool:
+        return self._p.law == "passive"
+
+    def _clear(self) -> None:
+        self._position: Vector | None = None
+        self._work: float | None = None
+        self._forces = deque([_NO_FORCE] * (self._latency + 1))
+        self._spring_energy = 0.0
+
+    def _settle(self) -> None:
+        """Write off what forces that still act could give, as nobody will measure it."""
+        self.energy -= self._under_way
+        self._clear()
+
+    def _book(self, position: Vector, work: float | None) -> None:
+        """Enter the work of the force that acted since the sample before."""
+        acted = self._forces.popleft()
+        if self._position is not None:
+            x, y, z = position
+            x0, y0, z0 = self._position
+            dx, dy, dz = x - x0, y - y0, z - z0
+            fx, fy, fz = acted.total
+            bx, by, bz = acted.damping
+            given = fx * dx + fy * dy + fz * dz
+            if work is not None and self._work is not None:
+                given = self._plausible(work - self._work, math.sqrt(dx * dx + dy * dy + dz * dz))
+            self.energy -= given
+            damped = -(bx * dx + by * dy + bz * dz)
+            spare = self.energy - self._under_way
+            self.energy -= max(0.0, min((1.0 - KEPT) * damped, spare / 2))
+        self._position, self._work = position, work
+
+    def _plausible(self, given: float, distance: float) -> float:
+        """Return a device's work, J, over a distance, m, without what no force can have done."""
+        limit = self._p.max_force
+        if given > limit * (distance + RESTART_TRAVEL):
+            return 0.0
+        return max(given, -limit * distance)
+
+    def _follow_age(self, age: float) -> None:
+        """Set stiffness and damping for the age of the peer's data, s."""
+        p, before = self._p, self.stiffness
+        if p.law == "spring":
+            self.stiffness = p.stiffness
+            return
+        age = self._ages.put(age if 0.0 <= age < LONGEST_AGE else LONGEST_AGE)
+        age += (2 * self._latency + 1) * self._period  # of the force itself
+        rise = p.stiffness * self._period / RAISE_TIME
+        self.stiffness = min(p.stiffness, 2 * p.local_damping / age)
+        if before:
+            self.stiffness = min(self.stiffness, before + rise)
+        self.damping = self.stiffness * age / 2
+
+    def _spend(self, position: Vector, velocity: Vector, set_point: Vector) -> _Force:
+        """Return the force towards a set-point that the account can bear; ship what is over."""
+        k, b = self.stiffness, self.damping
+        x, y, z = position
+        vx, vy, vz = velocity
+        ex, ey, ez = set_point[0] - x, set_point[1] - y, set_point[2] - z
+        travel = (math.sqrt(vx * vx + vy * vy + vz * vz) + SPEED_MARGIN) * self._period
+        reach = limit = self._p.max_force
+        if self._accounted:
+            spare = max(0.0, self.energy - self._under_way)
+            reach = min(reach, math.sqrt(2.0 * spare * k))
+            limit = min(limit, spare / (2.0 * travel))
+        stretch = k * math.sqrt(ex * ex + ey * ey + ez * ez)
+        ratio = k * min(1.0, reach / stretch) if stretch else k
+        fx, fy, fz = ratio * ex - b * vx, ratio * ey - b * vy, ratio * ez - b * vz
+        size = math.sqrt(fx * fx + fy * fy + fz * fz)
+        shorter = min(1.0, limit / size) if size else 1.0
+        self._note_limited(max(stretch - reach, size - limit) > 0.0)
+        self._spring_energy = min(stretch, reach) ** 2 / (2.0 * k)
+        reserve = size * shorter * travel
+        over = self.energy - self._spring_energy - self._under_way - reserve
+        self._ship(over - self._p.energy * CEILING)
+        b *= shorter
+        return _Force(
+            (fx * shorter, fy * shorter, fz * shorter), (-b * vx, -b * vy, -b * vz), reserve
+        )
+
+    def _note_limited(self, limited: bool) -> None:
+        self.limited += (float(limited) - self.limited) * self._period
+
+    def _ship(self, energy: float) -> None:
+        if energy > 0.0:
+            self.energy -= energy
+            self.shipped += energy
+
+
+class PassivePair:
+    """Both halves in one process, in place of a `PositionPositionCoupling`.
+
+    Parameters
+    ----------
+    parameters : PassiveParameters
+    rate : float
+        Samples per second.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force takes effect.
+
+    Attributes
+    ----------
+    halves : tuple of PassiveHalf
+        Of master and slave.
+    """
+
+    def __init__(self, parameters: PassiveParameters, rate: float, latency: int = LATENCY) -> None:
+        self._scale = parameters.scale
+        self._origins: tuple[Vector, Vector] | None = None
+        first, second = _of_both(parameters)
+        self.halves = PassiveHalf(first, rate, latency), PassiveHalf(second, rate, latency)
+
+    @property
+    def engaged(self) -> bool:
+        """The arms are coupled."""
+        return self._origins is not None
+
+    def engage(self, master: Vector, slave: Vector) -> None:
+        """Couple the arms where they are, positions in m."""
+        self._origins, self._slave = (master, slave), slave
+        for half in self.halves:
+            half.engage()
+
+    def disengage(self) -> None:
+        """Uncouple: forces are zero until the next `engage`."""
+        self._origins = None
+        for half in self.halves:
+            half.disengage()
+
+    def change(self, parameters: PassiveParameters, samples: int = 0) -> None:
+        """Take other gains: stiffness falls at once and rises within `RAISE_TIME`.
+
+        The lag of the slave, in the master's scale, is kept. The number of samples is that of
+        `PositionPositionCoupling.change`, and has no meaning here.
+        """
+        if self._origins is not None:
+            ratio = parameters.scale / self._scale
+            x, y, z = self._slave
+            x0, y0, z0 = self._origins[1]
+            moved = x - (x - x0) * ratio, y - (y - y0) * ratio, z - (z - z0) * ratio
+            self._origins = self._origins[0], moved
+        self._scale = parameters.scale
+        for half, own in zip(self.halves, _of_both(parameters), strict=True):
+            half.change(own)
+
+    def forces(
+        self,
+        master: Vector,
+        slave: Vector,
+        master_velocity: Vector = ZERO,
+        slave_velocity: Vector = ZERO,
+    ) -> tuple[Vector, Vector]:
+        """Return the forces for the arms of master and slave, N; arguments in m and m/s."""
+        if self._origins is None:
+            return ZERO, ZERO
+        first, second = self.halves
+        if all(map(math.isfinite, slave)):
+            self._slave = slave
+        scale, (master_origin, slave_origin) = self._scale, self._origins
+        one = _scaled(master, 1.0, master_origin)
+        other = _scaled(slave, 1.0 / scale, slave_origin)
+        other_velocity = _scaled(slave_velocity, 1.0 / scale)
+        on_master = first.force(one, master_velocity, other, other_velocity, 0.0)
+        on_slave = second.force(other, other_velocity, one, master_velocity, 0.0)
+        first.receive(second.shipped)
+        second.receive(first.shipped)
+        return on_master, _scaled(on_slave, scale)
+
+
+def _of_both(parameters: PassiveParameters) -> tuple[PassiveParameters, PassiveParameters]:
+    """Return the parameters of the master's half and, in the master's scale, of the slave's."""
+    force = parameters.max_force / parameters.scale
+    return parameters, replace(parameters, max_force=min(force, 100.0))
+
+
+def _scaled(vector: Vector, factor: float, origin: Vector = ZERO) -> Vector:
+    x, y, z = vector
+    x0, y0, z0 = origin
+    return (x - x0) * factor, (y - y0) * factor, (z - z0) * factor

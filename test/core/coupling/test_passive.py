@@ -1,0 +1,224 @@
+"""The coupling of two arms over a network and its account of energy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.coupling.passive import (
+    CEILING,
+    KEPT,
+    PassiveHalf,
+    PassivePair,
+    PassiveParameters,
+)
+from haptic_accel.core.model import ZERO, Vector
+
+RATE = 1000.0
+positions = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
+velocities = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+RICH = PassiveParameters(energy=1.0)  # the account of which limits nothing
+
+
+def engaged(parameters: PassiveParameters = RICH, latency: int = 0) -> PassiveHalf:
+    half = PassiveHalf(parameters, RATE, latency)
+    half.engage()
+    return half
+
+
+# Law
+
+
+def test_a_fresh_peer_pulls_with_the_papers_stiffness() -> None:
+    force = engaged().force(ZERO, ZERO, (0.002, 0.0, -0.004), ZERO, 0.0)
+    assert force == pytest.approx((0.5, 0.0, -1.0))
+
+
+@pytest.mark.parametrize(
+    ("age", "stiffness", "damping"),
+    # With the force's own millisecond: B = K A / 2 up to 3 N s/m, then K = 2 B / A.
+    [(0.009, 250.0, 1.25), (0.059, 100.0, 3.0), (0.149, 40.0, 3.0)],
+)
+def test_stiffness_and_damping_are_those_that_the_age_bears(
+    age: float, stiffness: float, damping: float
+) -> None:
+    half = engaged()
+    force = half.force(ZERO, (0.1, 0.0, 0.0), (0.0, 0.002, 0.0), ZERO, age)
+    assert (half.stiffness, half.damping) == pytest.approx((stiffness, damping))
+    assert force == pytest.approx((-0.1 * damping, 0.002 * stiffness, 0.0))
+
+
+def test_stiffness_falls_at_once_and_rises_slowly() -> None:
+    half = engaged()
+    for age, expected in ((0.009, 250.0), (0.599, 10.0)):
+        half.force(ZERO, ZERO, ZERO, ZERO, age)
+        assert half.stiffness == pytest.approx(expected)
+    for _ in range(500):
+        half.force(ZERO, ZERO, ZERO, ZERO, 0.009)
+    assert half.stiffness <= 10.0 + 0.5 * 250.0
+    for _ in range(3000):
+        half.force(ZERO, ZERO, ZERO, ZERO, 0.009)
+    assert half.stiffness == pytest.approx(250.0)
+
+
+def test_one_late_packet_in_a_thousand_changes_nothing_for_long() -> None:
+    half = engaged()
+    for tick in range(4000):
+        age = 0.1 if tick == 1000 else 0.009
+        half.force(ZERO, ZERO, ZERO, ZERO, age)
+    assert half.stiffness == pytest.approx(250.0)
+
+
+# Account
+
+
+def test_what_the_arm_is_given_is_missing_in_the_account() -> None:
+    half = engaged()
+    half.force(ZERO, ZERO, (0.004, 0.0, 0.0), ZERO, 0.0)  # 1 N
+    before = half.energy
+    half.force((0.001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0)
+    assert before - half.energy == pytest.approx(1.0 * 0.001)
+
+
+def test_a_force_counts_when_it_acts() -> None:
+    half = engaged(latency=1)
+    half.force(ZERO, ZERO, (0.004, 0.0, 0.0), ZERO, 0.0)
+    half.force((0.001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0)
+    assert half.energy == 1.0
+    half.force((0.003, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0)
+    assert 1.0 - half.energy == pytest.approx(1.0 * 0.002)
+
+
+def test_the_work_that_a_device_reports_is_what_counts() -> None:
+    half = engaged()
+    half.force(ZERO, ZERO, (0.004, 0.0, 0.0), ZERO, 0.0, work=7.0)
+    half.force((0.001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0, work=7.0003)
+    assert 1.0 - half.energy == pytest.approx(0.0003)
+
+
+def test_a_device_that_counts_anew_gives_no_energy() -> None:
+    half = engaged()
+    half.force(ZERO, ZERO, ZERO, ZERO, 0.0, work=7.0)
+    half.force((0.0001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0, work=0.0)
+    assert half.energy <= 1.0 + 3.3 * 0.0001
+    half.force((0.0001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0, work=7.0)
+    assert half.energy == pytest.approx(1.0, abs=1e-3)
+
+
+def test_part_of_what_damping_takes_is_burnt() -> None:
+    half = engaged()
+    half.force(ZERO, (0.1, 0.0, 0.0), ZERO, ZERO, 0.009)  # 1.25 N s/m
+    before = half.energy
+    half.force((0.0001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.009)
+    assert half.energy - before == pytest.approx(KEPT * 0.125 * 0.0001)
+
+
+def test_energy_above_the_ceiling_is_the_peers() -> None:
+    poor = PassiveParameters()
+    giver, taker = engaged(poor), engaged(poor)
+    giver.force(ZERO, ZERO, (0.01, 0.0, 0.0), ZERO, 0.0)
+    pulled = giver.energy
+    giver.force((-0.05, 0.0, 0.0), ZERO, (-0.05, 0.0, 0.0), ZERO, 0.0)  # against its force
+    assert giver.energy == pytest.approx(poor.energy * CEILING)
+    assert giver.shipped > 0.0
+    assert giver.energy + giver.shipped > pulled
+    taker.receive(giver.shipped)
+    assert taker.energy == pytest.approx(min(poor.energy * CEILING, 2e-3 + giver.shipped))
+    had = taker.energy
+    for old in (giver.shipped, 0.0, giver.shipped / 2, math.nan, math.inf):
+        taker.receive(old)
+    assert taker.energy == had
+
+
+def test_an_empty_account_gives_no_force_and_no_jump() -> None:
+    half = engaged(PassiveParameters())
+    x, forces = 0.0, []
+    for _ in range(1000):  # a set-point that pulls the arm along for ever
+        force = half.force((x, 0.0, 0.0), ZERO, (x + 0.01, 0.0, 0.0), ZERO, 0.0)
+        forces.append(force[0])
+        x += 0.0003
+    assert forces == sorted(forces, reverse=True)
+    assert 0.0 <= forces[-1] < 1e-3
+    assert half.energy >= 0.0
+
+
+# Restarts
+
+
+def test_engaging_again_grants_nothing() -> None:
+    half = engaged()
+    half.force(ZERO, ZERO, (0.01, 0.0, 0.0), ZERO, 0.0)
+    half.force((0.001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0)
+    left = half.energy
+    half.disengage()
+    assert half.force((0.3, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0) == ZERO
+    half.engage()
+    half.force((0.5, 0.0, 0.0), ZERO, (0.5, 0.0, 0.0), ZERO, 0.0)
+    assert half.energy <= left
+
+
+def test_a_half_that_restarted_lives_on_what_the_other_shares() -> None:
+    parameters = PassiveParameters()
+    veteran, newcomer = engaged(parameters), PassiveHalf(parameters, RATE)
+    veteran.new_session()
+    newcomer.new_session(veteran=True)
+    newcomer.receive(veteran.shipped)
+    assert 0.0 < newcomer.energy <= parameters.energy
+    assert veteran.energy + newcomer.energy <= parameters.energy
+
+
+def test_two_halves_that_meet_first_keep_what_they_were_granted() -> None:
+    half = PassiveHalf(PassiveParameters(), RATE)
+    half.new_session()
+    half.new_session()
+    assert (half.energy, half.shipped) == (2e-3, 0.0)
+
+
+# Whatever comes in
+
+anything = st.tuples(*[st.floats()] * 3)
+
+
+@given(anything, anything, anything, anything, st.floats(), st.none() | st.floats())
+def test_whatever_comes_in_the_force_is_finite_and_limited(
+    position: Vector,
+    velocity: Vector,
+    set_point: Vector,
+    set_point_velocity: Vector,
+    age: float,
+    work: float | None,
+) -> None:
+    half = engaged(PassiveParameters(), latency=1)
+    for at in (ZERO, position, ZERO):
+        force = half.force(at, velocity, set_point, set_point_velocity, age, work)
+        assert math.hypot(*force) <= 3.3 * (1 + 1e-12)
+        assert math.isfinite(half.energy)
+
+
+# Both in one process
+
+
+def test_the_pair_acts_as_a_spring_between_the_arms() -> None:
+    pair = PassivePair(replace(RICH, scale=2.0), RATE)
+    assert pair.forces((0.1, 0.0, 0.0), ZERO) == (ZERO, ZERO)
+    pair.engage((0.1, 0.0, 0.0), ZERO)
+    assert pair.engaged
+    on_master, on_slave = pair.forces((0.101, 0.0, 0.0), (0.0, 0.004, 0.0))
+    assert on_master == pytest.approx((-0.25, 0.5, 0.0))
+    assert on_slave == pytest.approx((0.5, -1.0, 0.0))
+    pair.disengage()
+    assert pair.forces((0.101, 0.0, 0.0), ZERO) == (ZERO, ZERO)
+
+
+def test_another_scale_moves_no_arm() -> None:
+    pair = PassivePair(RICH, RATE)
+    pair.engage(ZERO, ZERO)
+    at = (0.1, 0.0, 0.0)
+    pair.forces(at, at)
+    pair.change(replace(RICH, scale=3.0), 500)
+    for force in pair.forces(at, at):
+        assert force == pytest.approx(ZERO, abs=1e-9)
