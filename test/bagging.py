@@ -36,7 +36,8 @@ class BagContent:
 
     `signals` are along the actuator's axis, by topic; `changes` are moments in s with node,
     parameter and text; `diagnostics` moments with node, message and values; `gap` is when the arms
-    let go, s; `dropped` are the places of samples that are not written, by topic.
+    let go, s; `dropped` are the places of samples that are not written, by topic; `start` is the
+    first stamp, ns.
     """
 
     signals: Mapping[str, FloatArray]
@@ -47,6 +48,7 @@ class BagContent:
     gap: tuple[float, float] | None = None
     arms: bool = True
     dropped: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    start: int = START
 
 
 def facts(controller: str, surface: str, *, seed: int = 0, rate: float = 1000.0) -> dict[str, Any]:
@@ -125,15 +127,15 @@ def _signal(topic: Topic, values: FloatArray, content: BagContent) -> list[_Mess
         arm = topic is topics.MASTER_ARM_FORCE
         if arm and content.gap and content.gap[0] <= seconds < content.gap[1]:
             continue
-        stamp = START + round(seconds * NANOSECONDS)
+        stamp = content.start + round(seconds * NANOSECONDS)
         data = b"\0\1\0\0" + struct.pack("<iI", *divmod(stamp, NANOSECONDS)) + rest
         data += struct.pack(f"<{doubles}d", 0.0, 0.0, value, *[0.0] * (doubles - 3))
         found.append((stamp, topic.name, topic.type, data))
     return found
 
 
-def _moment(seconds: float) -> int:
-    return START + round(seconds * NANOSECONDS)
+def _moment(content: BagContent, seconds: float) -> int:
+    return content.start + round(seconds * NANOSECONDS)
 
 
 def _time(moment: int) -> Any:
@@ -156,7 +158,7 @@ def _change(content: BagContent, change: tuple[float, str, str, str]) -> _Messag
         string_array_value=[],
     )
     parameter = kinds["rcl_interfaces/msg/Parameter"](name, value)
-    moment = _moment(seconds)
+    moment = _moment(content, seconds)
     event = kinds[_EVENTS](_time(moment), f"/{node}", [], [parameter], [])
     return moment, "parameter_events", _EVENTS, bytes(_TYPES.serialize_cdr(event, _EVENTS))
 
@@ -164,7 +166,7 @@ def _change(content: BagContent, change: tuple[float, str, str, str]) -> _Messag
 def _diagnosis(content: BagContent, diagnosis: tuple[float, str, str, dict[str, str]]) -> _Message:
     seconds, node, message, values = diagnosis
     kinds = _TYPES.types
-    moment = _moment(seconds)
+    moment = _moment(content, seconds)
     pairs = [kinds["diagnostic_msgs/msg/KeyValue"](*pair) for pair in values.items()]
     status = kinds["diagnostic_msgs/msg/DiagnosticStatus"](0, node, message, "", pairs)
     header = kinds["std_msgs/msg/Header"](_time(moment), "")

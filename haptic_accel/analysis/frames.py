@@ -13,11 +13,9 @@ import pandas as pd
 
 from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.metrics import METRICS, MILLI, AnalysedTrial, Shift
-from haptic_accel.analysis.segments import VECTORS, Segment, cut
-from haptic_accel.bags.reading import read_bag
+from haptic_accel.analysis.segments import Segment, read_segment
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
 from haptic_accel.core.evaluation.statistics import mean_interval
-from haptic_accel.core.parameters import ParameterError
 
 AVERAGE = "average"
 """The paper's average over its surfaces, as a surface of its table."""
@@ -294,20 +292,6 @@ def signals(path: Path | str, number: int = 1) -> pd.DataFrame:
         It is no bag, or has no such trial.
     """
     return segment_signals(read_segment(Path(path), number))
-
-
-def read_segment(path: Path, number: int = 1) -> Segment:
-    """Return a bag's segment by its number, with its signals.
-
-    Raises
-    ------
-    ParameterError
-        It is no bag, or has no such segment.
-    """
-    segments = cut(read_bag(path, VECTORS)).segments
-    if not 1 <= number <= len(segments):
-        raise ParameterError(f"number = {number}: must be from 1 to {len(segments)} in {path}")
-    return segments[number - 1]
 
 
 def segment_signals(segment: Segment) -> pd.DataFrame:

@@ -6,14 +6,15 @@ import hashlib
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from haptic_accel.analysis.metrics import MILLI, AnalysedTrial, Shift, measure
-from haptic_accel.analysis.segments import VECTORS, Segment, cut
+from haptic_accel.analysis.segments import VECTORS, Segment, cut, read_segment
+from haptic_accel.analysis.two_hosts import ROBOT, Across, Host, compare_across, host_of, pairs
 from haptic_accel.bags.folder import find_bags
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
@@ -32,12 +33,15 @@ class Analysis:
     shift : Shift
     bags : int
         Number of bags.
+    across : list of Across
+        Comparisons of handles with tools that other hosts recorded.
     """
 
     trials: list[AnalysedTrial]
     problems: dict[str, list[str]]
     shift: Shift
     bags: int
+    across: list[Across] = field(default_factory=list)
 
     @property
     def after(self) -> str:
@@ -98,9 +102,11 @@ def analyse(
     trials: list[AnalysedTrial] = []
     problems: dict[str, list[str]] = {}
     seen: dict[tuple[Path, object, bytes], str] = {}
+    hosts: list[Host] = []
     done = 0
-    for task, (measured, complaints) in zip(tasks, spread(_measured, tasks), strict=False):
+    for task, (measured, complaints, host) in zip(tasks, spread(_measured, tasks), strict=False):
         kept = []
+        hosts += [host] if host else []
         for trial, digest in measured:
             first = seen.setdefault((task.source, trial.segment.condition, digest), trial.name)
             if first == trial.name:
@@ -114,7 +120,8 @@ def analyse(
         done += 1
         if ended:
             ended(done, len(tasks), task.name, kept)
-    return Analysis(_showing_the_same(trials, spread), problems, shift, done)
+    across = _across(trials, hosts, spread, problems)
+    return Analysis(_showing_the_same(trials, spread), problems, shift, done, across)
 
 
 @dataclass(frozen=True)
@@ -130,19 +137,50 @@ class _Task:
     rate: float | None
 
 
-def _measured(task: _Task) -> tuple[list[tuple[AnalysedTrial, bytes]], list[str]]:
-    """Return a bag's trials with digests of their samples, and what could not be determined."""
+def _measured(task: _Task) -> tuple[list[tuple[AnalysedTrial, bytes]], list[str], Host | None]:
+    """Return a bag's trials with digests of their samples, what could not be determined, and host.
+
+    A robot's bag has no handle, and so no trial of its own.
+    """
     try:
         recorded = read_bag(task.bag, VECTORS)
     except ParameterError as error:
-        return [], [str(error)]
+        return [], [str(error)], None
+    host = host_of(recorded)
+    if host and host.side == ROBOT:
+        return [], list(recorded.problems), host
     parts = cut(recorded, task.rig, task.rate)
     measured = []
     for segment in parts.segments:
         name = task.name if segment.number == 1 else f"{task.name} #{segment.number}"
         trial = measure(segment, name, task.source, task.shift, perceptual=task.perceptual)
         measured.append((trial, _digest(segment)))
-    return measured, list(parts.problems)
+    return measured, list(parts.problems), host
+
+
+def _across(
+    trials: Sequence[AnalysedTrial],
+    hosts: Sequence[Host],
+    spread: Spread,
+    problems: dict[str, list[str]],
+) -> list[Across]:
+    """Compare handles with the tools of robots; add what is impossible to the problems."""
+    partners = {operator.bag: (operator, robot) for operator, robot in pairs(hosts)}
+    used = {robot.bag for _, robot in partners.values()}
+    for host in hosts:
+        if host.side == ROBOT and host.bag not in used:
+            problems.setdefault(str(host.bag), []).append(
+                "is of a robot alone: no operator's bag here is of the same run and states the"
+                " offset of its clock"
+            )
+    tasks = [(t, *partners[t.segment.bag]) for t in trials if t.segment.bag in partners]
+    found = []
+    for task, result in zip(tasks, spread(compare_across, tasks), strict=False):
+        if isinstance(result, Across):
+            found.append(result)
+        else:
+            problems.setdefault(task[0].name, []).append(result)
+    return found
 
 
 def _showing_the_same(trials: Sequence[AnalysedTrial], spread: Spread) -> list[AnalysedTrial]:
@@ -162,7 +200,7 @@ def _showing_the_same(trials: Sequence[AnalysedTrial], spread: Spread) -> list[A
 def _moved(task: tuple[AnalysedTrial, float]) -> AnalysedTrial:
     """Return a trial that shows the excerpt from a time in s on."""
     trial, begin = task
-    segment = cut(read_bag(trial.segment.bag, VECTORS)).segments[trial.segment.number - 1]
+    segment = read_segment(trial.segment.bag, trial.segment.number)
     shift = Shift("fixed", trial.metrics["shift_ms"] / MILLI)
     again = measure(segment, trial.name, trial.source, shift, perceptual=False, begin=begin)
     return replace(trial, portrait=again.portrait, traces=again.traces)

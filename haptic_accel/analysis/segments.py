@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.bags.delivery import Delivery, delivery
-from haptic_accel.bags.reading import Bag, Change
+from haptic_accel.bags.reading import Bag, Change, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import FADING, LISTENING, PLANT
@@ -108,6 +108,8 @@ class Segment:
         Standard deviation of a sample of the handle's accelerometer, m/s^2, as far as known.
     told : Plant or None
         Handle as the compensator was told of it.
+    start : int
+        Stamp of the first sample, ns.
     """
 
     bag: Path
@@ -127,11 +129,26 @@ class Segment:
     plant: Plant | None = None
     noise: float = 0.0
     told: Plant | None = None
+    start: int = 0
 
     @property
     def after(self) -> int:
         """Samples from a desired acceleration to the response that it is compared with."""
         return self.latency + self.granted_delay
+
+
+def read_segment(path: Path, number: int = 1) -> Segment:
+    """Return a bag's segment by its number, with its signals.
+
+    Raises
+    ------
+    ParameterError
+        It is no bag, or has no such segment.
+    """
+    segments = cut(read_bag(path, VECTORS)).segments
+    if not 1 <= number <= len(segments):
+        raise ParameterError(f"number = {number}: must be from 1 to {len(segments)} in {path}")
+    return segments[number - 1]
 
 
 @dataclass(frozen=True)
@@ -441,6 +458,7 @@ def _segment(
         known.plant(condition),
         known.rig.master.accelerometer.noise if known.rig else 0.0,
         known.told,
+        start,
     )
 
 
@@ -466,9 +484,12 @@ def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:
         del signals[name]
     tool, desired = topics.TOOL_ACCELERATION.name, topics.DESIRED_ACCELERATION.name
     if tool in signals and desired not in signals and known.rate > 2 * known.high_pass_frequency:
-        from scipy import signal
-
-        sections = high_pass(known.high_pass_frequency, known.rate)
-        first = signals[tool][0]
-        signals[desired] = np.asarray(signal.sosfilt(sections, signals[tool] - first))
+        signals[desired] = high_passed(signals[tool], known.high_pass_frequency, known.rate)
     return notes
+
+
+def high_passed(tool: FloatArray, corner: float, rate: float) -> FloatArray:
+    """Return the desired acceleration that a compensator makes of the tool's."""
+    from scipy import signal
+
+    return np.asarray(signal.sosfilt(high_pass(corner, rate), tool - tool[0]))

@@ -29,6 +29,7 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
         *_deadlines(analysis),
         *_forces(frame, analysis),
         *_deviations(analysis),
+        *(each.sentence for each in analysis.across),
     ]
     if comparison:
         sentences.append(difference(comparison))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from haptic_accel.analysis.comparison import Comparison
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import actual_acceleration
 from haptic_accel.analysis.page import Setting, write_page
-from haptic_accel.analysis.segments import Segment
+from haptic_accel.analysis.segments import Segment, read_segment
 from haptic_accel.analysis.summary import summary
 from haptic_accel.core import topics
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
@@ -122,6 +122,7 @@ def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[st
                 for controller, (slope, r2) in REGRESSION.items()
             },
         },
+        "two_hosts": [asdict(each) for each in analysis.across],
         "comparison": comparison.frame.to_dict("records") if comparison else None,
         "unpaired": comparison.unpaired if comparison else None,
         "problems": analysis.problems,
@@ -131,7 +132,7 @@ def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[st
 
 def signal_table(segment: Segment) -> pd.DataFrame:
     """Read the signals of a trial again, by time in s, under names with units."""
-    whole = frames.read_segment(segment.bag, segment.number)
+    whole = read_segment(segment.bag, segment.number)
     frame = frames.segment_signals(whole).rename(columns=SIGNAL_COLUMNS)
     actual = actual_acceleration(whole)
     if actual is not None:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
-from haptic_accel.analysis.frames import read_segment
 from haptic_accel.analysis.metrics import actual_acceleration
+from haptic_accel.analysis.segments import read_segment
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.topics import ACTUATOR_FORCE
 from observing import Observer

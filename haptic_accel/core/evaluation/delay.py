@@ -41,7 +41,9 @@ class Delay:
     correlation: float
 
 
-def estimate_delay(desired: FloatArray, actual: FloatArray, rate: float) -> Delay:
+def estimate_delay(
+    desired: FloatArray, actual: FloatArray, rate: float, longest: float = LONGEST_DELAY
+) -> Delay:
     """Find the lag of `actual` behind `desired` by the peak of their cross-correlation.
 
     The peak is refined between samples on the band-limited cross-correlation itself, not by a
@@ -56,17 +58,19 @@ def estimate_delay(desired: FloatArray, actual: FloatArray, rate: float) -> Dela
         Sampled at the same times, the same unit; finite.
     rate : float
         Samples per second.
+    longest : float
+        Maximum lag searched, either way, s.
 
     Returns
     -------
     Delay
         NaN where either signal is constant, their correlation is below `ALIKE` at all lags up to
-        `LONGEST_DELAY`, or it is largest at the end of these.
+        the longest, or it is largest at the end of these.
     """
     nothing = Delay(math.nan, 0.0)
     first, second = desired - np.mean(desired), actual - np.mean(actual)
     scale = float(np.linalg.norm(first)) * float(np.linalg.norm(second))
-    farthest = min(math.ceil(LONGEST_DELAY * rate), len(first) - 2)
+    farthest = min(math.ceil(longest * rate), len(first) - 2)
     if not scale > 0.0 or farthest < 1:
         return nothing
     from scipy import fft

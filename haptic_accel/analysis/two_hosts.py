@@ -1,0 +1,281 @@
+"""Compares a handle with the tool of a robot that another host recorded.
+
+The bags of both hosts of one run are put on one axis of time, the operator's, by the offset of the
+robot's clock that the operator's coupler measured.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from haptic_accel.analysis.metrics import PERCENT, AnalysedTrial, actual_acceleration
+from haptic_accel.analysis.segments import VECTORS, high_passed, read_segment
+from haptic_accel.bags.reading import Bag, Signal, read_bag
+from haptic_accel.core import topics
+from haptic_accel.core.evaluation.delay import estimate_delay, shift_back
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS, places, sampling_rate
+
+OPERATOR, ROBOT = "master", "slave"
+"""Values of the argument ``side``."""
+
+OFFSET, BOUND = "clock offset (ms)", "clock offset bound (ms)"
+"""Values that the coupler reports: the peer's clock minus the own one, and its largest error."""
+
+FEWEST_REPORTS = 10
+"""Reports from which on the drift between the clocks is taken from them: from fewer, what each of
+them is wrong by would count as drift."""
+
+LONGEST = 2.0
+"""Largest delay from the robot's tool to the handle that is looked for, s: a network that people
+can work over has less than 0.5 s, and the clocks may be wrong by as much as is known of them."""
+
+PIECE = 0.5
+"""Length of the pieces of a trial that are compared at a delay of their own, s: playout changes
+its delay by 1 ms/s, and 0.5 ms is a ninth of a period at the 200 Hz where textures are felt."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Offset of the peer's clock from the own one.
+
+    Attributes
+    ----------
+    origin : int
+        Own time at which the peer's clock is `offset` ahead, ns.
+    offset, bound : float
+        Offset, and the largest error of it, s.
+    drift : float
+        Change of the offset, s/s.
+    """
+
+    origin: int
+    offset: float
+    drift: float
+    bound: float
+
+    def peer(self, own: int) -> int:
+        """Return the peer's time at an own one, ns."""
+        ahead = self.offset + self.drift * (own - self.origin) / NANOSECONDS
+        return own + round(ahead * NANOSECONDS)
+
+
+@dataclass(frozen=True)
+class Host:
+    """What one of two hosts recorded of a run.
+
+    Attributes
+    ----------
+    bag : Path
+    side, namespace : str
+        Arguments of the graph.
+    span : tuple of int
+        First and last stamp of the tool's acceleration, on the own clock, ns.
+    clock : Clock or None
+        The peer's clock, as far as the coupler reported it.
+    """
+
+    bag: Path
+    side: str
+    namespace: str
+    span: tuple[int, int]
+    clock: Clock | None
+
+
+@dataclass(frozen=True)
+class Across:
+    """Comparison of a handle with the robot's own tool.
+
+    Attributes
+    ----------
+    trial : str
+        Name of the operator's trial.
+    robot : str
+        Bag of the robot.
+    nrmse_percent : float
+        RMS of the difference over RMS of what the robot's tool makes desired, each piece of the
+        trial at its own delay.
+    played_percent : float
+        NRMSE against what was played out at the operator's.
+    delay_ms : float
+        Median over the pieces of the delay from the tool's acceleration to the handle's.
+    delay_low_ms, delay_high_ms : float
+        Their quantiles of 1 and 99 %.
+    bound_ms : float
+        Largest error of these delays that the clocks can make.
+    """
+
+    trial: str
+    robot: str
+    nrmse_percent: float
+    played_percent: float
+    delay_ms: float
+    delay_low_ms: float
+    delay_high_ms: float
+    bound_ms: float
+
+    @property
+    def sentence(self) -> str:
+        """The comparison in words."""
+        return (
+            f"{self.trial}: the handle follows the robot's own tool after {self.delay_ms:.1f} ms"
+            f" ({self.delay_low_ms:.1f} to {self.delay_high_ms:.1f} ms; the clocks are known to"
+            f" {self.bound_ms:.2g} ms) with an error of {self.nrmse_percent:.1f} %; that against"
+            f" what was played out is {self.played_percent:.1f} %."
+        )
+
+
+def host_of(recorded: Bag) -> Host | None:
+    """Return what a bag says of two hosts; None for a graph on one host, or without a tool."""
+    arguments = recorded.facts.get("arguments")
+    tool = recorded.signals.get(topics.TOOL_ACCELERATION.name)
+    if not isinstance(arguments, dict) or tool is None:
+        return None
+    side = arguments.get("side")
+    if side not in (OPERATOR, ROBOT):
+        return None
+    span = int(tool.stamps.min()), int(tool.stamps.max())
+    namespace = str(arguments.get("namespace", "")).strip("/")
+    return Host(recorded.path, side, namespace, span, _clock(recorded))
+
+
+def _clock(recorded: Bag) -> Clock | None:
+    """Return the peer's clock as a line through what the coupler reported."""
+    reports = [
+        (report.received, *found)
+        for report in recorded.diagnostics
+        if report.node == "coupler"
+        and all(map(math.isfinite, found := [_number(report.values, n) for n in (OFFSET, BOUND)]))
+    ]
+    if not reports:
+        return None
+    times, offsets, bounds = map(np.array, zip(*reports, strict=True))
+    origin = int(times[0])
+    seconds = (times - origin) / NANOSECONDS
+    drift, offset = 0.0, float(np.median(offsets))
+    if len(reports) >= FEWEST_REPORTS:
+        drift, offset = np.polyfit(seconds, offsets, 1, w=1 / np.maximum(bounds, 1e-6))
+    return Clock(origin, offset / 1e3, drift / 1e3, float(np.median(bounds)) / 1e3)
+
+
+def _number(values: dict[str, str], name: str) -> float:
+    try:
+        return float(values.get(name, "nan"))
+    except ValueError:
+        return math.nan
+
+
+def pairs(hosts: Sequence[Host]) -> Iterator[tuple[Host, Host]]:
+    """Yield the bags of operators, each with that of the robot of the same run, as far as there.
+
+    They are of one run if their graphs have the same namespace, and they overlap in time on the
+    operator's clock; of several robots the one that overlaps longest.
+    """
+    for operator in hosts:
+        if operator.side != OPERATOR or operator.clock is None:
+            continue
+        robots = [
+            (overlap, number)
+            for number, robot in enumerate(hosts)
+            if robot.side == ROBOT and robot.namespace == operator.namespace
+            if (overlap := _overlap(operator, robot)) > 0
+        ]
+        if robots:
+            yield operator, hosts[max(robots)[1]]
+
+
+def _overlap(operator: Host, robot: Host) -> int:
+    """Return how long two bags overlap, ns; not positive if they do not."""
+    assert operator.clock
+    begin, end = map(operator.clock.peer, operator.span)
+    return min(end, robot.span[1]) - max(begin, robot.span[0])
+
+
+def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
+    """Compare the handle of an operator's trial with the robot's tool.
+
+    Parameters
+    ----------
+    task : tuple
+        Trial, and the bags of operator and robot.
+
+    Returns
+    -------
+    Across or str
+        In one line, why it is impossible.
+    """
+    trial, operator, robot = task
+    assert operator.clock
+    segment = read_segment(operator.bag, trial.segment.number)
+    handle = actual_acceleration(segment)
+    tool = read_bag(robot.bag, VECTORS).signals[topics.TOOL_ACCELERATION.name]
+    try:
+        if handle is None:
+            raise ParameterError(f"has no {topics.HANDLE_ACCELERATION.name}")
+        rate = sampling_rate(tool.stamps, segment.rate)
+        if rate != segment.rate:
+            raise ParameterError(f"{robot.bag} has {rate:.5g} samples per second")
+        desired = high_passed(_tool(tool, rate), segment.high_pass_frequency, rate)
+        # Place of the trial's first sample among the robot's, and by how much a sample moves it.
+        place = (operator.clock.peer(segment.start) - robot.span[0]) * rate / NANOSECONDS
+        begin = math.floor(place)
+        own = slice(max(0, -begin), min(len(handle), len(desired) - begin))
+        error, delays = _pieces(desired[own.start + begin : own.stop + begin], handle[own], rate)
+        middles = own.start + (np.arange(len(delays)) + 0.5) * PIECE * rate
+        delays += (place - begin + operator.clock.drift * middles) / rate
+    except (ParameterError, ValueError) as reason:
+        return f"cannot be compared with {robot.bag}: {reason}"
+    low, middle, high = np.quantile(delays, (0.01, 0.5, 0.99)) * 1e3
+    return Across(
+        trial.name,
+        str(robot.bag),
+        PERCENT * error,
+        trial.metrics["nrmse_percent"],
+        middle,
+        low,
+        high,
+        operator.clock.bound * 1e3,
+    )
+
+
+def _tool(tool: Signal, rate: float) -> FloatArray:
+    """Return the robot's samples from its first one on."""
+    start = int(tool.stamps.min())
+    length = int(places(tool.stamps.max(keepdims=True), start, rate)[0]) + 1
+    return tool.on_grid(start, rate, length)[0]
+
+
+def _pieces(desired: FloatArray, actual: FloatArray, rate: float) -> tuple[float, FloatArray]:
+    """Return the relative RMS error over all pieces, each at its own delay, and the delays, s.
+
+    Raises
+    ------
+    ValueError
+        The signals are too short, or `actual` does not follow `desired`.
+    """
+    samples = round(PIECE * rate)
+    whole = estimate_delay(desired, actual, rate, LONGEST).seconds
+    if math.isnan(whole):
+        raise ValueError("no delay stands out")
+    base = round(whole * rate) / rate
+    desired, actual = shift_back(desired, actual, rate, base)
+    delays: list[float] = []
+    errors, powers = 0.0, 0.0
+    for begin in range(0, len(desired) - samples + 1, samples):
+        piece = slice(begin, begin + samples)
+        delay = estimate_delay(desired[piece], actual[piece], rate).seconds
+        if math.isnan(delay):  # without contact
+            delay = delays[-1] - base if delays else 0.0
+        first, second = shift_back(desired[piece], actual[piece], rate, delay)
+        errors += float(np.sum((first - second) ** 2))
+        powers += float(np.sum(first**2))
+        delays.append(base + delay)
+    if not powers > 0.0:
+        raise ValueError("they overlap for less than a second")
+    return math.sqrt(errors / powers), np.array(delays)
