@@ -231,7 +231,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recorded")
     made = ["--lockstep", "--controllers", "dynamic,inverse", "--out", folder / "bags"]
     assert status_of("replay", DATA / "text", *made) == 0
-    for name in ("before", "after", "results/today/bags"):
+    for name in ("before", "after", "desk", "robot", "results/today/bags"):
         copytree(folder / "bags", folder / name)
     copytree(DATA / "text", folder / "bags" / "first")
     foreign = of_trial(run_trial(duration=3.0))
