@@ -114,7 +114,6 @@ class Packet:
     position: Vector
     velocity: Vector
     shipped: float
-    veteran: bool
 
 
 @dataclass
@@ -139,7 +138,7 @@ class Side:
         """Start the half's process, again if it runs."""
         self.session += 1
         self.half = PassiveHalf(self.parameters, RATE, self.latency)
-        self.newest, self.left, self.veteran = None, set(), False
+        self.newest, self.left = None, set()
         self.origin = self.arm.position
         self.due = deque([ZERO] * self.latency)
 
@@ -150,7 +149,7 @@ class Side:
         if self.newest is None or packet.session != self.newest.session:
             if self.newest is not None:
                 self.left.add(self.newest.session)
-            self.half.new_session(veteran=packet.veteran)
+            self.half.new_session()
         elif packet.sequence <= self.newest.sequence:
             return
         self.newest = packet
@@ -169,7 +168,6 @@ class Side:
             self.own_position,
             self.arm.velocity,
             self.half.shipped,
-            self.veteran,
         )
 
     @property
@@ -185,7 +183,6 @@ class Side:
             return ZERO
         if not self.half.engaged:
             self.half.engage()
-            self.veteran = True
         work = self.arm.work if self.reports_work else None
         age = now - newest.echoed
         self.due.append(

@@ -26,6 +26,9 @@ KEPT = 0.5
 """Share of what local damping takes from the arm that the account may spend; 1 lets a coupling
 ring for long beyond the delay it is made for."""
 
+SIGN = 1e-12
+"""Least energy that a half which has acted sends to a peer that started anew, J."""
+
 SPEED_MARGIN = 0.5
 """Most by which an arm may be faster than measured while a force acts, m/s: a tip of 60 g that
 bounces off a wall at 0.25 m/s."""
@@ -124,7 +127,7 @@ class PassiveHalf:
     """The coupling's half at one arm: force, local damping and the account of energy.
 
     Positions are relative to where the arm was when it engaged, in the master's scale. Energy is
-    granted once: engaging again and a peer that restarted add none.
+    granted once, at the first force, and only if the peer has sent none by then.
 
     Parameters
     ----------
@@ -152,8 +155,7 @@ class PassiveHalf:
         self._latency = latency
         self._ages = _AgeQuantile(rate)
         self._engaged = self._used = False
-        self.energy = parameters.energy
-        self.shipped = self._received = 0.0
+        self.energy = self.shipped = self._received = 0.0
         self.limited = 0.0
         self.stiffness = self.damping = 0.0
         self._clear()
@@ -165,7 +167,7 @@ class PassiveHalf:
 
     def engage(self) -> None:
         """Couple the arm where it is."""
-        self._engaged = self._used = True
+        self._engaged = True
 
     def disengage(self) -> None:
         """Uncouple: forces are zero until the next `engage`."""
@@ -176,25 +178,22 @@ class PassiveHalf:
         """Take other gains; energy that was granted stays as it is."""
         self._p = parameters
 
-    def new_session(self, *, veteran: bool = False) -> None:
-        """Begin with a peer that was not heard before, or one that restarted.
+    def new_session(self) -> None:
+        """Begin with a peer that was not heard before, or that has started anew.
 
-        Of two halves that meet for the first time each keeps the energy it was granted. Later, the
-        one that restarted starts with nothing, and the veteran shares its own with it.
-
-        Parameters
-        ----------
-        veteran : bool
-            The peer has been engaged before.
+        A half that has acted shares its energy with it; that is how a half that started anew
+        learns that energy was granted before.
         """
         self.shipped = self._received = 0.0
         if self._used:
-            self._ship(min(self._p.energy, (self.energy - self._under_way) / 2))
-        else:
-            self.energy = 0.0 if veteran else self._p.energy
+            spare = max(0.0, self.energy - self._under_way)
+            self._ship(max(SIGN, min(self._p.energy, spare / 2)))
 
     def receive(self, shipped: float) -> None:
-        """Take what the peer has shipped to this session so far, J; old values are harmless."""
+        """Take what the peer has shipped to this half so far, J; old values are harmless.
+
+        Only packets that answer one of this half's own session may come here.
+        """
         if math.isfinite(shipped) and shipped > self._received:
             room = self._p.energy * CEILING - self.energy
             self.energy += min(shipped - self._received, max(0.0, room))
@@ -227,6 +226,7 @@ class PassiveHalf:
         if not (self._engaged and sum(map(abs, numbers)) < NONSENSE):
             self._settle()
             return ZERO
+        self._start()
         self._book(position, work)
         self._follow_age(round_trip_age)
         force = self._spend(position, velocity, set_point)
@@ -241,6 +241,12 @@ class PassiveHalf:
     @property
     def _accounted(self) -> bool:
         return self._p.law == "passive"
+
+    def _start(self) -> None:
+        """Grant energy before the first force, unless the peer has acted without this half."""
+        if not self._used and not self._received:
+            self.energy = self._p.energy
+        self._used = True
 
     def _clear(self) -> None:
         self._position: Vector | None = None

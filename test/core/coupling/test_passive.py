@@ -22,12 +22,18 @@ RATE = 1000.0
 positions = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
 velocities = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
 RICH = PassiveParameters(energy=1.0)  # the account of which limits nothing
+POOR = PassiveParameters()
 
 
 def engaged(parameters: PassiveParameters = RICH, latency: int = 0) -> PassiveHalf:
     half = PassiveHalf(parameters, RATE, latency)
     half.engage()
     return half
+
+
+def act(half: PassiveHalf) -> None:
+    """Let a half make a first force, which is zero."""
+    half.force(ZERO, ZERO, ZERO, ZERO, 0.0)
 
 
 # Law
@@ -118,16 +124,16 @@ def test_part_of_what_damping_takes_is_burnt() -> None:
 
 
 def test_energy_above_the_ceiling_is_the_peers() -> None:
-    poor = PassiveParameters()
-    giver, taker = engaged(poor), engaged(poor)
+    giver, taker = engaged(POOR), engaged(POOR)
+    act(taker)
     giver.force(ZERO, ZERO, (0.01, 0.0, 0.0), ZERO, 0.0)
     pulled = giver.energy
     giver.force((-0.05, 0.0, 0.0), ZERO, (-0.05, 0.0, 0.0), ZERO, 0.0)  # against its force
-    assert giver.energy == pytest.approx(poor.energy * CEILING)
+    assert giver.energy == pytest.approx(POOR.energy * CEILING)
     assert giver.shipped > 0.0
     assert giver.energy + giver.shipped > pulled
     taker.receive(giver.shipped)
-    assert taker.energy == pytest.approx(min(poor.energy * CEILING, 2e-3 + giver.shipped))
+    assert taker.energy == pytest.approx(min(POOR.energy * CEILING, 2e-3 + giver.shipped))
     had = taker.energy
     for old in (giver.shipped, 0.0, giver.shipped / 2, math.nan, math.inf):
         taker.receive(old)
@@ -135,7 +141,7 @@ def test_energy_above_the_ceiling_is_the_peers() -> None:
 
 
 def test_an_empty_account_gives_no_force_and_no_jump() -> None:
-    half = engaged(PassiveParameters())
+    half = engaged(POOR)
     x, forces = 0.0, []
     for _ in range(1000):  # a set-point that pulls the arm along for ever
         force = half.force((x, 0.0, 0.0), ZERO, (x + 0.01, 0.0, 0.0), ZERO, 0.0)
@@ -162,20 +168,33 @@ def test_engaging_again_grants_nothing() -> None:
 
 
 def test_a_half_that_restarted_lives_on_what_the_other_shares() -> None:
-    parameters = PassiveParameters()
-    veteran, newcomer = engaged(parameters), PassiveHalf(parameters, RATE)
+    veteran, newcomer = engaged(POOR), engaged(POOR)
+    act(veteran)
     veteran.new_session()
-    newcomer.new_session(veteran=True)
+    newcomer.new_session()
     newcomer.receive(veteran.shipped)
-    assert 0.0 < newcomer.energy <= parameters.energy
-    assert veteran.energy + newcomer.energy <= parameters.energy
+    act(newcomer)
+    assert newcomer.energy == veteran.energy == POOR.energy / 2
+
+
+def test_a_half_that_restarted_is_granted_nothing_where_the_other_has_nothing() -> None:
+    veteran, newcomer = engaged(POOR), engaged(POOR)
+    act(veteran)
+    for _ in range(100):
+        veteran.new_session()
+    newcomer.receive(veteran.shipped)
+    act(newcomer)
+    assert 0.0 < newcomer.energy < 1e-11
+    assert veteran.energy > -1e-9
 
 
 def test_two_halves_that_meet_first_keep_what_they_were_granted() -> None:
-    half = PassiveHalf(PassiveParameters(), RATE)
+    half = engaged(POOR)
     half.new_session()
     half.new_session()
-    assert (half.energy, half.shipped) == (2e-3, 0.0)
+    half.receive(0.0)
+    act(half)
+    assert (half.energy, half.shipped) == (POOR.energy, 0.0)
 
 
 # Whatever comes in
@@ -192,7 +211,7 @@ def test_whatever_comes_in_the_force_is_finite_and_limited(
     age: float,
     work: float | None,
 ) -> None:
-    half = engaged(PassiveParameters(), latency=1)
+    half = engaged(POOR, latency=1)
     for at in (ZERO, position, ZERO):
         force = half.force(at, velocity, set_point, set_point_velocity, age, work)
         assert math.hypot(*force) <= 3.3 * (1 + 1e-12)
