@@ -25,7 +25,8 @@ class EmergencyStop:
 
     A word of false on the topic releases nothing. It withdraws the stop that the topic's last
     word of true asked for, after which a release can be requested. What the graph's own coupler
-    says stops, too, and must be withdrawn by itself.
+    says stops, too, and must be withdrawn by itself. A stop on another host is followed, but each
+    host is released by itself.
 
     Parameters
     ----------
@@ -35,6 +36,8 @@ class EmergencyStop:
     Attributes
     ----------
     stopped : bool
+    began : int
+        Number of stops that began on this host.
 
     Examples
     --------
@@ -50,7 +53,8 @@ class EmergencyStop:
     """
 
     def __init__(self, now: float) -> None:
-        self.stopped = False
+        self.stopped = self._followed = False
+        self.began = 0
         self._started = now
         self._wanted = self._coupler_stopped = False
         self._heard = self._coupler_heard = -math.inf
@@ -61,8 +65,15 @@ class EmergencyStop:
 
     def stop(self) -> bool:
         """Stop; return whether that is new."""
-        new, self.stopped = not self.stopped, True
+        new = not self.stopped
+        self.began += new or self._followed
+        self.stopped, self._followed = True, False
         return new
+
+    def follow(self) -> None:
+        """Stop because another host does."""
+        self._followed |= not self.stopped
+        self.stopped = True
 
     def heard(self, stop: bool, now: float) -> bool:
         """Take a word from the topic; return whether it stops what was not stopped."""

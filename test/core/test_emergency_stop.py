@@ -105,6 +105,18 @@ def test_a_node_that_has_just_started_is_not_released() -> None:
     assert run.stop.is_settled(run.now)
 
 
+def test_a_stop_that_began_elsewhere_is_followed_and_not_counted_as_begun_here() -> None:
+    run = Run()
+    run.stop.follow()
+    assert run.stop.stopped
+    assert run.stop.began == 0
+    assert run.released(ALONE)
+    run.stop.stop()
+    run.stop.follow()
+    run.heard(True)
+    assert run.stop.began == 1
+
+
 EVENTS: dict[str, Callable[[Run], object]] = {
     "true": lambda run: run.heard(True),
     "false": lambda run: run.heard(False),

@@ -6,8 +6,10 @@ It has no clock: times are the caller's, in s from any origin and never backward
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from haptic_accel.core.actuator.safety import AUTOMATIC, MANUAL
 from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.parameters import Checked, parameter
 
@@ -56,6 +58,11 @@ class EngagementParameters(Checked):
         high=100,
     )
     compensated: bool = parameter(False, "wait for the compensator's first force before engaging")
+    recovery: str = parameter(
+        AUTOMATIC,
+        "return after the peer on another host was lost: by itself, or only by coupler/engage",
+        choices=(AUTOMATIC, MANUAL),
+    )
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,7 @@ class Decision:
 class Engagement:
     """State machine of the coupling: free or engaged.
 
-    The arms engage when both positions are fresh, both devices have said that they are not
+    The arms engage when their positions are fresh, their devices have said that they are not
     stopped, the compensator has made a force, and every expected subscriber of the arms' forces
     is there. They are released when an arm falls silent, on request, and by the emergency stop,
     and are taken again when the reason has gone, after `FREE_TIME` at the earliest.
@@ -91,6 +98,8 @@ class Engagement:
     parameters : EngagementParameters
     now : float
         Time of the start, s.
+    arms : sequence of str
+        Arms of this host, of `ARMS`.
 
     Attributes
     ----------
@@ -101,12 +110,14 @@ class Engagement:
         The compensator's force was received, or need not be.
     """
 
-    def __init__(self, parameters: EngagementParameters, now: float) -> None:
+    def __init__(
+        self, parameters: EngagementParameters, now: float, arms: Sequence[str] = ARMS
+    ) -> None:
         self._parameters = parameters
         self.engaged = False
         self.compensated = not parameters.compensated
-        self._received = dict.fromkeys(ARMS, -math.inf)
-        self._wanted = True
+        self._received = dict.fromkeys(arms, -math.inf)
+        self._freed = ""  # why the arms stay free until they are asked for
         self.stop = EmergencyStop(now)
         self._differing_since = math.inf
         self._arms_stopped: dict[str, bool] = {}
@@ -115,7 +126,7 @@ class Engagement:
         self._warned = now
 
     def position_received(self, arm: str, now: float) -> None:
-        """Note a position of an arm, one of `ARMS`."""
+        """Note a position of an arm."""
         self._received[arm] = now
 
     def force_received(self) -> None:
@@ -123,19 +134,19 @@ class Engagement:
         self.compensated = True
 
     def arm_stopped(self, arm: str, stopped: bool) -> None:
-        """Note whether the device of an arm, one of `ARMS`, follows the emergency stop."""
+        """Note whether the device of an arm follows the emergency stop."""
         self._arms_stopped[arm] = stopped
 
     def request(self, engage: bool) -> str:
         """Ask for engaging or release; return why that is refused, empty if it is not."""
         if engage and self.stop.stopped:
             return f"{STOPPED}: release it first"
-        self._wanted = engage
+        self._freed = "" if engage else DISENGAGED
         return ""
 
     def aside(self, now: float) -> bool:
-        """Return whether the arms, let go on request, have come to rest, for others to move."""
-        return not (self._wanted or self.engaged) and now - self._released >= FREE_TIME
+        """Return whether arms that stay free have come to rest, for others to move them."""
+        return bool(self._freed) and not self.engaged and now - self._released >= FREE_TIME
 
     def missing(self, now: float, listeners: int) -> str:
         """Return what engaging waits for, or what has gone; empty when all is there.
@@ -150,12 +161,12 @@ class Engagement:
         p = self._parameters
         if self._held:
             return self._held
-        silent = [arm for arm in ARMS if now - self._received[arm] > p.timeout]
+        silent = [arm for arm, then in self._received.items() if now - then > p.timeout]
         if silent:
             return f"waiting for the position of {' and '.join(silent)}"
         if self.engaged:
             return ""
-        unknown = [arm for arm in ARMS if arm not in self._arms_stopped]
+        unknown = [arm for arm in self._received if arm not in self._arms_stopped]
         if unknown:
             return f"waiting for {' and '.join(f'{arm}/stopped' for arm in unknown)}"
         if now - self._released < FREE_TIME:
@@ -193,7 +204,7 @@ class Engagement:
         """Reason for free arms; empty if they may be coupled."""
         if self.stop.stopped or any(self._arms_stopped.values()):
             return STOPPED
-        return "" if self._wanted else DISENGAGED
+        return self._freed
 
     def _stop_all(self, now: float) -> str:
         """Stop where a device differs for too long; return a line for the log, empty for none."""

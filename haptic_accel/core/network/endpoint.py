@@ -169,6 +169,11 @@ class Endpoint:
         self.delay = self._age_of(packet.sent, system)
         return packet
 
+    @property
+    def shipped(self) -> float:
+        """Energy that the peer gave to this run, J; what a former run was given does not count."""
+        return self.peer.shipped if self.peer and self._is_echoed(self.peer) else 0.0
+
     def fresh(self, now: float, timeout: float) -> bool:
         """Return whether the peer was heard within a time in s."""
         return now - self.session.heard <= timeout

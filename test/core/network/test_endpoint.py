@@ -140,7 +140,23 @@ def test_a_peer_that_starts_again_is_known_afresh() -> None:
     master = hosts.ends["master"]
     assert master.peer
     assert (master.peer.session, master.session.restarts) == (33, 1)
+    assert master.shipped == master.peer.shipped > 0
     assert master.round_trip_age(hosts.now) < 0.05
+
+
+def test_energy_for_the_run_before_is_not_received() -> None:
+    sender, receiver = Endpoint("slave", RATE, 1), Endpoint("master", RATE, 2)
+    data = sender.outgoing(State(), Motion(), 0.5, 0.0, 0)
+    assert data
+    receiver.incoming(data, 0.0, 0)
+    assert receiver.shipped == 0.0
+    reply = receiver.outgoing(State(), Motion(), 0.0, 0.0, 0)
+    assert reply
+    sender.incoming(reply, 0.0, 0)
+    data = sender.outgoing(State(), Motion(), 0.1, 1.0, 0)
+    assert data
+    receiver.incoming(data, 1.0, 0)
+    assert receiver.shipped == 0.1
 
 
 @settings(max_examples=25)
