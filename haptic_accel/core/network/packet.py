@@ -16,8 +16,8 @@ SIDES = ("master", "slave")
 """Hosts of a coupling, by the arm that they have."""
 
 MOST_SAMPLES = 16
-"""Most samples of the tool's acceleration in a packet: with one packet every 2 ms at 1 kHz, each
-sample is sent eight times."""
+"""Most samples of the tool's acceleration in a packet: at 1 kHz, with a packet for each sample,
+each is sent sixteen times."""
 
 LARGEST_SAMPLE = 1e6
 """Largest magnitude of a sample that is sent, m/s^2: far above any accelerometer's range."""

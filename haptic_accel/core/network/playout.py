@@ -37,7 +37,9 @@ TOLERANCE = 0.02
 """Lag behind the target that counts as none, samples: rounding of times."""
 
 DECAY = 0.02
-"""Time in which a prediction fades out, s: that of the linear predictor in WebRTC's NetEq."""
+"""Time in which a prediction fades out, s: in gaps on the simulated surfaces its error (NRMSE) is
+44 to 79 %, within a point of that with 15 or 40 ms; the last value faded out in 5 ms errs by 88
+to 137 %."""
 
 MISSED = 0.04
 """Delay beyond the target that is not waited off but left out, s: ticks were missed; a texture is

@@ -113,6 +113,16 @@ def test_every_sample_arrives_although_packets_are_lost() -> None:
     assert hosts.ends["master"].session.loss == pytest.approx(0.1, abs=0.03)
 
 
+def test_samples_of_packets_that_were_overtaken_are_played() -> None:
+    hosts = Hosts(ChannelParameters(delay=0.05, jitter=0.05))
+    playout = hosts.ends["master"].playout
+    for _ in range(3000):
+        list(hosts.run(1 / RATE))
+        playout.take(hosts.now)
+    assert hosts.ends["master"].session.out_of_order > 1000
+    assert playout.counts["concealed"] < 0.03 * 3000
+
+
 def test_a_sample_that_is_missing_or_no_number_begins_a_new_run() -> None:
     end = Endpoint("slave", RATE, 1)
     for tick, value in enumerate([1.0, 2.0, 3.0, math.nan, 5.0, 6.0]):
