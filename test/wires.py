@@ -12,6 +12,7 @@ import fcntl
 import json
 import os
 import select
+import socket
 import struct
 import subprocess
 import sys
@@ -36,8 +37,15 @@ DEVICE = "wire0"
 CARRIED = ChannelParameters()
 """A wire that adds nothing."""
 
+LARGE = 200
+"""Length of a frame with the smallest packet of the coupling, less 10 bytes."""
+
+_MARK = b"hapt"
+"""Begin of a packet of the coupling."""
+
 _MACS = ("02:00:00:00:77:01", "02:00:00:00:77:02")
 _LIBC = ctypes.CDLL(None, use_errno=True)
+_IPV4 = b"\x08\x00"
 _CLONE_NEWNET = 0x40000000  # linux/sched.h
 _TUNSETIFF, _IFF_TAP, _IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
 _LONGEST_FRAME = 2048
@@ -113,9 +121,10 @@ class Wire:
         self._ask(cut=False)
 
     def counts(self) -> list[dict[str, dict[str, int]]]:
-        """Return for frames from end 0 and from end 1: ``sent`` and ``lost`` by UDP port.
+        """Return for UDP datagrams from end 0 and from end 1: ``sent`` and ``lost`` by kind.
 
-        The port is that of the destination; frames of other protocols have port 0.
+        Kinds are ``packet``, in which a packet of the coupling can be read; of all others
+        ``large`` from `LARGE` bytes on, as an encrypted packet is, and ``small``.
         """
         found: list[dict[str, dict[str, int]]] = self._ask()
         return found
@@ -164,7 +173,7 @@ class _End:
             subprocess.run(["ip", *words.split()], check=True)
         self.channel = Channel[bytes](CARRIED, seed + number)
         self.parameters = CARRIED
-        self.counts = {"sent": Counter[int](), "lost": Counter[int]()}
+        self.counts = {"sent": Counter[str](), "lost": Counter[str]()}
 
     def read(self, now: float) -> None:
         """Send each frame that waits in the device."""
@@ -181,17 +190,10 @@ class _End:
     def _send(self, frame: bytes, now: float) -> None:
         before = self.channel.travelling
         self.channel.send(frame, now)
-        port = _udp_port(frame)
-        self.counts["sent"][port] += 1
-        self.counts["lost"][port] += self.channel.travelling == before
-
-
-def _udp_port(frame: bytes) -> int:
-    """Return the UDP port that an Ethernet frame is for; 0 if it is of another kind."""
-    if frame[12:14] != b"\x08\x00" or frame[23] != 17:
-        return 0
-    start = 14 + 4 * (frame[14] & 15) + 2
-    return int.from_bytes(frame[start : start + 2], "big")
+        if frame[12:14] == _IPV4 and frame[23] == socket.IPPROTO_UDP:
+            kind = "packet" if _MARK in frame else "large" if len(frame) >= LARGE else "small"
+            self.counts["sent"][kind] += 1
+            self.counts["lost"][kind] += self.channel.travelling == before
 
 
 def _carry(ends: Sequence[_End]) -> None:
@@ -215,7 +217,7 @@ def _carry(ends: Sequence[_End]) -> None:
             print(json.dumps(_obey(json.loads(line), ends)), flush=True)
 
 
-def _obey(request: dict[str, Any], ends: Sequence[_End]) -> list[dict[str, Counter[int]]]:
+def _obey(request: dict[str, Any], ends: Sequence[_End]) -> list[dict[str, Counter[str]]]:
     """Change the wire as asked, and return what it carried so far."""
     for end, given in zip(ends, request.get("parameters", ()), strict=False):
         end.parameters = end.channel.parameters = ChannelParameters(**given)
