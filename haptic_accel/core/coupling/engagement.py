@@ -108,12 +108,14 @@ class Engagement:
         Stop of the coupler; all are stopped where a device and the coupler differ for too long.
     compensated : bool
         The compensator's force was received, or need not be.
+    arms : tuple of str
     """
 
     def __init__(
         self, parameters: EngagementParameters, now: float, arms: Sequence[str] = ARMS
     ) -> None:
         self._parameters = parameters
+        self.arms = tuple(arms)
         self.engaged = False
         self.compensated = not parameters.compensated
         self._received = dict.fromkeys(arms, -math.inf)

@@ -1,0 +1,249 @@
+"""Base of the nodes that couple arms: engagement, emergency stop, services, joined samples."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Collection, Iterator
+
+from std_srvs.srv import SetBool
+
+from haptic_accel.core import topics
+from haptic_accel.core.coupling.engagement import ARMS, STEP_PERIOD, Engagement
+from haptic_accel.core.coupling.pairing import Motion
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.nodes.interface import GraphNode, Inbox, Samples
+from haptic_accel.nodes.scheduling import ArrivalKeeper
+from haptic_accel.nodes.stopping import LOOK_PERIOD, GraphStop
+
+MASTER, SLAVE = ARMS
+ARM_TOPICS = {MASTER: topics.MASTER, SLAVE: topics.SLAVE}
+
+
+class Joined:
+    """A signal of an arm, joined with the positions of the same samples.
+
+    Parameters
+    ----------
+    samples : Samples
+    flowing : bool
+        Its samples come, so that positions wait for theirs.
+
+    Attributes
+    ----------
+    value : tuple of float
+        At the last position for which `at` was true.
+    """
+
+    def __init__(self, samples: Samples, *, flowing: bool) -> None:
+        self._samples = samples
+        self.flowing = flowing
+        self._waiting: deque[tuple[int, Vector]] = deque()
+        self._stamp = 0
+        self.value = ZERO
+
+    def receive(self) -> None:
+        """Take the samples that came."""
+        for sample in self._samples.take():
+            self._waiting.append(sample)
+            self.flowing = True
+
+    def at(self, stamp: int) -> bool:
+        """Go on to a stamp; return whether its sample is there, lost, or not to be expected."""
+        while self._waiting and self._waiting[0][0] <= stamp:
+            self._stamp, self.value = self._waiting.popleft()
+        # A later one shows that this one is lost; then the one before stands for it.
+        return self._stamp == stamp or bool(self._waiting) or not self.flowing
+
+    def clear(self) -> None:
+        """Forget what waits."""
+        self._waiting.clear()
+
+
+class Motions:
+    """Positions of an arm, each joined with other signals of the same sample.
+
+    Parameters
+    ----------
+    positions : Samples
+    velocities : Samples or None
+        None where velocities are not needed, and count as zero.
+    work : Samples or None
+        Work of the arm's force, where it is needed.
+
+    Attributes
+    ----------
+    velocity, work : Joined or None
+    """
+
+    def __init__(
+        self, positions: Samples, velocities: Samples | None, work: Samples | None = None
+    ) -> None:
+        self._arriving = positions
+        self._positions: deque[tuple[int, Vector]] = deque()
+        self.velocity = Joined(velocities, flowing=True) if velocities else None
+        self.work = Joined(work, flowing=False) if work else None
+
+    def join(self, velocities: Samples) -> None:
+        """Join velocities from when they come."""
+        self.velocity = Joined(velocities, flowing=False)
+
+    def take(self) -> Iterator[Motion]:
+        """Yield the samples that are complete."""
+        for sample in self._arriving.take():
+            self._positions.append(sample)
+        joined = [each for each in (self.velocity, self.work) if each]
+        for each in joined:
+            each.receive()
+        while self._positions:
+            stamp, position = self._positions[0]
+            if not all([each.at(stamp) for each in joined]):
+                return
+            self._positions.popleft()
+            yield Motion(stamp, position, self.velocity.value if self.velocity else ZERO)
+
+    def clear(self) -> None:
+        """Forget what waits."""
+        self._positions.clear()
+        for each in (self.velocity, self.work):
+            if each:
+                each.clear()
+
+
+class CouplingNode(GraphNode):
+    """Couples arms while an `Engagement` allows it.
+
+    Services release the arms and take them again: `estop` stops their devices too, `~/engage`
+    frees the arms alone.
+
+    Parameters
+    ----------
+    changeable : collection of str
+        As for `GraphNode`.
+    """
+
+    task = "coupling"
+
+    polls = True
+
+    def __init__(self, changeable: Collection[str] = ()) -> None:
+        super().__init__("coupler", changeable)
+        self.engagement = self.build_engagement(time.monotonic())
+        self.forces = {arm: self.sender(ARM_TOPICS[arm].arm_force) for arm in self.engagement.arms}
+        self._arrivals = ArrivalKeeper(self.parameters.rate)
+        self._aside = False
+        # Until the first message only: each costs the compensator a little.
+        self._first_force: Inbox | None = None
+        if self.parameters.compensated:
+            self._first_force = self.inbox(topics.ACTUATOR_FORCE)
+        self._stop = GraphStop(self, self.engagement.stop)
+        self._stop_due = 0.0
+        self._arm_stops = {arm: self.inbox(ARM_TOPICS[arm].stopped) for arm in self.forces}
+        self.create_service(SetBool, "~/engage", self._serve_engage)
+        self.create_timer(STEP_PERIOD, self.step)
+
+    @abstractmethod
+    def build_engagement(self, now: float) -> Engagement:
+        """Return the engagement of the arms, from a time in s on."""
+
+    @abstractmethod
+    def couple(self) -> bool:
+        """Send the forces of every sample that is complete; return if none waits."""
+
+    @abstractmethod
+    def engage(self) -> None:
+        """Couple the arms."""
+
+    @abstractmethod
+    def disengage(self) -> None:
+        """Uncouple the arms, whose forces are then taken off."""
+
+    def prepare(self) -> None:
+        """Do what is due before each decision to engage."""
+
+    def close(self) -> None:
+        """Leave the arms without force."""
+        self._let_go()
+
+    def report(self) -> None:
+        """Publish the diagnostics, and whether all is stopped."""
+        self._stop.tell()
+        super().report()
+
+    def work(self) -> float:
+        """Follow the emergency stop, and couple the samples that came."""
+        if (now := time.monotonic()) >= self._stop_due:
+            self._stop_due = now + LOOK_PERIOD
+            self._follow_stop()
+        return self._arrivals.looked(found=self.couple())
+
+    def stop_forces(self) -> None:
+        """Stop all, and let the arms go."""
+        self.engagement.stop.stop()
+        self._follow_stop()
+
+    def missing(self) -> str:
+        """Return what engaging waits for, or what has gone; empty when all is there."""
+        return self.engagement.missing(time.monotonic(), self.listeners)
+
+    @property
+    def listeners(self) -> int:
+        """Subscribers of the arm's force that has fewer of them."""
+        return 0 if self._aside else min(force.listeners for force in self.forces.values())
+
+    def step(self) -> None:
+        """Engage, release, or end, as things are now."""
+        self.couple()
+        self._step_aside(self.engagement.aside(time.monotonic()))
+        self.prepare()
+        if self._first_force and self._first_force.take_vectors():
+            self.destroy_subscription(self._first_force.subscription)
+            self._first_force = None
+            self.engagement.force_received()
+            return  # that took a while: engaging waits for the next call
+        decision = self.engagement.step(time.monotonic(), self.listeners)
+        if decision.warning:
+            self.get_logger().warning(decision.warning)
+        if decision.release:
+            self.disengage()
+            self._let_go()
+        if decision.engage:
+            self.get_logger().info("engaged")
+            self.couple()  # what came meanwhile
+            self.engage()
+        if decision.finished:
+            self.finish(f"duration of {self.parameters.duration:g} s is over")
+
+    def _let_go(self) -> None:
+        now = time.time_ns()
+        for force in () if self._aside else self.forces.values():
+            force.send(now, ZERO)
+
+    def _step_aside(self, aside: bool) -> None:
+        """Leave the arms' forces to other nodes, or send them again."""
+        if aside != self._aside:
+            self._aside = aside
+            for force in self.forces.values():
+                force.withdraw() if aside else force.offer()
+
+    def _follow_stop(self) -> None:
+        """Act at once where the emergency stop has changed, whoever asked for it."""
+        for arm, inbox in self._arm_stops.items():
+            for stopped in self.states(inbox):
+                self.engagement.arm_stopped(arm, stopped)
+        if self._stop.follow():
+            self.step()
+            self.report()
+
+    def _serve_engage(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
+        """Take the arms as soon as all is there, or release them."""
+        refusal = self.engagement.request(request.data)
+        if not refusal:
+            self.step()
+            self.report()
+        response.success = not refusal
+        response.message = refusal or self.missing()
+        return response
