@@ -13,6 +13,8 @@ NODES = (
     "master_device",
     "slave_device",
     "coupler",
+    "half_coupler",
+    "link",
     "compensator",
     "recorder",
     "identifier",

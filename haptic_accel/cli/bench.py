@@ -26,7 +26,7 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.core.due_forces import MISSED_SHARE
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments
+from haptic_accel.graph.arguments import GraphArguments, check_both_arms, parse_arguments
 from haptic_accel.graph.claims import DOMAIN, HIGHEST_FREE_DOMAIN, own_domain
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
@@ -341,6 +341,7 @@ def _arguments(words: Sequence[str], rate: float, seconds: float) -> GraphArgume
     if not seconds >= 1:
         raise ParameterError(f"seconds = {seconds:g}: must leave at least 1 s for each run")
     arguments = replace(parse_arguments(words), rate=rate, duration=seconds)
+    check_both_arms(arguments)
     # Refuses what no node would accept before the first run.
     graph(arguments)
     return arguments

@@ -32,7 +32,12 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.topics import ANALYSED
 from haptic_accel.core.trial import Trial
-from haptic_accel.graph.arguments import SIMULATED, GraphArguments, parse_arguments
+from haptic_accel.graph.arguments import (
+    SIMULATED,
+    GraphArguments,
+    check_both_arms,
+    parse_arguments,
+)
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import graph
@@ -156,6 +161,7 @@ def _checked(
     arguments: GraphArguments, given: Sequence[str], seeds: int, lockstep: bool
 ) -> GraphArguments:
     """Return the arguments with the duration of a condition; refuse those that cannot be run."""
+    check_both_arms(arguments)
     if "duration" not in given:
         arguments = replace(arguments, duration=DURATION)
     elif arguments.duration < 1:

@@ -11,9 +11,9 @@ from haptic_accel.graph.processes import graph
 @verb(
     "haptic-accel teleop controller:=inverse surface:=vinyl duration:=10",
     "haptic-accel teleop master:=serial slave:=serial params_file:=mine.yaml",
-    "haptic-accel teleop scope:=true",
+    "haptic-accel teleop scope:=true side:=master peer:=ROBOT",
 )
 @arguments(GraphArguments)
 def teleop(arguments: GraphArguments) -> None:
-    """Run the five nodes of the teleoperation graph until Ctrl-C."""
+    """Run the graph until Ctrl-C: both arms, or one of them beside a peer host."""
     run_shown(graph(arguments), endless=arguments.duration == 0)

@@ -56,7 +56,7 @@ class Specification:
     above : bool
         True if `low` itself is excluded.
     choices : tuple of str
-        The allowed words of a string parameter; empty where any is allowed.
+        The allowed words of a string parameter, beside its default; empty where any is allowed.
     block : str
         Block of the node that holds the parameter, wherever its dataclass is nested; empty for
         a parameter that belongs to its dataclass alone.
@@ -135,7 +135,7 @@ def checked(name: str, value: Any, default: Any, specification: Specification) -
     if isinstance(default, (bool, str)):
         if not isinstance(value, type(default)):
             raise wrong
-        if specification.choices and value not in specification.choices:
+        if specification.choices and value not in (*specification.choices, default):
             raise ParameterError(f"{wrong}{suggestion(str(value), specification.choices)}")
         return value
     number = isinstance(value, (int, float)) and not isinstance(value, bool)

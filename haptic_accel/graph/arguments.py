@@ -9,12 +9,13 @@ from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
-from haptic_accel.core.parameters import Checked, like, parameter, schema
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter, schema
 from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.devices.playback import ReplayParameters
 from haptic_accel.graph import node_parameters as nodes
 from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.words import parse_words
+from haptic_accel.links.parameters import LinkNodeParameters, host_and_port
 
 AVERAGE_GRIP = "average"
 """Grip of Table I."""
@@ -27,6 +28,12 @@ SIMULATED = "simulated"
 
 RECORDING = "recording"
 """Name of the surface that plays a recorded acceleration."""
+
+PASSIVE = "passive"
+"""Coupling that keeps account of energy."""
+
+ZENOH = "zenoh"
+"""Transport that needs certificates."""
 
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
 """Severities of messages in ROS 2."""
@@ -79,6 +86,36 @@ class DeviceArguments(Checked):
 
 
 @dataclass(frozen=True)
+class NetworkArguments(Checked):
+    """Coupling, and the peer host."""
+
+    coupling: str = like(nodes.CouplerNodeParameters, "coupling")
+    side: str = like(nodes.CouplerNodeParameters, "side")
+    peer: str = like(LinkNodeParameters, "peer")
+    transport: str = like(LinkNodeParameters, "transport")
+    keys: str = like(LinkNodeParameters, "keys")
+
+    def __post_init__(self) -> None:
+        """Check all fields, and that they go together; two hosts have the passive coupling."""
+        super().__post_init__()
+        if self.side and not self.peer:
+            raise ParameterError(f"side = {self.side!r}: must come with peer:=HOST")
+        if not self.peer:
+            for name in ("transport", "keys"):
+                if (value := getattr(self, name)) != schema(LinkNodeParameters)[name][0]:
+                    raise ParameterError(f"{name} = {value!r}: must come with peer:=HOST")
+            return
+        if not self.side:
+            raise ParameterError(f"peer = {self.peer!r}: must come with side:=master or slave")
+        host_and_port(self.peer)
+        if bool(self.keys) != (self.transport == ZENOH):
+            needed = f"transport:={ZENOH}" if self.keys else "keys:=FOLDER"
+            name = "keys" if self.keys else "transport"
+            raise ParameterError(f"{name} = {getattr(self, name)!r}: must come with {needed}")
+        object.__setattr__(self, "coupling", PASSIVE)
+
+
+@dataclass(frozen=True)
 class LaunchArguments(NamespaceArguments):
     """Launch."""
 
@@ -124,7 +161,12 @@ class BagArguments(RecordingOptions):
 
 @dataclass(frozen=True)
 class GraphArguments(
-    ConditionArguments, DeviceArguments, RunArguments, PageArguments, BagArguments
+    ConditionArguments,
+    DeviceArguments,
+    NetworkArguments,
+    RunArguments,
+    PageArguments,
+    BagArguments,
 ):
     """Arguments of the graph."""
 
@@ -146,6 +188,18 @@ class IdentifyArguments(SweepParameters, RecordingOptions, LaunchArguments):
     def sweep(self) -> SweepParameters:
         """The excitation alone."""
         return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
+
+
+def check_both_arms(arguments: GraphArguments) -> None:
+    """Refuse a graph that has one of the arms only.
+
+    Raises
+    ------
+    ParameterError
+        Naming the side.
+    """
+    if arguments.side:
+        raise ParameterError(f"side = {arguments.side!r}: must be empty, as both arms are needed")
 
 
 def parse_arguments(words: Iterable[str]) -> GraphArguments:

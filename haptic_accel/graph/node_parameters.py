@@ -14,6 +14,7 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.filters import check_corner
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.coupling.engagement import EngagementParameters
+from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.coupling.position_servo import PositionServoParameters
 from haptic_accel.core.identification.sweep import SweepParameters
@@ -30,7 +31,7 @@ from haptic_accel.core.parameters import (
 from haptic_accel.core.sampling import HIGHEST_LATENCY, IDENTIFICATION_LATENCY, LATENCY
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.links.parameters import LinkNodeParameters
+from haptic_accel.links.parameters import SIDES, LinkNodeParameters
 
 SAFETY = "safety"
 """Name of a device node's safety limits among its devices' parameters."""
@@ -112,10 +113,18 @@ class RestamperNodeParameters(SampledParameters):
 
 
 @dataclass(frozen=True)
-class CouplerNodeParameters(CouplingParameters, EngagementParameters):
-    """Parameters of the node `coupler`."""
+class CouplerNodeParameters(CouplingParameters, PassiveParameters, EngagementParameters):
+    """Parameters of the node `coupler`, on one host and on each of two."""
 
     rate: float = like(SampledParameters, "rate")
+    latency: int = like(DeviceNodeParameters, "latency")
+    coupling: str = parameter(
+        "spring",
+        "coupling of the arms: the spring of k_m and k_sl, or one that keeps account of energy",
+        choices=("spring", "passive"),
+    )
+    side: str = parameter("", "arm that this host has; empty for both", choices=SIDES)
+    recovery: str = like(SafetyParameters, "recovery")
 
 
 @dataclass(frozen=True)
@@ -212,7 +221,7 @@ NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
         {**_kinds(CONTROLLERS), ACTUATOR: ActuatorParameters, PLANT: Plant},
     ),
 }
-"""Per executable its own parameters, and those of what it can be made of, by name."""
+"""Per node its own parameters, and those of what it can be made of, by name."""
 
 
 def node_schema(executable: str) -> Schema:

@@ -23,7 +23,7 @@ from haptic_accel.graph import arguments as names
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.files import parameter_text, preset_file, read_parameter_file
 from haptic_accel.graph.folders import config_folder
-from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
+from haptic_accel.graph.node_parameters import NODES, SAFETY, node_parameters, node_schema
 
 RESPAWN_DELAY = 1.0
 """Time before a process that has failed is started again, s."""
@@ -33,6 +33,12 @@ RECORDER = "recorder"
 
 SCOPE = "scope"
 """Executable that shows the graph."""
+
+LINK = "link"
+"""Executable that exchanges packets with the peer host."""
+
+HALF_COUPLER = "half_coupler"
+"""Executable of the node `coupler` where each arm has a host of its own."""
 
 COMPOSED = "composed"
 """Executable that runs all nodes but the recorder in one process."""
@@ -97,6 +103,7 @@ def graph(arguments: GraphArguments) -> list[Process]:
     """
     values = graph_parameters(arguments)
     options = _checked_options(values)
+    _check_side(arguments)
     _check_recording(arguments, options["slave_device"])
     _check_replay(arguments, options)
     if arguments.record:
@@ -127,7 +134,13 @@ def _processes(
     nodes = {name: values[name] for name in asked if name not in (RECORDER, SCOPE)}
     process = partial(Process, namespace=arguments.namespace, log_level=arguments.log_level)
     parts = {COMPOSED: nodes} if composed else {name: {name: nodes[name]} for name in nodes}
-    processes = [process(name, given, respawn=respawn) for name, given in parts.items()]
+    if LINK in nodes:
+        parts = {HALF_COUPLER if name == "coupler" else name: parts[name] for name in parts}
+    processes = [
+        # A link holds no arm: while it is away both arms are free, and nothing needs it to go on.
+        process(name, given, respawn=respawn or name == LINK)
+        for name, given in parts.items()
+    ]
     if RECORDER in asked:
         effective = {
             node: {name: default for name, (default, _) in node_schema(node).items()} | given
@@ -171,6 +184,9 @@ def graph_parameters(arguments: Arguments) -> Values:
         sensor = asdict(devices[names.SIMULATED].accelerometer)
         known = {f"accelerometer.{name}": value for name, value in sensor.items()}
         values["identifier"] = known | values["identifier"]
+    if side := getattr(arguments, "side", ""):
+        _, device = node_parameters(f"{side}_device", values[f"{side}_device"])
+        values["coupler"]["recovery"] = device[SAFETY].recovery
     return values
 
 
@@ -253,17 +269,29 @@ def _own_parameters(arguments: Arguments) -> Values:
             arm |= {f"{names.REPLAY}.{name}": value for name, value in replay.items()}
     # Of each signal: the node that it is for, and the recorder.
     listeners = 2 if arguments.record else 1
-    own = {"master_device": master, "slave_device": slave}
+    devices = {"master_device": master, "slave_device": slave}
     if arguments.slave == names.PLAYED_TOPICS:
-        own = {"master_device": master, "restamper": {**sampled, "listeners": listeners}}
+        devices = {"master_device": master, "restamper": {**sampled, "listeners": listeners}}
+    has_handle = arguments.side != "slave"
+    own = {
+        name: given
+        for name, given in devices.items()
+        if not arguments.side or name.startswith(arguments.side)
+    }
     own["coupler"] = {
-        **sampled,
+        **timed,
         "duration": arguments.duration,
         # The hand starts to explore when the arms engage: all others must be there.
-        "compensated": True,
+        "compensated": has_handle,
         "listeners": listeners,
+        "coupling": arguments.coupling,
+        "side": arguments.side,
     }
-    own["compensator"] = {**timed, "controller": arguments.controller}
+    if has_handle:
+        own["compensator"] = {**timed, "controller": arguments.controller}
+    if arguments.peer:
+        own[LINK] = {name: getattr(arguments, name) for name in ("side", "peer", "transport")}
+        own[LINK]["keys"] = _absolute(arguments.keys)
     if arguments.record:
         own[RECORDER] = recorder
     if arguments.scope:
@@ -271,6 +299,21 @@ def _own_parameters(arguments: Arguments) -> Values:
             name: getattr(arguments, f"scope_{name}") for name in ("host", "port", "control")
         }
     return own
+
+
+def _check_side(arguments: GraphArguments) -> None:
+    """Refuse, beside a peer host, what needs both arms here, and a device of the peer's arm."""
+    if not arguments.side:
+        return
+    side = f"side:={arguments.side}"
+    if arguments.composed:
+        raise ParameterError(f"composed = true: not with {side}")
+    for arm in ("master", "slave"):
+        device = getattr(arguments, arm)
+        if device in (names.REPLAY, names.PLAYED_TOPICS):
+            raise ParameterError(f"{arm} = {device!r}: not with {side}: a replay has one host")
+        if arm != arguments.side and device != names.SIMULATED:
+            raise ParameterError(f"{arm} = {device!r}: belongs to the peer, not to {side}")
 
 
 def _check_replay(arguments: GraphArguments, options: Values) -> None:

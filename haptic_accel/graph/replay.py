@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 INHERITED = ("controller", "rig", "grip", "surface", "master", "params_file", "seed")
 """Arguments of the graph that are as they were when the bag was recorded, unless given."""
 
+ONE_HOST = ("side", "peer", "transport", "keys")
+"""Arguments of the graph that a replay has not."""
+
 REPLAYED = ("replay", "replay_speed", "replay_loop", "replay_start", "rate", "duration", "bag")
 """Arguments of the graph that the arguments of the replay stand for."""
 
@@ -122,7 +125,7 @@ def described_replay() -> list[tuple[str, str, str]]:
             rest.append((name, "", f"{text}; empty as in the bag, or {default or 'none'}"))
         elif name == "slave":
             rest.append((name, "", f"{text}; empty by source"))
-        elif name not in (*REPLAYED, "recording"):
+        elif name not in (*REPLAYED, *ONE_HOST, "recording"):
             rest.append((name, default, text))
     return [*described(ReplayArguments), *rest]
 

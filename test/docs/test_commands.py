@@ -15,7 +15,7 @@ from bagging import of_trial, write_bag
 from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.cli.main import command_line
 from haptic_accel.cli.options import Verb, Words
-from haptic_accel.core.parameters import schema
+from haptic_accel.core.parameters import Checked, schema
 from haptic_accel.core.topics import TOPICS
 from haptic_accel.core.trial import run_trial
 from haptic_accel.graph.files import read_parameter_file
@@ -109,15 +109,21 @@ def check_verb(words: Sequence[str]) -> None:
 
 
 def check_words(declared: Words, words: Sequence[str]) -> None:
-    """Read each ``key:=value`` word as the verb would."""
+    """Read the ``key:=value`` words as the verb would."""
     known = [name for name, _, _ in declared.describe()]
+    read: dict[type[Checked], list[str]] = {}
     for word in words:
         key, given, value = word.partition(":=")
         if not given:
             continue
         assert key in known, word
-        if not PLACEHOLDER.fullmatch(value):
-            parse_words([word], next(kind for kind in declared.kinds if key in schema(kind)))
+        kind = next(kind for kind in declared.kinds if key in schema(kind))
+        default, specification = schema(kind)[key]
+        any_text = isinstance(default, str) and not specification.choices
+        if any_text or not PLACEHOLDER.fullmatch(value):
+            read.setdefault(kind, []).append(word)
+    for kind, read_by_it in read.items():
+        parse_words(read_by_it, kind)
 
 
 def words_of(verb: str) -> Words:

@@ -94,7 +94,7 @@ def test_wildcards_reach_the_nodes_that_have_the_parameter(tmp_path: Path) -> No
     file.write_text("/**: {ros__parameters: {latency: 2}}")
     values = read_parameter_file(file)
     assert values["master_device"] == values["compensator"] == {"latency": 2}
-    assert values["coupler"] == {}
+    assert values["recorder"] == {}
 
 
 def test_namespaces_before_a_node_are_understood(tmp_path: Path) -> None:

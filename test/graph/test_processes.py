@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
 from haptic_accel.graph.node_parameters import node_schema
 from haptic_accel.graph.processes import (
     graph,
@@ -25,6 +26,72 @@ def test_five_processes_whose_parameters_they_have() -> None:
         assert list(process.parameters) == [process.executable]
         for node, values in process.parameters.items():
             assert set(values) <= set(node_schema(node))
+
+
+@pytest.mark.parametrize(
+    ("side", "executables"),
+    [
+        ("slave", ["recorder", "slave_device", "half_coupler", "link"]),
+        ("master", ["recorder", "master_device", "half_coupler", "compensator", "link"]),
+    ],
+)
+def test_beside_a_peer_each_host_has_its_arm_a_half_of_the_coupling_and_a_link(
+    side: str, executables: list[str], tmp_path: Path
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(f"{side}_device: {{ros__parameters: {{safety: {{recovery: manual}}}}}}")
+    given = GraphArguments(side=side, peer="desk:7000", params_file=str(mine))
+    processes = {process.executable: process for process in graph(given)}
+    assert list(processes) == executables
+    assert [name for name, each in processes.items() if each.respawn] == ["link"]
+    coupler = processes["half_coupler"].parameters["coupler"]
+    expected = {"side": side, "coupling": "passive", "recovery": "manual"}
+    assert coupler.items() >= {**expected, "compensated": side == "master"}.items()
+    link = {"side": side, "peer": "desk:7000", "transport": "dds", "keys": ""}
+    assert processes["link"].parameters["link"] == link
+    facts = json.loads(processes["recorder"].parameters["recorder"]["facts"])
+    assert facts["arguments"].items() >= {"side": side, "peer": "desk:7000"}.items()
+    assert set(facts["parameters"]) == {f"{side}_device", "coupler", "link"} | (
+        {"compensator"} if side == "master" else set()
+    )
+
+
+def test_with_both_arms_here_there_is_no_link_and_the_coupling_is_the_papers() -> None:
+    values = graph_parameters(GraphArguments())["coupler"]
+    assert (values["coupling"], values["side"]) == ("spring", "")
+    assert "recovery" not in values
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("side:=slave", "side = 'slave': must come with peer:=HOST"),
+        ("peer:=desk", "peer = 'desk': must come with side:=master or slave"),
+        ("side:=both peer:=desk", "side = 'both': must be one of master, slave"),
+        ("side:=slave peer:=a:b", "peer = 'a:b': must be HOST or HOST:PORT"),
+        ("transport:=zenoh", "transport = 'zenoh': must come with peer:=HOST"),
+        ("keys:=mine", "keys = 'mine': must come with peer:=HOST"),
+        (
+            "side:=slave peer:=desk transport:=zenoh",
+            "transport = 'zenoh': must come with keys:=FOLDER",
+        ),
+        (
+            "side:=slave peer:=desk keys:=mine",
+            "keys = 'mine': must come with transport:=zenoh",
+        ),
+        ("side:=slave peer:=desk composed:=true", "composed = true: not with side:=slave"),
+        ("side:=slave peer:=desk slave:=replay", "slave = 'replay': not with side:=slave"),
+        ("side:=master peer:=desk slave:=topics", "slave = 'topics': not with side:=master"),
+        (
+            "side:=master peer:=desk slave:=serial",
+            "slave = 'serial': belongs to the peer, not to side:=master",
+        ),
+    ],
+)
+def test_what_two_hosts_cannot_have_is_refused(words: str, line: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        graph(parse_arguments(words.split()))
+    assert str(refused.value).startswith(line)
 
 
 def test_composed_is_one_process_and_a_recorder() -> None:
