@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.analysis.metrics import MILLI, AnalysedTrial, Shift, measure
-from haptic_accel.analysis.segments import VECTORS, Segment, cut, read_segment
-from haptic_accel.analysis.two_hosts import ROBOT, Across, Host, compare_across, host_of, pairs
+from haptic_accel.analysis.segments import ROBOT, VECTORS, Segment, cut, read_segment
+from haptic_accel.analysis.two_hosts import Across, Host, compare_across, host_of, pairs
 from haptic_accel.bags.folder import find_bags
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
@@ -102,11 +102,11 @@ def analyse(
     trials: list[AnalysedTrial] = []
     problems: dict[str, list[str]] = {}
     seen: dict[tuple[Path, object, bytes], str] = {}
-    hosts: list[Host] = []
+    hosts: dict[str, Host] = {}
     done = 0
     for task, (measured, complaints, host) in zip(tasks, spread(_measured, tasks), strict=False):
         kept = []
-        hosts += [host] if host else []
+        hosts |= {task.name: host} if host else {}
         for trial, digest in measured:
             first = seen.setdefault((task.source, trial.segment.condition, digest), trial.name)
             if first == trial.name:
@@ -120,7 +120,10 @@ def analyse(
         done += 1
         if ended:
             ended(done, len(tasks), task.name, kept)
-    across = _across(trials, hosts, spread, problems)
+    partners = {operator.bag: (operator, robot) for operator, robot in pairs([*hosts.values()])}
+    _name_alone(hosts, partners, problems)
+    trials = [_touching(trial, partners) for trial in trials]
+    across = _across(trials, partners, spread, problems)
     return Analysis(_showing_the_same(trials, spread), problems, shift, done, across)
 
 
@@ -158,21 +161,40 @@ def _measured(task: _Task) -> tuple[list[tuple[AnalysedTrial, bytes]], list[str]
     return measured, list(parts.problems), host
 
 
+_Partners = Mapping[Path, tuple[Host, Host]]
+"""Operator and robot of a run by the operator's bag."""
+
+
+def _name_alone(
+    hosts: Mapping[str, Host], partners: _Partners, problems: dict[str, list[str]]
+) -> None:
+    """Add the bags of robots without an operator to the problems."""
+    used = {robot.bag for _, robot in partners.values()}
+    for name, host in hosts.items():
+        if host.side == ROBOT and host.bag not in used:
+            problems.setdefault(name, []).append(
+                "is of a robot alone: no operator's bag here is of the same run and states the"
+                " offset of its clock"
+            )
+
+
+def _touching(trial: AnalysedTrial, partners: _Partners) -> AnalysedTrial:
+    """Return a trial with the surface that the robot's bag states."""
+    segment = trial.segment
+    if segment.bag not in partners:
+        return trial
+    surface = partners[segment.bag][1].surface
+    condition = replace(segment.condition, surface=surface)
+    return replace(trial, segment=replace(segment, condition=condition))
+
+
 def _across(
     trials: Sequence[AnalysedTrial],
-    hosts: Sequence[Host],
+    partners: _Partners,
     spread: Spread,
     problems: dict[str, list[str]],
 ) -> list[Across]:
     """Compare handles with the tools of robots; add what is impossible to the problems."""
-    partners = {operator.bag: (operator, robot) for operator, robot in pairs(hosts)}
-    used = {robot.bag for _, robot in partners.values()}
-    for host in hosts:
-        if host.side == ROBOT and host.bag not in used:
-            problems.setdefault(str(host.bag), []).append(
-                "is of a robot alone: no operator's bag here is of the same run and states the"
-                " offset of its clock"
-            )
     tasks = [(t, *partners[t.segment.bag]) for t in trials if t.segment.bag in partners]
     found = []
     for task, result in zip(tasks, spread(compare_across, tasks), strict=False):

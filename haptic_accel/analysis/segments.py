@@ -39,6 +39,9 @@ SHORTEST = 0.9
 _WHOLE = 1e-3
 """Part of a sample by which the last one may lie behind a segment's end: stamps are whole ns."""
 
+OPERATOR, ROBOT = "master", "slave"
+"""Values of the argument ``side``, by which a bag says that another host has the other arm."""
+
 UNKNOWN = "unknown"
 """Name of a controller, surface or grip that a bag does not state."""
 
@@ -321,7 +324,7 @@ def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list
         field: str(nodes[node].get(name) or arguments.get(field, UNKNOWN))
         for (node, name), field in _CONDITIONS.items()
     }
-    condition = Condition(**stated | {"surface": _surface(arguments, nodes["slave_device"])})
+    condition = Condition(**stated | {"surface": surface_of(recorded)})
     pair: tuple[str, ...] = (recorded.path.name,)
     if arguments:
         seed = arguments.get("seed", nodes["slave_device"].get("seed", ""))
@@ -337,8 +340,15 @@ _RIG = ("master_device", "slave_device", "coupler")
 """Nodes whose parameters describe the virtual rig."""
 
 
-def _surface(arguments: Mapping[str, Any], slave: Mapping[str, Any]) -> str:
-    """Return the name of the surface, or of what was played in its place."""
+def surface_of(recorded: Bag) -> str:
+    """Return the name of the surface, or of what was played in its place, as a bag states it.
+
+    An operator's host does not know what the robot touches.
+    """
+    arguments = _mapping(recorded.facts.get("arguments"))
+    slave = _mapping(_mapping(recorded.facts.get("parameters")).get("slave_device"))
+    if arguments.get("side") == OPERATOR:
+        return UNKNOWN
     asked = str(arguments.get("surface", ""))
     if arguments.get("slave") == REPLAY:
         return f"replay of {Path(str(arguments.get('replay', ''))).stem}"

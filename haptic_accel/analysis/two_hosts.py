@@ -14,16 +14,20 @@ from pathlib import Path
 import numpy as np
 
 from haptic_accel.analysis.metrics import PERCENT, AnalysedTrial, actual_acceleration
-from haptic_accel.analysis.segments import VECTORS, high_passed, read_segment
+from haptic_accel.analysis.segments import (
+    OPERATOR,
+    ROBOT,
+    VECTORS,
+    high_passed,
+    read_segment,
+    surface_of,
+)
 from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.evaluation.delay import estimate_delay, shift_back
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, places, sampling_rate
-
-OPERATOR, ROBOT = "master", "slave"
-"""Values of the argument ``side``."""
 
 OFFSET, BOUND = "clock offset (ms)", "clock offset bound (ms)"
 """Values that the coupler reports: the peer's clock minus the own one, and its largest error."""
@@ -75,6 +79,8 @@ class Host:
     bag : Path
     side, namespace : str
         Arguments of the graph.
+    surface : str
+        Surface that the robot touches, as the bag states it.
     span : tuple of int
         First and last stamp of the tool's acceleration, on the own clock, ns.
     clock : Clock or None
@@ -84,6 +90,7 @@ class Host:
     bag: Path
     side: str
     namespace: str
+    surface: str
     span: tuple[int, int]
     clock: Clock | None
 
@@ -142,7 +149,7 @@ def host_of(recorded: Bag) -> Host | None:
         return None
     span = int(tool.stamps.min()), int(tool.stamps.max())
     namespace = str(arguments.get("namespace", "")).strip("/")
-    return Host(recorded.path, side, namespace, span, _clock(recorded))
+    return Host(recorded.path, side, namespace, surface_of(recorded), span, _clock(recorded))
 
 
 def _clock(recorded: Bag) -> Clock | None:
