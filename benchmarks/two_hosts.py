@@ -47,9 +47,6 @@ OPERATOR, ROBOT = 0, 1
 
 SIDES = {OPERATOR: ("master", topics.MASTER), ROBOT: ("slave", topics.SLAVE)}
 
-DOMAIN = 66
-"""ROS domain of both graphs; they have a network each."""
-
 START_TIME = 60.0
 """Time that both graphs have to engage, s."""
 
