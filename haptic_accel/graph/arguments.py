@@ -15,7 +15,8 @@ from haptic_accel.devices.playback import ReplayParameters
 from haptic_accel.graph import node_parameters as nodes
 from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.words import parse_words
-from haptic_accel.links.parameters import LinkNodeParameters, host_and_port
+from haptic_accel.links.addresses import host_and_port
+from haptic_accel.links.parameters import LinkNodeParameters
 
 AVERAGE_GRIP = "average"
 """Grip of Table I."""

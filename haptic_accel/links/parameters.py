@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from haptic_accel.core.parameters import Checked, ParameterError, parameter, shown
-
-HIGHEST_PORT = 65535
-"""Highest port of UDP."""
+from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.links.addresses import host_and_port
 
 SIDES = ("master", "slave")
 """The two hosts of a pair, by the arm that each has."""
@@ -15,32 +13,8 @@ SIDES = ("master", "slave")
 TRANSPORTS = ("dds", "zenoh")
 """What carries datagrams between hosts."""
 
-
-def host_and_port(peer: str) -> tuple[str, int]:
-    """Return host and port of a peer; port 0 where it names none.
-
-    Parameters
-    ----------
-    peer : str
-        HOST, HOST:PORT, or with an address of IPv6 [HOST]:PORT.
-
-    Raises
-    ------
-    ParameterError
-        It has another form.
-    """
-    host, colon, port = peer.rpartition(":")
-    if not colon or (":" in host and not host.endswith("]")):
-        host, colon, port = peer, "", "0"
-    number = int(port) if port.isascii() and port.isdigit() else -1
-    host = host.removeprefix("[").removesuffix("]")
-    allowed = host and host.isascii() and host.isprintable() and not set(host) & set(" /[]?#,;")
-    if not allowed or number not in range(HIGHEST_PORT + 1) or (colon and not number):
-        raise ParameterError(
-            f"peer = {shown(repr(peer))}: must be HOST or HOST:PORT, with a port from 1 to"
-            f" {HIGHEST_PORT}"
-        )
-    return host, number
+AUTHORITY, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
+"""Files of a host: certificate of the authority, its own certificate, and its private key."""
 
 
 @dataclass(frozen=True)

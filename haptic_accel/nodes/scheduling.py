@@ -12,7 +12,8 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from typing import Any
+from functools import partial
+from typing import Any, NoReturn
 
 import rclpy
 from rclpy.exceptions import InvalidParameterException
@@ -345,8 +346,21 @@ def run(name: str, *builds: Build, niceness: int = 0, priority: int = FORCE_PRIO
     # Before the middleware starts its threads, which inherit it.
     os.nice(niceness)
     os.environ.update(middleware_defaults(os.environ))
+    run_process(name, partial(_run, builds, priority))
+
+
+def run_process(name: str, act: Callable[[Signals], None]) -> NoReturn:
+    """Do what a process is for, then exit with its status; what fails is said in one line.
+
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    act : callable
+        Returns when the signals that it is given say that the process has to end.
+    """
     sharpen_timers()
-    status = _status(builds, name, priority, Signals())
+    status = _status(name, act, Signals())
     # A second signal (launch sends one after the terminal's own) must not fail an end that is
     # under way: Python's own end would put the default back, but leaves what is ignored.
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -354,10 +368,10 @@ def run(name: str, *builds: Build, niceness: int = 0, priority: int = FORCE_PRIO
     sys.exit(status)
 
 
-def _status(builds: Sequence[Build], name: str, priority: int, signals: Signals) -> int:
+def _status(name: str, act: Callable[[Signals], None], signals: Signals) -> int:
     wrong = (ParameterError, InvalidParameterException)
     try:
-        _run(builds, priority, signals)
+        act(signals)
     except (*wrong, DeviceError, OSError) as error:
         print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
         return WRONG_ARGUMENTS if isinstance(error, wrong) else FAILED
@@ -369,7 +383,7 @@ def _run(builds: Sequence[Build], priority: int, signals: Signals) -> None:
     well = False
     try:
         try:
-            _take_arguments()
+            take_arguments()
             nodes.extend(build() for build in builds)
         except RuntimeError as error:
             # rcl's errors have no public type; those of a command line all say what it is.
@@ -381,18 +395,29 @@ def _run(builds: Sequence[Build], priority: int, signals: Signals) -> None:
         _spin(nodes, signals)
         well = True
     finally:
-        _close(nodes, well)
+        close_nodes(nodes, well)
 
 
-def _take_arguments() -> None:
-    """Initialise ROS from the command line, and refuse other words."""
+def take_arguments(domain: int | None = None) -> None:
+    """Initialise ROS from the command line, and refuse other words.
+
+    Parameters
+    ----------
+    domain : int, optional
+        ROS domain; the environment's if not given.
+
+    Raises
+    ------
+    ParameterError
+        Naming the first such word.
+    """
     unknown = remove_ros_args(sys.argv)[1:]
     if unknown:
         raise ParameterError(f"{unknown[0]}: no such argument; use --ros-args -p name:=value")
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
 
 
-def _close(nodes: Sequence[SupervisedNode], well: bool) -> None:
+def close_nodes(nodes: Sequence[SupervisedNode], well: bool) -> None:
     """Close every node, whatever the others do, then the middleware; after a failure or not."""
     with ExitStack() as stack:
         for node in nodes:

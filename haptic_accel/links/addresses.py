@@ -1,0 +1,142 @@
+"""Addresses and ports of the two hosts."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import socket
+from dataclasses import dataclass
+
+from haptic_accel.core.parameters import ParameterError, shown
+
+HIGHEST_PORT = 65535
+"""Highest port of UDP."""
+
+FIRST_PORTS = {"dds": 7300, "zenoh": 7447}
+"""Port of the root namespace by transport: below 7400, where the ports of ROS domain 0 begin, and
+Zenoh's own."""
+
+SLOTS = 50
+"""Namespaces that have ports of their own, the root included; others share one by chance."""
+
+PORTS_EACH = {"dds": 2, "zenoh": 1}
+"""Ports of a pair of hosts: with dds one for each host, the master's first; with zenoh the
+slave's."""
+
+
+def host_and_port(peer: str) -> tuple[str, int]:
+    """Return host and port of a peer; port 0 where it names none.
+
+    Parameters
+    ----------
+    peer : str
+        HOST, HOST:PORT, or with an address of IPv6 [HOST]:PORT.
+
+    Raises
+    ------
+    ParameterError
+        It has another form.
+    """
+    host, colon, port = peer.rpartition(":")
+    if not colon or (":" in host and not host.endswith("]")):
+        host, colon, port = peer, "", "0"
+    number = int(port) if port.isascii() and port.isdigit() else -1
+    host = host.removeprefix("[").removesuffix("]")
+    allowed = host and host.isascii() and host.isprintable() and not set(host) & set(" /[]?#,;")
+    # The slave's port is the one above.
+    if not allowed or number not in range(HIGHEST_PORT) or (colon and not number):
+        raise ParameterError(
+            f"peer = {shown(repr(peer))}: must be HOST or HOST:PORT, with a port from 1 to"
+            f" {HIGHEST_PORT - 1}"
+        )
+    return host, number
+
+
+@dataclass(frozen=True)
+class Route:
+    """Addresses and ports between the two hosts.
+
+    Attributes
+    ----------
+    host : str
+        Peer as given.
+    own, peer : str
+        Numeric addresses of this host, towards the peer, and of the peer.
+    own_port, peer_port : int
+        Ports of UDP on which either hears; with zenoh both are the slave's.
+    """
+
+    host: str
+    own: str
+    peer: str
+    own_port: int
+    peer_port: int
+
+
+def route(peer: str, side: str, transport: str, namespace: str) -> Route:
+    """Find the way to the peer; each transport, side and namespace has the same ports everywhere.
+
+    Parameters
+    ----------
+    peer : str
+        As for `host_and_port`; its port takes the place of the pair's first.
+    side, transport : str
+        Of this host, from `SIDES` and `TRANSPORTS`.
+    namespace : str
+        With a slash before; empty for the root.
+
+    Raises
+    ------
+    ParameterError
+        The peer has another form.
+    OSError
+        There is no such host, or no way to it, in one line.
+    """
+    host, given = host_and_port(peer)
+    each = PORTS_EACH[transport]
+    first = given or FIRST_PORTS[transport] + each * _slot(namespace)
+    ports = (first, first + each - 1)
+    own, other = ports if side == "master" else ports[::-1]
+    return Route(host, *_addresses(host, other, ipv4=transport == "dds"), own, other)
+
+
+def check_free(address: str, port: int) -> None:
+    """Refuse a port of UDP that a program of this machine has.
+
+    Raises
+    ------
+    ParameterError
+        Naming address and port.
+    """
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    with socket.socket(family, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((address, port))
+        except OSError as error:
+            if error.errno not in (errno.EADDRINUSE, errno.EACCES):
+                raise
+            raise ParameterError(
+                f"port {port}/udp of {address}: {os.strerror(error.errno).lower()}; is the link of"
+                " another graph there? give both hosts another, peer:=HOST:PORT"
+            ) from None
+
+
+def _slot(namespace: str) -> int:
+    """Return the number of a namespace's ports: 0 for the root."""
+    digest = hashlib.sha256(namespace.encode()).digest()
+    return 1 + int.from_bytes(digest[:8], "big") % (SLOTS - 1) if namespace else 0
+
+
+def _addresses(host: str, port: int, *, ipv4: bool) -> tuple[str, str]:
+    """Return the numeric addresses of this host, towards another, and of that."""
+    family = socket.AF_INET if ipv4 else socket.AF_UNSPEC
+    try:
+        found = socket.getaddrinfo(host, port, family, socket.SOCK_DGRAM)
+        kind, _, _, _, there = found[0]
+        with socket.socket(kind, socket.SOCK_DGRAM) as asking:
+            asking.connect(there)  # asks for the way; nothing is sent
+            return asking.getsockname()[0], str(there[0])
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ConnectionError(f"peer {host}: cannot be reached: {reason}") from None

@@ -1,0 +1,221 @@
+"""Datagrams between two hosts by Zenoh: encrypted, for holders of a certificate alone.
+
+The slave's host opens a router on one port of UDP, which the master's connects to. Both must show
+a certificate of the same authority, and the slave's must hold for the host name that the master
+gives. Datagrams of QUIC carry the signals: one that is lost holds up none behind it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.links.addresses import Route
+from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
+
+MISSING_LIBRARY = "transport zenoh needs eclipse-zenoh: pip install 'haptic_accel[zenoh]'"
+
+RETRY = 0.25
+"""Interval between attempts of the master's host to connect, s."""
+
+OPENING = 3000
+"""Longest time for a connection to be made, ms: several round trips of 0.5 s."""
+
+LEASE = 1000
+"""Time without a sign of life after which a connection is made anew, ms: a peer that was killed
+and started again is met within 2 s."""
+
+WAITING = 64
+"""Datagrams kept for a thread that is late, of which the newest count: 0.1 s."""
+
+REPEAT = 5.0
+"""Shortest interval between two equal lines about a refusal, s."""
+
+_REASON = re.compile(r'reason: b?"([^"]+)"|(invalid peer certificate[^@]*?) at /')
+_LOGGED = re.compile(r"\S+Z .*?(WARN|ERROR) .*?zenoh\S*: (.*)")
+_CLOSED = re.compile(r"on QUIC link .*(closed|lost)", re.IGNORECASE)
+
+
+def check_keys(folder: str) -> Path:
+    """Return the folder with a host's certificates, all of which can be read.
+
+    Raises
+    ------
+    ParameterError
+        Naming the file that cannot be read.
+    """
+    if not folder:
+        raise ParameterError(
+            "keys = '': must be the folder of this host's certificates for transport zenoh;"
+            " haptic-accel keys makes them"
+        )
+    for name in (AUTHORITY, CERTIFICATE, KEY):
+        try:
+            Path(folder, name).read_bytes()
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise ParameterError(
+                f"keys = {folder!r}: {name}: {reason}; haptic-accel keys makes it"
+            ) from None
+    return Path(folder)
+
+
+def refusal(logged: str) -> str | None:
+    """Return what a line of Zenoh's log says for a user; None for no line of that log."""
+    if not (found := _LOGGED.match(logged)):
+        return None
+    text = found[2].partition(" at /")[0]
+    if "Unable to connect to any" in text:
+        return ""
+    if reason := _REASON.search(logged):
+        why = (reason[1] or reason[2]).strip()
+        return f"connection refused: {why}; both hosts need certificates of one haptic-accel keys"
+    if _CLOSED.search(text):
+        return "connection refused by the peer: does it know this host's certificate?"
+    return f"zenoh: {text[:200]}"
+
+
+class ZenohCarrier:
+    """Carries datagrams to and from the peer.
+
+    Parameters
+    ----------
+    route : Route
+    side : str
+        Of this host, from `SIDES`.
+    namespace : str
+        With a slash before; empty for the root.
+    keys : str
+        Folder with this host's certificates.
+    say : callable
+        Takes a line for the log, from any thread.
+
+    Raises
+    ------
+    ParameterError
+        The library or a file is missing.
+    """
+
+    def __init__(
+        self, route: Route, side: str, namespace: str, keys: str, say: Callable[[str], None]
+    ) -> None:
+        try:
+            import zenoh
+        except ImportError:
+            raise ParameterError(MISSING_LIBRARY) from None
+        self._zenoh: Any = zenoh
+        self._say, self._said = say, dict[str, float]()
+        self._settings = settings(route, side, check_keys(keys))
+        other = "slave" if side == "master" else "master"
+        self._keys = [f"haptic_accel{namespace}/from_{name}" for name in (side, other)]
+        self._session: Any = None
+        self._publisher: Any = None
+        self._over = threading.Event()
+        self._follow_log()
+
+    def send(self, datagram: bytes) -> None:
+        """Send a datagram, or drop it while there is no connection."""
+        if self._publisher:
+            self._publisher.put(datagram)
+
+    def run(self, deliver: Callable[[bytes], object]) -> None:
+        """Connect, and pass received datagrams on, until `close` is called."""
+        subscriber = self._open()
+        while not self._over.is_set():
+            try:
+                deliver(subscriber.recv().payload.to_bytes())
+            except self._zenoh.ZError:
+                if not self._over.is_set():
+                    raise
+
+    def close(self) -> None:
+        """End the session."""
+        self._over.set()
+        if self._session:
+            self._session.close()
+
+    def _open(self) -> Any:
+        """Open the session, trying again until it succeeds, and return its subscriber."""
+        zenoh = self._zenoh
+        while not self._over.is_set():
+            try:
+                session = zenoh.open(self._config())
+                break
+            except zenoh.ZError as error:
+                if "connect" not in str(error):
+                    raise OSError(str(error).partition(" at /")[0]) from None
+                self._over.wait(RETRY)
+        own, peers = self._keys
+        subscriber = session.declare_subscriber(peers, zenoh.handlers.RingChannel(WAITING))
+        self._publisher = session.declare_publisher(
+            own,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+            reliability=zenoh.Reliability.BEST_EFFORT,
+        )
+        self._session = session
+        return subscriber
+
+    def _config(self) -> Any:
+        config = self._zenoh.Config()
+        for name, value in self._settings.items():
+            config.insert_json5(name, json.dumps(value))
+        return config
+
+    def _follow_log(self) -> None:
+        """Take Zenoh's log from the standard output: there alone it says why a peer is refused."""
+        reading, writing = os.pipe()
+        rest = os.dup(1)
+        os.dup2(writing, 1)
+        os.close(writing)
+        self._zenoh.init_log_from_env_or("warn")
+        threading.Thread(target=self._read_log, args=(reading, rest), daemon=True).start()
+
+    def _read_log(self, reading: int, rest: int) -> None:
+        with open(reading, encoding="utf-8", errors="replace") as log:
+            for line in log:
+                text = refusal(line)
+                if text is None:
+                    os.write(rest, line.encode())
+                elif text and time.monotonic() - self._said.get(text, -REPEAT) >= REPEAT:
+                    self._said = {text: time.monotonic()}
+                    self._say(text)
+
+
+def settings(route: Route, side: str, keys: Path) -> dict[str, Any]:
+    """Return Zenoh's settings: one endpoint, certificates on both sides, no discovery."""
+    listens = side == "slave"
+    host = route.own if listens else route.host
+    host = f"[{host}]" if ":" in host else host
+    endpoints = [f"quic/{host}:{route.peer_port}?mixed_rel=1"]
+    role = "listen" if listens else "connect"
+    return {
+        "mode": "router" if listens else "client",
+        f"{role}/endpoints": endpoints,
+        "connect/retry": {
+            "period_init_ms": round(1000 * RETRY),
+            "period_max_ms": round(1000 * RETRY),
+            "period_increase_factor": 1,
+        },
+        "scouting/delay": 0,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/unicast/open_timeout": OPENING,
+        "transport/link/tx/lease": LEASE,
+        "transport/link/tls": {
+            "root_ca_certificate": str(keys / AUTHORITY),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+            f"{role}_certificate": str(keys / CERTIFICATE),
+            f"{role}_private_key": str(keys / KEY),
+        },
+    }

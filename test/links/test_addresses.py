@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.links.addresses import check_free, host_and_port, route
+from haptic_accel.links.parameters import SIDES, TRANSPORTS, LinkNodeParameters
+
+
+@pytest.mark.parametrize(
+    ("peer", "expected"),
+    [
+        ("robot", ("robot", 0)),
+        ("10.0.0.2:9000", ("10.0.0.2", 9000)),
+        ("robot.lab:1", ("robot.lab", 1)),
+        ("fd00::2", ("fd00::2", 0)),
+        ("[fd00::2]:7447", ("fd00::2", 7447)),
+    ],
+)
+def test_a_peer_is_a_host_with_or_without_a_port(peer: str, expected: tuple[str, int]) -> None:
+    assert host_and_port(peer) == expected
+
+
+@pytest.mark.parametrize(
+    "peer", [":7", "robot:", "robot:0", "robot:65535", "a b", "robot:x", "a/b", "[]:1"]
+)
+def test_another_form_is_refused_in_one_line(peer: str) -> None:
+    with pytest.raises(ParameterError, match=r"^peer = .*: must be HOST or HOST:PORT"):
+        LinkNodeParameters(peer=peer)
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+@pytest.mark.parametrize("namespace", ["", "/left"])
+@pytest.mark.parametrize("peer", ["127.0.0.1", "127.0.0.1:9000"])
+def test_both_hosts_find_the_same_ports(transport: str, namespace: str, peer: str) -> None:
+    master, slave = (route(peer, side, transport, namespace) for side in SIDES)
+    assert master.own_port == slave.peer_port
+    assert master.peer_port == slave.own_port
+    assert (master.own_port == slave.own_port) == (transport == "zenoh")
+    assert not peer.endswith("9000") or master.own_port == 9000
+
+
+def test_two_namespaces_have_ports_of_their_own_outside_those_of_ros() -> None:
+    ports = [
+        port
+        for namespace in ("", "/left", "/right")
+        for side in SIDES
+        for port in (route("127.0.0.1", side, "dds", namespace).own_port,)
+    ]
+    assert len(set(ports)) == len(ports)
+    assert max(ports) < 7400
+
+
+def test_the_own_address_is_that_towards_the_peer() -> None:
+    found = route("localhost", "master", "dds", "")
+    assert (found.host, found.own, found.peer) == ("localhost", "127.0.0.1", "127.0.0.1")
+
+
+def test_a_peer_without_an_address_is_said_in_one_line() -> None:
+    with pytest.raises(OSError, match=r"^peer no-such.invalid: cannot be reached: "):
+        route("no-such.invalid", "master", "dds", "")
+
+
+def test_a_taken_port_is_refused_in_a_line_that_names_it() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        with pytest.raises(ParameterError, match=rf"^port {port}/udp of 127\.0\.0\.1: address al"):
+            check_free("127.0.0.1", port)
+    check_free("127.0.0.1", port)
