@@ -103,6 +103,11 @@ class Motions:
             self._positions.popleft()
             yield Motion(stamp, position, self.velocity.value if self.velocity else ZERO)
 
+    @property
+    def waiting(self) -> bool:
+        """True while a position waits for what is joined with it."""
+        return bool(self._positions)
+
     def clear(self) -> None:
         """Forget what waits."""
         self._positions.clear()

@@ -107,9 +107,9 @@ class HalfEngagement(Engagement):
                 self._freed = LOST
         return decision
 
-    def peer_lost(self, now: float) -> bool:
-        """Return whether the arm is engaged with a peer that has gone."""
-        return self.engaged and bool(self._lost(now))
+    def is_left(self, now: float) -> bool:
+        """Return whether the arm is engaged but must be released because of the peer."""
+        return self.engaged and (self.stop.stopped or bool(self._missing_there(now)))
 
     def _lost(self, now: float) -> str:
         """Return how the peer was lost; empty if it was not."""

@@ -205,17 +205,20 @@ class Endpoint:
         """Return the age of the peer's position by the clocks' offset, s; 0 without one."""
         return self._age_of(self.peer.stamp, system) if self.peer and self.peer.stamp else 0.0
 
-    def problem(self, system: int, now: float) -> str:
-        """Return what is wrong between the hosts, one line; empty for nothing."""
-        if refused := self.session.problem(now):
-            return refused
-        offset, bound = self.clock.offset(system), self.clock.bound
+    def problems(self, system: int, now: float) -> dict[str, str]:
+        """Return what is wrong between the hosts: lines for the user by kind of problem."""
+        refused, offset, bound = (
+            self.session.problem(now),
+            self.clock.offset(system),
+            self.clock.bound,
+        )
+        found = {refused: refused} if refused else {}
         if math.isfinite(bound) and abs(offset) > CLOCKS_AGREE + bound:
-            return (
+            found["clock"] = (
                 f"the peer's clock is {offset * 1e3:+.1f} ms (within {bound * 1e3:.1f} ms) from"
                 " this host's: run chrony on both"
             )
-        return ""
+        return found
 
     def status(self, system: int, now: float) -> dict[str, str]:
         """Return values for diagnostics."""

@@ -99,7 +99,7 @@ class Run:
                 for data in self.ways[other].arrived(self.now):
                     if packet := host.end.incoming(data, self.now, system):
                         host.engagement.peer_heard(packet, self.now)
-                if tick % round(STEP_PERIOD * RATE) == 0 or host.engagement.peer_lost(self.now):
+                if tick % round(STEP_PERIOD * RATE) == 0 or host.engagement.is_left(self.now):
                     host.step(self.now)
                 data = host.end.outgoing(host.state, Motion(), 0.0, self.now, system)
                 if data:
