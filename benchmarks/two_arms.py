@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import random
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -22,8 +23,14 @@ RATE = 1000.0
 STEPS = 5
 """Steps of integration in a sample."""
 
+CHANGE_TIME = 2.0
+"""Time at which a network becomes another, s."""
+
 PACKETS = 2
 """Samples from packet to packet."""
+
+HAND_DAMPING = 3.0
+"""Damping of a hand that holds an arm, N s/m: 0.4 of critical on the arm's mass."""
 
 Around = Callable[[Vector, Vector], Vector]
 """Force, N, of what is around an arm, from its position, m, and velocity, m/s."""
@@ -71,7 +78,7 @@ class Arm:
 class Hand:
     """A hand that leads an arm along a path."""
 
-    def __init__(self, path: Path, stiffness: float = 150.0, damping: float = 3.0) -> None:
+    def __init__(self, path: Path, stiffness: float = 150.0, damping: float = HAND_DAMPING) -> None:
         self._path, self._stiffness, self._damping = path, stiffness, damping
         self.place = path(0.0)
 
@@ -125,10 +132,14 @@ class Side:
     channel: Channel[Packet]
     latency: int = 1
     reports_work: bool = False
+    stopped: bool = False
+    speed_noise: float = 0.0
+    age_factor: float = 1.0
     session: int = 0
     sequence: itertools.count[int] = field(default_factory=itertools.count)
     newest: Packet | None = None
     left: set[int] = field(default_factory=set)
+    noise: random.Random = field(default_factory=lambda: random.Random(0))
 
     def __post_init__(self) -> None:
         """Start the half's process."""
@@ -184,67 +195,81 @@ class Side:
         if not self.half.engaged:
             self.half.engage()
         work = self.arm.work if self.reports_work else None
-        age = now - newest.echoed
+        age = (now - newest.echoed) * self.age_factor
+        velocity = self.measured_velocity
         self.due.append(
             self.half.force(
-                self.own_position, self.arm.velocity, newest.position, newest.velocity, age, work
+                self.own_position, velocity, newest.position, newest.velocity, age, work
             )
         )
-        return self.due.popleft()
+        due = self.due.popleft()
+        return ZERO if self.stopped else due
+
+    @property
+    def measured_velocity(self) -> Vector:
+        """Velocity with the noise of its measurement, m/s."""
+        x, y, z = (v + self.noise.uniform(-1, 1) * self.speed_noise for v in self.arm.velocity)
+        return x, y, z
 
 
 @dataclass(frozen=True)
 class Instant:
-    """State of both arms at a sample."""
+    """State of both arms at a sample; energy given to both, J, and their commanded forces, N."""
 
     time: float
     master: Vector
     slave: Vector
     slave_speed: float
     given: float
+    forces: tuple[Vector, Vector]
+
+
+Event = Callable[[float, Side, Side], None]
+"""What happens to master and slave at a time, s."""
+
+
+def nothing(_: float, __: Side, ___: Side) -> None:
+    """Let nothing happen."""
 
 
 def run(
     parameters: PassiveParameters,
-    network: ChannelParameters,
+    networks: tuple[Channel[Packet], Channel[Packet]],
     path: Path,
     around_slave: Around,
     duration: float,
-    seed: int = 0,
-    later: tuple[float, ChannelParameters] | None = None,
+    event: Event = nothing,
+    latency: int = 1,
+    hand_damping: float = HAND_DAMPING,
 ) -> Iterator[Instant]:
     """Yield both arms' motion sample by sample.
 
     Parameters
     ----------
-    later : tuple
-        Time, s, and the network from then on.
+    networks : tuple of Channel
+        From the master and from the slave.
     """
-    hand = Hand(path)
+    hand = Hand(path, damping=hand_damping)
     surroundings: tuple[Around, Around] = (hand, around_slave)
-    sides = [
-        Side(Arm(outside), parameters, Channel[Packet](network, seed + index))
-        for index, outside in enumerate(surroundings)
-    ]
-    master, slave = sides
+    master, slave = (
+        Side(Arm(outside), parameters, channel, latency)
+        for outside, channel in zip(surroundings, networks, strict=True)
+    )
     for tick in range(round(duration * RATE)):
         now = tick / RATE
-        if later and now >= later[0]:
-            for side in sides:
-                side.channel.parameters = later[1]
         hand.lead(now)
+        event(now, master, slave)
         for side, other in ((master, slave), (slave, master)):
             for packet in other.channel.arrived(now):
                 side.hear(packet)
-        forces = [side.force(now) for side in sides]
-        if tick % PACKETS == 0:
-            for side in sides:
+        forces = master.force(now), slave.force(now)
+        for side, force in zip((master, slave), forces, strict=True):
+            if tick % PACKETS == 0:
                 side.channel.send(side.packet(now), now)
-        for side, force in zip(sides, forces, strict=True):
             side.arm.move(force)
         speed = math.hypot(*slave.arm.velocity)
         given = master.arm.work + slave.arm.work
-        yield Instant(now, master.own_position, slave.own_position, speed, given)
+        yield Instant(now, master.own_position, slave.own_position, speed, given, forces)
 
 
 def press(time: float) -> Vector:
@@ -285,10 +310,19 @@ def row(
     before: ChannelParameters | None = None,
     seed: int = 0,
 ) -> Row:
-    """Return what a law reaches on a network; `before` is the network until 2 s."""
-    later = (2.0, network) if before else None
-    contact = list(run(parameters, before or network, press, wall(), 6.0, seed, later))
-    moved = [i for i in run(parameters, before or network, stroke, free, 6.0, seed, later)]
+    """Return what a law reaches on a network; `before` is the one at first."""
+
+    def change(time: float, *sides: Side) -> None:
+        if time >= CHANGE_TIME:
+            for side in sides:
+                side.channel.parameters = network
+
+    def instants(path: Path, around: Around) -> list[Instant]:
+        first = before or network
+        channels = Channel[Packet](first, seed), Channel[Packet](first, seed + 1)
+        return list(run(parameters, channels, path, around, 6.0, change))
+
+    contact, moved = instants(press, wall()), instants(stroke, free)
     errors = [math.dist(i.master, i.slave) ** 2 for i in moved[3000:]]
     return Row(
         parameters.law,

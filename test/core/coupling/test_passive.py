@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import random
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.coupling.passive import (
@@ -17,6 +20,8 @@ from haptic_accel.core.coupling.passive import (
     PassiveParameters,
 )
 from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.network.channel import Channel, ChannelParameters
+from two_arms import Instant, Packet, Side, free, run, wall
 
 RATE = 1000.0
 positions = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
@@ -241,3 +246,104 @@ def test_another_scale_moves_no_arm() -> None:
     pair.change(replace(RICH, scale=3.0), 500)
     for force in pair.forces(at, at):
         assert force == pytest.approx(ZERO, abs=1e-9)
+
+
+# Over a network
+
+
+class Trial:
+    """A random network, hand, wall and course of events; whatever it does is in its seed."""
+
+    duration = 0.8
+
+    def __init__(self, seed: int) -> None:
+        self.random = chance = random.Random(seed)
+        self.parameters = PassiveParameters(
+            stiffness=chance.choice([50.0, 250.0, 2000.0]),
+            local_damping=chance.choice([0.3, 3.0, 10.0]),
+            max_force=chance.choice([0.5, 3.3, 10.0]),
+        )
+        self.networks = Channel[Packet](*self.network()), Channel[Packet](*self.network())
+        self.latency = chance.choice([0, 1, 3])
+        self.prepared = False
+
+    def network(self) -> tuple[ChannelParameters, int, list[tuple[float, float]]]:
+        chance = self.random
+        delay = chance.choice([0.0, 0.02, 0.1, 0.5]) * chance.random()
+        parameters = ChannelParameters(
+            delay,
+            chance.choice([0.0, delay * chance.random()]),
+            chance.choice([0.0, 0.1, 0.9, 1.0]) * chance.random(),
+            chance.choice([0.0, chance.random()]),
+        )
+        dark = chance.random() * self.duration
+        return parameters, chance.randrange(2**32), [(dark, dark + chance.choice([0.0, 0.2]))]
+
+    def run(self) -> Iterator[Instant]:
+        chance = self.random
+        swings = [
+            (0.05 * chance.random() / f, 2 * math.pi * f, 6.28 * chance.random())
+            for f in (chance.uniform(0.5, 8.0) for _ in range(3))
+        ]
+
+        def path(time: float) -> Vector:
+            x, y, z = (
+                size * (math.sin(omega * time + phase) - math.sin(phase))
+                for size, omega, phase in swings
+            )
+            return x, y, z
+
+        around = chance.choice([free, wall(chance.uniform(100, 5000), chance.uniform(-0.01, 0.0))])
+        args = self.parameters, self.networks, path, around, self.duration, self.event
+        return run(*args, self.latency, chance.choice([0.0, 3.0]))
+
+    def event(self, _: float, master: Side, slave: Side) -> None:
+        chance = self.random
+        if not self.prepared:
+            self.prepared = True
+            for side in (master, slave):
+                side.reports_work = chance.random() < 0.7
+                side.arm.limit = chance.choice([0.2, 3.0]) if side.reports_work else math.inf
+                side.age_factor = chance.choice([0.0, 1.0])  # a wrong one costs comfort only
+                side.speed_noise = chance.choice([0.0, 0.2])
+        if chance.random() > 0.01:
+            return
+        side, other = chance.sample([master, slave], 2)
+        match chance.randrange(5):
+            case 0 if other.half.engaged:  # one of both halves lives on
+                side.start()
+            case 1 if side.reports_work:
+                side.stopped = not side.stopped
+            case 2:
+                side.half.disengage()
+                side.due = deque([ZERO] * side.latency)
+            case 3:
+                stiffness = chance.choice([20.0, 250.0, 5000.0])
+                side.half.change(replace(self.parameters, stiffness=stiffness))
+            case 4:
+                side.channel.parameters = self.network()[0]
+
+
+def worst(trial: Trial) -> float:
+    """Return the most net energy that a trial gave, J, after a look at its forces."""
+    most = 0.0
+    for instant in trial.run():
+        most = max(most, instant.given)
+        for force in instant.forces:
+            assert math.hypot(*force) <= trial.parameters.max_force * (1 + 1e-12)
+    return most
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32))
+def test_no_network_makes_the_coupling_give_more_than_was_granted(seed: int) -> None:
+    trial = Trial(seed)
+    assert worst(trial) <= 2 * trial.parameters.energy + 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_ten_thousand_networks_do_not_either() -> None:
+    for seed in range(10_000):
+        trial = Trial(seed)
+        assert worst(trial) <= 2 * trial.parameters.energy + 1e-9, seed
