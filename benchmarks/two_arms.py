@@ -78,7 +78,9 @@ class Arm:
 class Hand:
     """A hand that leads an arm along a path."""
 
-    def __init__(self, path: Path, stiffness: float = 150.0, damping: float = HAND_DAMPING) -> None:
+    def __init__(
+        self, path: Path, stiffness: float = 150.0, damping: float = HAND_DAMPING
+    ) -> None:
         self._path, self._stiffness, self._damping = path, stiffness, damping
         self.place = path(0.0)
 
@@ -131,6 +133,7 @@ class Side:
     parameters: PassiveParameters
     channel: Channel[Packet]
     latency: int = 1
+    leads: bool = False
     reports_work: bool = False
     stopped: bool = False
     speed_noise: float = 0.0
@@ -148,7 +151,7 @@ class Side:
     def start(self) -> None:
         """Start the half's process, again if it runs."""
         self.session += 1
-        self.half = PassiveHalf(self.parameters, RATE, self.latency)
+        self.half = PassiveHalf(self.parameters, RATE, self.latency, leads=self.leads)
         self.newest, self.left = None, set()
         self.origin = self.arm.position
         self.due = deque([ZERO] * self.latency)
@@ -252,8 +255,8 @@ def run(
     hand = Hand(path, damping=hand_damping)
     surroundings: tuple[Around, Around] = (hand, around_slave)
     master, slave = (
-        Side(Arm(outside), parameters, channel, latency)
-        for outside, channel in zip(surroundings, networks, strict=True)
+        Side(Arm(outside), parameters, channel, latency, leads)
+        for outside, channel, leads in zip(surroundings, networks, (False, True), strict=True)
     )
     for tick in range(round(duration * RATE)):
         now = tick / RATE

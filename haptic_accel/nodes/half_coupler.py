@@ -40,7 +40,9 @@ class HalfCoupler(CouplingNode):
         topics_here = ARM_TOPICS[p.side]
         self._scale = p.scale if p.side == SLAVE else 1.0
         force = min(p.max_force / self._scale, 100.0)
-        self._half = PassiveHalf(replace(p, max_force=force), p.rate, p.latency)
+        self._half = PassiveHalf(
+            replace(p, max_force=force), p.rate, p.latency, leads=p.side == SLAVE
+        )
         self._endpoint = Endpoint(p.side, p.rate, self._session)
         self._local = LocalEnd(
             COUPLER, self.context.get_domain_id(), self.get_namespace().rstrip("/")

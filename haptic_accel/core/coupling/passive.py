@@ -52,6 +52,17 @@ NONSENSE = 1e6
 LONGEST_AGE = 10.0
 """Age, s, that stands for every longer one."""
 
+LEAD = 0.9
+"""Time by which the slave's half leads its set-point by the master's velocity, as a multiple of
+the age: the set-point is late by half an age, and damping holds the slave back by another half."""
+
+LEAD_SMOOTHING = 0.03
+"""Time constant of that velocity's low-pass, s: a shaking handle is not to be led."""
+
+SMOOTHING = 0.1
+"""Time constant of the set-point's low-pass, as a multiple of the age: its corner is 30 Hz at
+an age of 50 ms."""
+
 RAISE_TIME = 1.0
 """Least time in which stiffness rises from zero to that of the parameters, s; it falls at once."""
 
@@ -136,6 +147,8 @@ class PassiveHalf:
         Samples per second.
     latency : int
         Samples from the one that caused a force to the tick at which the force takes effect.
+    leads : bool
+        The set-point is led by the peer's velocity: for the slave, which follows.
 
     Attributes
     ----------
@@ -149,15 +162,23 @@ class PassiveHalf:
         Share of the last second in which the account shortened the force.
     """
 
-    def __init__(self, parameters: PassiveParameters, rate: float, latency: int = LATENCY) -> None:
+    def __init__(
+        self,
+        parameters: PassiveParameters,
+        rate: float,
+        latency: int = LATENCY,
+        *,
+        leads: bool = False,
+    ) -> None:
         self._p = parameters
+        self._lead = LEAD if leads else 0.0
         self._period = 1.0 / rate
         self._latency = latency
         self._ages = _AgeQuantile(rate)
         self._engaged = self._used = False
         self.energy = self.shipped = self._received = 0.0
         self.limited = 0.0
-        self.stiffness = self.damping = 0.0
+        self.stiffness = self.damping = self._age = 0.0
         self._clear()
 
     @property
@@ -229,6 +250,8 @@ class PassiveHalf:
         self._start()
         self._book(position, work)
         self._follow_age(round_trip_age)
+        if self._p.law == "passive":
+            set_point = self._led(set_point, set_point_velocity)
         force = self._spend(position, velocity, set_point)
         self._forces.append(force)
         return force.total
@@ -253,6 +276,8 @@ class PassiveHalf:
         self._work: float | None = None
         self._forces = deque([_NO_FORCE] * (self._latency + 1))
         self._spring_energy = 0.0
+        self._set_point: Vector | None = None
+        self._led_velocity = ZERO
 
     def _settle(self) -> None:
         """Write off what forces that still act could give, as nobody will measure it."""
@@ -291,12 +316,24 @@ class PassiveHalf:
             self.stiffness = p.stiffness
             return
         age = self._ages.put(age if 0.0 <= age < LONGEST_AGE else LONGEST_AGE)
-        age += (2 * self._latency + 1) * self._period  # of the force itself
+        self._age = age = age + (2 * self._latency + 1) * self._period  # of the force itself
         rise = p.stiffness * self._period / RAISE_TIME
         self.stiffness = min(p.stiffness, 2 * p.local_damping / age)
         if before:
             self.stiffness = min(self.stiffness, before + rise)
         self.damping = self.stiffness * age / 2
+
+    def _led(self, set_point: Vector, velocity: Vector) -> Vector:
+        """Return the set-point where its arm will have moved meanwhile, without jitter's jumps."""
+        share = self._period / (self._period + LEAD_SMOOTHING)
+        self._led_velocity = led = _toward(self._led_velocity, velocity, share)
+        x, y, z = set_point
+        vx, vy, vz = led
+        lead = self._lead * self._age
+        ahead = x + lead * vx, y + lead * vy, z + lead * vz
+        share = self._period / (self._period + SMOOTHING * self._age)
+        self._set_point = _toward(self._set_point or ahead, ahead, share)
+        return self._set_point
 
     def _spend(self, position: Vector, velocity: Vector, set_point: Vector) -> _Force:
         """Return the force towards a set-point that the account can bear; ship what is over."""
@@ -355,7 +392,10 @@ class PassivePair:
         self._scale = parameters.scale
         self._origins: tuple[Vector, Vector] | None = None
         first, second = _of_both(parameters)
-        self.halves = PassiveHalf(first, rate, latency), PassiveHalf(second, rate, latency)
+        self.halves = (
+            PassiveHalf(first, rate, latency),
+            PassiveHalf(second, rate, latency, leads=True),
+        )
 
     @property
     def engaged(self) -> bool:
@@ -412,6 +452,11 @@ class PassivePair:
         first.receive(second.shipped)
         second.receive(first.shipped)
         return on_master, _scaled(on_slave, scale)
+
+
+def _toward(start: Vector, end: Vector, share: float) -> Vector:
+    x, y, z = start
+    return x + share * (end[0] - x), y + share * (end[1] - y), z + share * (end[2] - z)
 
 
 def _of_both(parameters: PassiveParameters) -> tuple[PassiveParameters, PassiveParameters]:

@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 from haptic_accel.core.coupling.passive import (
     CEILING,
     KEPT,
+    LEAD,
+    SMOOTHING,
     PassiveHalf,
     PassivePair,
     PassiveParameters,
@@ -84,6 +86,29 @@ def test_one_late_packet_in_a_thousand_changes_nothing_for_long() -> None:
     assert half.stiffness == pytest.approx(250.0)
 
 
+# Set-point
+
+
+def test_the_slaves_half_leads_a_moving_set_point_and_no_other() -> None:
+    speed, age = 0.1, 0.05
+    for leads, expected in ((False, 0.0), (True, LEAD)):
+        half = PassiveHalf(RICH, RATE, 0, leads=leads)
+        half.engage()
+        for tick in range(1000):  # at its set-point, which moves
+            at = (speed * tick / RATE, 0.0, 0.0)
+            force = half.force(at, ZERO, at, (speed, 0.0, 0.0), age)
+        led = (expected - SMOOTHING) * (age + 0.001) * speed
+        assert force[0] == pytest.approx(half.stiffness * led, rel=0.03)
+
+
+def test_a_jump_of_the_set_point_is_smoothed_within_a_fraction_of_the_age() -> None:
+    half = engaged()
+    forces = [half.force(ZERO, ZERO, (0.001, 0.0, 0.0), ZERO, 0.05)[0]]
+    forces += [half.force(ZERO, ZERO, (0.003, 0.0, 0.0), ZERO, 0.05)[0] for _ in range(50)]
+    assert forces == sorted(forces)
+    assert forces[5] == pytest.approx(half.stiffness * (0.003 - 0.002 / math.e), rel=0.1)
+
+
 # Account
 
 
@@ -133,7 +158,8 @@ def test_energy_above_the_ceiling_is_the_peers() -> None:
     act(taker)
     giver.force(ZERO, ZERO, (0.01, 0.0, 0.0), ZERO, 0.0)
     pulled = giver.energy
-    giver.force((-0.05, 0.0, 0.0), ZERO, (-0.05, 0.0, 0.0), ZERO, 0.0)  # against its force
+    for _ in range(50):  # pushed against its force, then left alone
+        giver.force((-0.05, 0.0, 0.0), ZERO, (-0.05, 0.0, 0.0), ZERO, 0.0)
     assert giver.energy == pytest.approx(POOR.energy * CEILING)
     assert giver.shipped > 0.0
     assert giver.energy + giver.shipped > pulled
