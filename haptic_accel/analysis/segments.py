@@ -17,7 +17,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import FADING, LISTENING, PLANT
 from haptic_accel.core.control.controllers import granted_delay
-from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_passed
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError
@@ -496,10 +496,3 @@ def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:
     if tool in signals and desired not in signals and known.rate > 2 * known.high_pass_frequency:
         signals[desired] = high_passed(signals[tool], known.high_pass_frequency, known.rate)
     return notes
-
-
-def high_passed(tool: FloatArray, corner: float, rate: float) -> FloatArray:
-    """Return the desired acceleration that a compensator makes of the tool's."""
-    from scipy import signal
-
-    return np.asarray(signal.sosfilt(high_pass(corner, rate), tool - tool[0]))

@@ -18,12 +18,12 @@ from haptic_accel.analysis.segments import (
     OPERATOR,
     ROBOT,
     VECTORS,
-    high_passed,
     read_segment,
     surface_of,
 )
 from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
+from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.evaluation.delay import estimate_delay, shift_back
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError

@@ -11,22 +11,30 @@ import numpy as np
 from haptic_accel.core import topics
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
-from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_motion
+from haptic_accel.core.control.filters import (
+    HIGH_PASS_FREQUENCY,
+    high_passed,
+    without_hand_motion,
+)
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
     PositionPositionCoupling,
 )
 from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
-from haptic_accel.core.model import FloatArray, HandleParameters, Vector
+from haptic_accel.core.model import FloatArray, HandleParameters, Sample, Vector
+from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.network.playout import TRUE, WAITING, Played
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters
 from haptic_accel.core.sampling import LATENCY, check_latency
 from haptic_accel.core.track import ReplayRig, Track
+from haptic_accel.core.two_hosts import Crossed, TwoHosts
 
 DEFAULT_RATE = 1000.0
 """Samples per second of the paper's servo loop."""
@@ -55,6 +63,33 @@ class RigParameters:
         master = self.master
         sensor, delay = master.accelerometer.bandwidth, master.drive.delay
         return Plant(handle, master.mount, delay, sensor, coupling=self.coupling.k_m).coupled()
+
+    def passive(self, law: str) -> PassiveParameters:
+        """Return the parameters of the coupling in two halves, by a law."""
+        c = self.coupling
+        return PassiveParameters(law=law, stiffness=c.k_m, scale=c.scale, max_force=c.max_force)
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Signals of a network between the arms, on the sampling times of a trial.
+
+    Attributes
+    ----------
+    played : ndarray, shape (n,)
+        The tool's acceleration as the compensator received it, m/s^2; 0 while waiting.
+    age : ndarray, shape (n,)
+        Time since it was measured, s; NaN while waiting.
+    kinds : tuple of str
+        How each sample was played, as in `Played`.
+    energy : ndarray, shape (n, 2)
+        Accounts of the master's and the slave's half, J.
+    """
+
+    played: FloatArray
+    age: FloatArray
+    kinds: tuple[str, ...]
+    energy: FloatArray
 
 
 @dataclass(frozen=True)
@@ -88,6 +123,10 @@ class Trial:
     arms : dict of ndarray, shape (n, 3)
         Positions (m), velocities (m/s) and motor forces (N) of both arms, by the name of their
         topic; empty where they are not known.
+    crossing : Crossing or None
+        What a network between the arms did. The tool's acceleration is then that of the time that
+        was played, as the slave measured it, and the desired one what a compensator without a
+        network would have made of it.
     """
 
     surface: str
@@ -103,6 +142,7 @@ class Trial:
     granted_delay: int = 1
     warnings: tuple[Warned, ...] = ()
     arms: dict[str, FloatArray] = field(default_factory=dict)
+    crossing: Crossing | None = None
 
     @property
     def actual_acceleration(self) -> FloatArray:
@@ -166,6 +206,9 @@ def run_trial(
     controllers: Mapping[str, Checked] | None = None,
     grips: Sequence[GripChange] = (),
     physics_step: float = PHYSICS_STEP,
+    channel: ChannelParameters | None = None,
+    law: str = "passive",
+    blackouts: Sequence[tuple[float, float]] = (),
 ) -> Trial:
     """Run one condition in lockstep: no clock, no thread, the same result every time.
 
@@ -202,6 +245,12 @@ def run_trial(
         Changes of grip in order of time; until the first, the rig's own grip.
     physics_step : float
         Longest step of the contact's integration, s.
+    channel : ChannelParameters, optional
+        Network between the arms, in both directions; default: both are on one host.
+    law : str
+        Law of the coupling over a network, as in `PassiveParameters`.
+    blackouts : sequence of (float, float)
+        Start and end of each time, s, in which the network loses everything.
 
     Returns
     -------
@@ -227,26 +276,64 @@ def run_trial(
     )
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
+    arms = (
+        _OneHost(rig.coupling)
+        if channel is None
+        else TwoHosts(rig.passive(law), channel, rate, latency, seed, blackouts)
+    )
     samples = _samples(
         MasterRig(rig.master, rate, seed),
         slave,
-        PositionPositionCoupling(rig.coupling),
+        arms,
         Compensation(around, rate, controllers, latency=latency),
         time.tolist(),
         latency,
         deque(grips),
         warnings,
     )
-    signals, arms = zip(*samples, strict=True)
+    signals, vectors, crossings = zip(*samples, strict=True)
     tool, desired, handle, force = np.array(signals).T.copy()
-    vectors = dict(zip(_ARMS, np.array(arms, dtype=float).swapaxes(0, 1), strict=True))
+    by_topic = dict(zip(_ARMS, np.array(vectors, dtype=float).swapaxes(0, 1), strict=True))
     surface, corner = rig.slave.surface.name, around.high_pass_frequency
+    crossing = None
+    if channel is not None:
+        crossing, tool = _crossed(crossings, tool, rate)
+        desired = high_passed(tool, corner, rate)
     return Trial(
         *(surface, controller, rate, time, tool, desired, handle, force, corner, latency),
         granted_delay(controller, controllers or {}),
         tuple(warnings),
-        vectors,
+        by_topic,
+        crossing,
     )
+
+
+def _crossed(
+    crossings: Sequence[Crossed], tool: FloatArray, rate: float
+) -> tuple[Crossing, FloatArray]:
+    """Return what a network did, and the tool's acceleration at the times that were played."""
+    places = np.array([each.position for each in crossings])
+    count = np.arange(len(tool))
+    played = np.array([each.played.value for each in crossings])
+    kinds = tuple(each.played.kind for each in crossings)
+    energy = np.array([each.energy for each in crossings])
+    aligned = np.interp(np.nan_to_num(places), count, tool)
+    return Crossing(played, (count - places) / rate, kinds, energy), aligned
+
+
+class _OneHost:
+    """Both arms on one host, with nothing between them."""
+
+    def __init__(self, coupling: CouplingParameters) -> None:
+        self._coupling = PositionPositionCoupling(coupling)
+
+    def sample(self, _: float, handle: Sample, tool: Sample) -> Crossed:
+        """Take a sample of both arms."""
+        coupling = self._coupling
+        if not coupling.engaged:
+            coupling.engage(handle.position, tool.position)
+        forces = coupling.forces(handle.position, tool.position, handle.velocity, tool.velocity)
+        return Crossed(*forces, Played(tool.acceleration, TRUE))
 
 
 _ARMS = [
@@ -259,14 +346,14 @@ _ARMS = [
 def _samples(
     master: MasterRig,
     slave: Rig,
-    coupling: PositionPositionCoupling,
+    arms: _OneHost | TwoHosts,
     compensation: Compensation,
     times: Sequence[float],
     latency: int,
     grips: deque[GripChange],
     warnings: list[Warned],
-) -> Iterator[tuple[tuple[float, ...], tuple[Vector, ...]]]:
-    """Yield the signals of each sample in the order of `Trial`, then the arms' vectors.
+) -> Iterator[tuple[tuple[float, ...], tuple[Vector, ...], Crossed]]:
+    """Yield the signals of each sample in the order of `Trial`, the arms' vectors, and the rest.
 
     Adds to the warnings as the compensator's change.
     """
@@ -279,14 +366,13 @@ def _samples(
             master.change_grip(grips.popleft()[1])
         slave.advance(time)
         handle, tool = master.measure(), slave.measure()
-        if not coupling.engaged:
-            coupling.engage(handle.position, tool.position)
-        on_master, on_slave = coupling.forces(
-            handle.position, tool.position, handle.velocity, tool.velocity
-        )
+        crossed = arms.sample(time, handle, tool)
+        on_master, on_slave, played = crossed[:3]
         if before is None:  # the rig was at rest
             before = handle.acceleration
-        desired, force = compensation.sample(tool.acceleration, before)
+        desired = force = 0.0
+        if played.kind != WAITING:
+            desired, force = compensation.sample(played.value, before)
         pending.append((on_master, on_slave, force))
         if len(pending) > latency:
             due = pending.popleft()
@@ -303,6 +389,7 @@ def _samples(
         yield (
             (tool.acceleration, desired, handle.acceleration, force),
             (*handle[:2], on_master, *tool[:2], on_slave),
+            crossed,
         )
 
 

@@ -73,6 +73,23 @@ def high_pass(frequency: float, rate: float) -> FloatArray:
     return np.asarray(sections, dtype=float)
 
 
+def high_passed(tool: FloatArray, corner: float, rate: float) -> FloatArray:
+    """Return the desired acceleration that a compensator makes of the tool's, which began at rest.
+
+    Parameters
+    ----------
+    tool : ndarray, shape (n,)
+        m/s^2.
+    corner : float
+        Corner of the high-pass, Hz.
+    rate : float
+        Samples per second.
+    """
+    from scipy import signal
+
+    return np.asarray(signal.sosfilt(high_pass(corner, rate), tool - tool[0]))
+
+
 def high_pass_response(corner: float, frequency: FloatArray, rate: float) -> ComplexArray:
     """Return the response of the compensator's high-pass at frequencies in Hz."""
     return section_response(high_pass(corner, rate), frequency, rate)

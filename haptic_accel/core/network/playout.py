@@ -41,6 +41,9 @@ DECAY = 0.02
 44 to 79 %, within a point of that with 15 or 40 ms; the last value faded out in 5 ms errs by 88
 to 137 %."""
 
+RESTING = 0.05
+"""Time constant of the mean that it fades to, s: an accelerometer at rest shows gravity."""
+
 MISSED = 0.04
 """Delay beyond the target that is not waited off but left out, s: ticks were missed; a texture is
 felt as late from here on (Okamoto et al., IEEE Trans. Haptics 2(3), 2009)."""
@@ -55,7 +58,7 @@ class Played(NamedTuple):
     Attributes
     ----------
     value : float
-        In the unit of the samples; 0 while waiting.
+        In the unit of the samples; while waiting their former mean, 0 at first.
     kind : str
         ``waiting`` before the first, ``true`` as received, ``repaired`` from a repetition after
         the loss of a packet, ``concealed`` where nothing was received in time.
@@ -95,6 +98,7 @@ class Playout:
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
+        self._rest, self._resting = 0.0, -math.expm1(-1.0 / (RESTING * rate))
         self.counts: Counter[str] = Counter()
         self.clear()
 
@@ -169,13 +173,14 @@ class Playout:
             Time of the tick on the receiver's clock, s.
         """
         self._taken = now
-        played = self._next(now) if self._sorted else Played(0.0, WAITING)
+        played = self._next(now) if self._sorted else Played(self._rest, WAITING)
         self.counts[played.kind] += 1
         return played
 
     def _next(self, now: float) -> Played:
         if self._place is None:
             self._place = (self._newest - 1) * STEPS
+            self._rest = self._samples[max(self._samples)].value
         if self._place % STEPS == 0:
             self._choose_pace(now)
         following = self._place + STEPS + self._step
@@ -211,13 +216,14 @@ class Playout:
             one = two and Played(value, max(one.kind, two.kind, key=KINDS.index))
         if one is not None:
             self._bridge.put(one.value)
-            self._gap = 0
+            self._gap, self._rest = 0, self._rest + self._resting * (one.value - self._rest)
         return one
 
     def _concealed(self) -> Played:
         self._gap += 1
         weight = max(0.0, 1.0 - self._gap / (DECAY * self._rate))
-        return Played(weight * self._bridge.predict(1)[0] if weight else 0.0, CONCEALED)
+        predicted = self._bridge.predict(1)[0] if weight else 0.0
+        return Played(self._rest + weight * (predicted - self._rest), CONCEALED)
 
     def _arrived(self, age: float) -> None:
         if len(self._ages) == self._ages.maxlen:
