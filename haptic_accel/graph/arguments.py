@@ -30,9 +30,6 @@ SIMULATED = "simulated"
 RECORDING = "recording"
 """Name of the surface that plays a recorded acceleration."""
 
-PASSIVE = "passive"
-"""Coupling that keeps account of energy."""
-
 ZENOH = "zenoh"
 """Transport that needs certificates."""
 
@@ -113,7 +110,7 @@ class NetworkArguments(Checked):
             needed = f"transport:={ZENOH}" if self.keys else "keys:=FOLDER"
             name = "keys" if self.keys else "transport"
             raise ParameterError(f"{name} = {getattr(self, name)!r}: must come with {needed}")
-        object.__setattr__(self, "coupling", PASSIVE)
+        object.__setattr__(self, "coupling", nodes.PASSIVE)
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,9 @@ USE_SIM_TIME = "use_sim_time"
 POSITION_SERVO = "servo_cp"
 """Name of the gains of an arm's position control among its devices' parameters."""
 
+SPRING, PASSIVE = "spring", "passive"
+"""Couplings of the arms."""
+
 HIGHEST_RATE = 20e3
 """Rate above what any of these nodes can hold, Hz."""
 
@@ -119,12 +122,11 @@ class CouplerNodeParameters(CouplingParameters, PassiveParameters, EngagementPar
     rate: float = like(SampledParameters, "rate")
     latency: int = like(DeviceNodeParameters, "latency")
     coupling: str = parameter(
-        "spring",
+        SPRING,
         "coupling of the arms: the spring of k_m and k_sl, or one that keeps account of energy",
-        choices=("spring", "passive"),
+        choices=(SPRING, PASSIVE),
     )
     side: str = parameter("", "arm that this host has; empty for both", choices=SIDES)
-    recovery: str = like(SafetyParameters, "recovery")
 
 
 @dataclass(frozen=True)

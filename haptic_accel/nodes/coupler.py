@@ -7,13 +7,16 @@ from dataclasses import replace
 from typing import Any
 
 from haptic_accel.core.coupling.engagement import ARMS, Engagement
-from haptic_accel.core.coupling.pairing import Pairing
+from haptic_accel.core.coupling.pairing import Motion, Pairing
+from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
 from haptic_accel.core.coupling.position_position import (
     FADE_TIME,
     CouplingParameters,
     PositionPositionCoupling,
 )
-from haptic_accel.core.parameters import schema
+from haptic_accel.core.model import Vector
+from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.graph.node_parameters import PASSIVE
 from haptic_accel.nodes.coupling_node import ARM_TOPICS, MASTER, SLAVE, CouplingNode, Motions
 from haptic_accel.nodes.scheduling import CATCH_UP, run
 
@@ -22,20 +25,25 @@ class Coupler(CouplingNode):
     """Couples both arms: the samples that they took at a tick cause the forces on both."""
 
     def __init__(self) -> None:
-        super().__init__(tuple(schema(CouplingParameters)))
-        self._coupling = PositionPositionCoupling(self.parameters)
+        super().__init__((*schema(CouplingParameters), *schema(PassiveParameters)))
+        p, rate = self.parameters, self.parameters.rate
+        self._passive = PassivePair(p, rate, p.latency) if p.coupling == PASSIVE else None
+        self._coupling = self._passive or PositionPositionCoupling(p)
         self._changed = False
-        rate = self.parameters.rate
         self._pairing = Pairing(rate, round(CATCH_UP * rate))
         self._engaging = False
-        damped = self.parameters.damping > 0
         self._motions = {
             arm: Motions(
                 self.samples(signals.position, rate),
-                self.samples(signals.velocity, rate) if damped else None,
+                self.samples(signals.velocity, rate) if self._damped else None,
+                self.samples(signals.work, rate) if self._passive else None,
             )
             for arm, signals in ARM_TOPICS.items()
         }
+
+    @property
+    def _damped(self) -> bool:
+        return bool(self._passive or self.parameters.damping > 0)
 
     def build_engagement(self, now: float) -> Engagement:
         """Return the engagement of both arms."""
@@ -49,6 +57,9 @@ class Coupler(CouplingNode):
 
     def change(self, values: dict[str, Any]) -> None:
         """Let gains of the coupling become others, as soon as there is what they need."""
+        gains = schema(PassiveParameters if self._passive else CouplingParameters)
+        for name in values.keys() - gains:
+            raise ParameterError(f"{name}: the coupling is {self.parameters.coupling}")
         self.parameters = replace(self.parameters, **values)
         self._changed = True
         if self.parameters.damping > 0:
@@ -57,11 +68,17 @@ class Coupler(CouplingNode):
                     motions.join(self.samples(ARM_TOPICS[arm].velocity, self.parameters.rate))
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return whether the arms are coupled."""
-        return self.missing(), {
+        """Return whether the arms are coupled, and the accounts of energy."""
+        values = {
             "engaged": str(self._coupling.engaged).lower(),
             "positions held": str(self._pairing.held),
         }
+        for arm, half in zip(ARMS, self._passive.halves, strict=True) if self._passive else ():
+            values |= {
+                f"{arm} energy (mJ)": f"{half.energy * 1e3:.3f}",
+                f"{arm} limited (%)": f"{half.limited * 100:.1f}",
+            }
+        return self.missing(), values
 
     def couple(self) -> bool:
         """Send the forces of every tick whose samples are there; return if none is incomplete."""
@@ -76,12 +93,17 @@ class Coupler(CouplingNode):
                 self._engaging = False
                 self._coupling.engage(master.position, slave.position)
             if self._coupling.engaged:
-                on_master, on_slave = self._coupling.forces(
-                    master.position, slave.position, master.velocity, slave.velocity
-                )
+                on_master, on_slave = self._caused(master, slave)
                 self.forces[MASTER].send(slave.stamp, on_master)
                 self.forces[SLAVE].send(master.stamp, on_slave)
         return coupled and not self._pairing.waiting
+
+    def _caused(self, master: Motion, slave: Motion) -> tuple[Vector, Vector]:
+        """Return the forces that the samples of a tick cause."""
+        motions = master.position, slave.position, master.velocity, slave.velocity
+        if self._passive:
+            return self._passive.forces(*motions, (master.work, slave.work))
+        return self._coupling.forces(*motions)
 
     def engage(self) -> None:
         """Couple the arms with the next samples of both."""
@@ -96,7 +118,7 @@ class Coupler(CouplingNode):
         """Begin to turn the gains into new ones; a damper waits for velocities."""
         velocities = [motions.velocity for motions in self._motions.values()]
         flowing = all(each and each.flowing for each in velocities)
-        if self._changed and (flowing or not self.parameters.damping > 0):
+        if self._changed and (flowing or not self._damped):
             self._changed = False
             self._coupling.change(self.parameters, round(FADE_TIME * self.parameters.rate))
 

@@ -101,7 +101,9 @@ class Motions:
             if not all([each.at(stamp) for each in joined]):
                 return
             self._positions.popleft()
-            yield Motion(stamp, position, self.velocity.value if self.velocity else ZERO)
+            velocity = self.velocity.value if self.velocity else ZERO
+            work = sum(self.work.value) if self.work and self.work.flowing else None
+            yield Motion(stamp, position, velocity, work)
 
     @property
     def waiting(self) -> bool:

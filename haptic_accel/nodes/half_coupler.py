@@ -179,14 +179,14 @@ class HalfCoupler(CouplingNode):
         """Return the arm's newest motion as it crosses; at rest while it is free."""
         if self._motion is None:
             return endpoint.Motion()
-        stamp, position, velocity = self._motion
+        stamp, position, velocity, _ = self._motion
         if not self._half.engaged:
             return endpoint.Motion(stamp)
         return endpoint.Motion(stamp, self._scaled(position, self._origin), self._scaled(velocity))
 
     def _send_force(self, motion: Motion, now: float) -> None:
         """Send the force that a sample of the arm causes, and show where the peer is."""
-        peer, work = self._endpoint.peer, self._motions.work
+        peer, work = self._endpoint.peer, motion.work
         set_point, set_point_velocity = ZERO, ZERO
         if peer and peer.engaged:
             set_point, set_point_velocity = peer.position, peer.velocity
@@ -196,7 +196,7 @@ class HalfCoupler(CouplingNode):
             set_point,
             set_point_velocity,
             self._endpoint.round_trip_age(now),
-            sum(work.value) / self._scale**2 if work and work.flowing else None,
+            None if work is None else work / self._scale**2,
         )
         x, y, z = force
         scale = self._scale

@@ -52,3 +52,29 @@ def test_gains_fade_in_while_the_arms_are_coupled(
     columns = np.stack([s - m, s_velocity - m_velocity, np.ones(len(m))], axis=1)
     (stiffness, damping, _), *_ = np.linalg.lstsq(columns, pull[there], rcond=None)
     assert (stiffness, damping) == pytest.approx((400.0, 2.0), rel=0.02)
+
+
+def test_a_passive_coupling_keeps_account_and_takes_other_gains_of_its_own_alone(
+    haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
+) -> None:
+    graph = haptic_accel("teleop", "bag:=bag", "coupling:=passive")
+    graph.wait_for("engaged")
+    for name, refused in (("k_m", "k_m: the coupling is passive"), ("stiffness", "")):
+        parameters = [Parameter(name, value=200.0).to_parameter_msg()]
+        request = SetParameters.Request(parameters=parameters)
+        (result, *_) = observer.call(SetParameters, "coupler/set_parameters", request).results
+        assert (result.successful, result.reason) == (not refused, refused)
+    observer.collect((SLAVE.arm_force,), 1500)
+    assert graph.end(signal.SIGINT) == 0, graph.text
+    bag = read_bag(tmp_path / "bag")
+    force, height = (bag.signals[topic.name].values for topic in (SLAVE.arm_force, SLAVE.position))
+    assert np.any(force)
+    assert height[-1, 2] < height[0, 2] - 5e-3, "the slave follows the hand to the surface"
+    energies = [
+        float(each.values[f"{arm} energy (mJ)"])
+        for each in bag.diagnostics
+        if each.node == "coupler"
+        for arm in ("master", "slave")
+    ]
+    assert energies
+    assert all(map(np.isfinite, energies))

@@ -11,11 +11,15 @@ from haptic_accel.core.sampling import half_period
 
 
 class Motion(NamedTuple):
-    """Stamp of a sample, ns, position, m, and velocity, m/s, of an arm."""
+    """Stamp of a sample, ns, position, m, and velocity, m/s, of an arm.
+
+    The work is that of its motors' force, J, since any moment; None where it is not known.
+    """
 
     stamp: int
     position: Vector
     velocity: Vector
+    work: float | None = None
 
 
 class Pairing:

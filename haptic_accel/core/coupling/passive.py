@@ -436,8 +436,12 @@ class PassivePair:
         slave: Vector,
         master_velocity: Vector = ZERO,
         slave_velocity: Vector = ZERO,
+        work: tuple[float | None, float | None] = (None, None),
     ) -> tuple[Vector, Vector]:
-        """Return the forces for the arms of master and slave, N; arguments in m and m/s."""
+        """Return the forces for the arms of master and slave, N; arguments in m, m/s and J.
+
+        The work is that of both arms, as for `PassiveHalf.force`.
+        """
         if self._origins is None:
             return ZERO, ZERO
         first, second = self.halves
@@ -447,8 +451,11 @@ class PassivePair:
         one = _scaled(master, 1.0, master_origin)
         other = _scaled(slave, 1.0 / scale, slave_origin)
         other_velocity = _scaled(slave_velocity, 1.0 / scale)
-        on_master = first.force(one, master_velocity, other, other_velocity, 0.0)
-        on_slave = second.force(other, other_velocity, one, master_velocity, 0.0)
+        on_one, on_other = work
+        if on_other is not None:
+            on_other /= scale * scale
+        on_master = first.force(one, master_velocity, other, other_velocity, 0.0, on_one)
+        on_slave = second.force(other, other_velocity, one, master_velocity, 0.0, on_other)
         first.receive(second.shipped)
         second.receive(first.shipped)
         return on_master, _scaled(on_slave, scale)
