@@ -27,12 +27,14 @@ NODES = (
     "identifier",
     "restamper",
     "scope",
+    "link",
 )
 
 ROSDEP_KEYS = {
     "aiohttp": "python3-aiohttp",
     "can": "python3-can",
     "click": "python3-click",
+    "cryptography": "python3-cryptography",
     "jinja2": "python3-jinja2",
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
@@ -45,7 +47,7 @@ ROSDEP_KEYS = {
 }
 """Key of each module that is no ROS package; a ROS package's key is its name."""
 
-OPTIONAL = {"cobs", "vibromaf", *OF_ROSBAGS}
+OPTIONAL = {"cobs", "vibromaf", "zenoh", *OF_ROSBAGS}
 """Modules that have no key, or one for pip, which Ubuntu 24.04 refuses; their absence is said."""
 
 

@@ -1,77 +1,39 @@
-"""Keys pressed in the terminal while a verb runs."""
+"""``haptic-accel keys``: the certificates with which two hosts know each other."""
 
 from __future__ import annotations
 
-import os
-import select
-import sys
-import termios
-import threading
-import tty
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from pathlib import Path
 
-from haptic_accel.core.process import REALTIME
+import click
 
-PRIORITY = 42
-"""Real-time priority of the thread that waits for a key, above those of the nodes."""
+from haptic_accel.cli.options import FILE, verb
+from haptic_accel.cli.output import make_folder
+from haptic_accel.core.parameters import ParameterError
 
-BACKGROUND_PERIOD = 0.5
-"""Interval between looks while the terminal belongs to another program, s."""
+MISSING_LIBRARY = "keys need cryptography: pip install 'haptic_accel[zenoh]'"
 
 
-@contextmanager
-def on_key(key: bytes, act: Callable[[], None]) -> Iterator[bool]:
-    """Call a function, on a thread of its own, whenever a key is pressed, without Enter.
+@verb(
+    "haptic-accel keys robot.lab desk.lab", "haptic-accel keys robot,10.8.0.2 10.8.0.3 --out vpn"
+)
+@click.argument("robot")
+@click.argument("operator")
+@click.option(
+    "--out", type=FILE, default="keys", metavar="FOLDER", help="New folder for the certificates."
+)
+def keys(robot: str, operator: str, out: Path) -> None:
+    """Make certificates for the hosts ROBOT and OPERATOR, for transport:=zenoh.
 
-    Nothing is read where the standard input is no terminal, or another program's. Ctrl-C and the
-    like remain signals. The terminal is as it was before when the context is left.
-
-    Yields
-    ------
-    bool
-        Whether keys are read.
+    Each is a name or an address by which the other reaches it, or several with commas between.
+    The authority that signs both keeps no key, so that nobody can make a third.
     """
-    if not (sys.stdin and sys.stdin.isatty() and _is_ours(sys.stdin.fileno())):
-        yield False
-        return
-    terminal = sys.stdin.fileno()
-    settings = termios.tcgetattr(terminal)
-    over, end = os.pipe()
-    thread = threading.Thread(target=_follow, args=(terminal, over, key, act), daemon=True)
-    thread.start()
     try:
-        tty.setcbreak(terminal)
-        yield True
-    finally:
-        os.close(end)
-        thread.join()
-        os.close(over)
-        termios.tcsetattr(terminal, termios.TCSADRAIN, settings)
-
-
-def _follow(terminal: int, over: int, key: bytes, act: Callable[[], None]) -> None:
-    """Read keys until the other end of a pipe is closed, or the terminal is gone."""
-    if os.environ.get(REALTIME) != "no":
-        with suppress(OSError):  # not allowed here
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    while over not in select.select([terminal, over], [], [])[0]:
-        if not _is_ours(terminal):  # to read would suspend us
-            select.select([over], [], [], BACKGROUND_PERIOD)
-            continue
-        try:
-            pressed = os.read(terminal, 1024)
-        except OSError:
-            return
-        if not pressed:
-            return
-        if key in pressed:
-            act()
-
-
-def _is_ours(terminal: int) -> bool:
-    """Return whether keys pressed in a terminal are for this program."""
-    try:
-        return os.tcgetpgrp(terminal) == os.getpgrp()
-    except OSError:
-        return False
+        from haptic_accel.links.certificates import FOLDERS, certified_pair
+    except ImportError:
+        raise ParameterError(MISSING_LIBRARY) from None
+    hosts = [robot.split(","), operator.split(",")]
+    pair = certified_pair(hosts)
+    make_folder(out)
+    for name, host, identity in zip(FOLDERS, hosts, pair, strict=True):
+        identity.write(out / name)
+        print(f"{out / name}: copy it to {host[0]}, and there add keys:=FOLDER to teleop")

@@ -71,6 +71,7 @@ SECTIONS = {
         "design": "predict error, force and margins of a controller",
     },
     "Machine": {
+        "keys": "make certificates for two hosts",
         "bench": "measure latency, CPU, losses and tracking error",
         "doctor": "find causes of timing jitter on this machine and suggest fixes",
     },

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.keys import on_key
+from haptic_accel.cli.keyboard import on_key
 from haptic_accel.core.process import FAILED, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.processes import RECORDER, SCOPE, Process
