@@ -36,6 +36,8 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.graph.arguments import ZENOH
+from haptic_accel.links.certificates import write_pair
 from haptic_accel.links.parameters import TRANSPORTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
@@ -221,7 +223,10 @@ def _measured(
     quiet = ChannelParameters(network.delay, network.jitter)
     with ExitStack() as stack:
         wire = stack.enter_context(Wire(quiet))
-        own = [_keys(folder, end) if transport == "zenoh" else [] for end in (OPERATOR, ROBOT)]
+        own: list[list[str]] = [[], []]
+        if transport == ZENOH:
+            made = write_pair((ADDRESSES[ROBOT], ADDRESSES[OPERATOR]), folder / "keys")
+            own = [[f"keys:={keys}"] for keys in reversed(made)]
 
         def start(end: int, name: str) -> Graph:
             graph = Graph(wire, end, folder / name, [*words, *own[end]])
@@ -239,16 +244,6 @@ def _measured(
         except BenchmarkError as error:
             found["failed"] = str(error)
     return found | _figures(folder, moments, found)
-
-
-def _keys(folder: Path, end: int) -> list[str]:
-    """Return the words for one host's certificates, which are made for the first."""
-    hosts = [f"{SIDES[each][0]}" for each in (OPERATOR, ROBOT)]
-    keys = folder / "keys"
-    if not keys.exists():
-        made = [sys.executable, "-m", "haptic_accel.cli.main", "keys", str(keys), *ADDRESSES]
-        subprocess.run(made, check=True, stdout=subprocess.DEVNULL)
-    return [f"keys:={keys / hosts[end]}"]
 
 
 def _losing(
