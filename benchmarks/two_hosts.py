@@ -37,12 +37,14 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.graph.arguments import ZENOH
-from haptic_accel.links.certificates import write_pair
+from haptic_accel.links.certificates import FOLDERS
 from haptic_accel.links.parameters import TRANSPORTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 from wires import ADDRESSES, Wire, reason_against
+
+HAPTIC_ACCEL = (sys.executable, "-m", "haptic_accel.cli.main")
 
 OPERATOR, ROBOT = 0, 1
 """Ends of the wire."""
@@ -88,11 +90,11 @@ class Graph:
 
     def __init__(self, wire: Wire, end: int, bag: Path, words: Sequence[str]) -> None:
         side, _ = SIDES[end]
-        command = ["-m", "haptic_accel.cli.main", "teleop", f"side:={side}", f"bag:={bag}"]
+        command = [*HAPTIC_ACCEL, "teleop", f"side:={side}", f"bag:={bag}"]
         self.lines: list[tuple[float, str]] = []
         self.begun = time.monotonic()
         self._process = subprocess.Popen(
-            wire.inside(end, [sys.executable, *command, f"peer:={ADDRESSES[1 - end]}", *words]),
+            wire.inside(end, [*command, f"peer:={ADDRESSES[1 - end]}", *words]),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -225,8 +227,10 @@ def _measured(
         wire = stack.enter_context(Wire(quiet))
         own: list[list[str]] = [[], []]
         if transport == ZENOH:
-            made = write_pair((ADDRESSES[ROBOT], ADDRESSES[OPERATOR]), folder / "keys")
-            own = [[f"keys:={keys}"] for keys in reversed(made)]
+            keys = folder / "keys"
+            made = [*HAPTIC_ACCEL, "keys", *ADDRESSES[::-1], "--out", str(keys)]
+            subprocess.run(made, check=True, stdout=subprocess.DEVNULL)
+            own = [[f"keys:={keys / name}"] for name in reversed(FOLDERS)]
 
         def start(end: int, name: str) -> Graph:
             graph = Graph(wire, end, folder / name, [*words, *own[end]])
