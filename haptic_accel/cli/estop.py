@@ -14,8 +14,9 @@ from haptic_accel.core.parameters import parameter
 from haptic_accel.core.topics import (
     COMMON_STOP,
     EMERGENCY_STOP,
-    MASTER_STOPPED,
-    SLAVE_STOPPED,
+    MASTER,
+    SLAVE,
+    ArmTopics,
     Topic,
 )
 from haptic_accel.graph.claims import own_domain, stop_senders
@@ -43,8 +44,8 @@ REASON_TIME = 3.0
 LOOK_PERIOD = 0.01
 """Interval between looks at the answers while no message comes, s."""
 
-DEVICES = {MASTER_STOPPED: "master_device", SLAVE_STOPPED: "slave_device"}
-"""Devices by the topic on which they confirm."""
+DEVICES = {MASTER: "master_device", SLAVE: "slave_device"}
+"""Devices by the topics of their arms."""
 
 
 @dataclass(frozen=True)
@@ -83,11 +84,10 @@ def estop(arguments: StopArguments) -> None:
     else:
         names, seconds = " and ".join(missing), ATTEMPTS * PATIENCE
         raise CallError(f"{names} did not confirm within {seconds:g} s; is the graph running?")
-    devices = "both" if len(confirmed) == 2 else f"all {len(confirmed)}"
-    print(
-        f"emergency stop: {devices} devices are without force"
-        f" ({quick}confirmed after {_age():.2f} s)"
+    devices = {1: "the device is", 2: "both devices are"}.get(
+        len(confirmed), f"all {len(confirmed)} devices are"
     )
+    print(f"emergency stop: {devices} without force ({quick}confirmed after {_age():.2f} s)")
 
 
 def _age() -> float:
@@ -131,12 +131,19 @@ def _devices(node: Node, *, everywhere: bool) -> Iterator[tuple[str, str]]:
         namespaces = {
             name.removesuffix(f"/{topic.name}")
             for name, _ in node.get_topic_names_and_types()
-            for topic in DEVICES
-            if name.endswith(f"/{topic.name}") and node.count_publishers(name)
+            for arm in DEVICES
+            if name.endswith(f"/{(topic := arm.stopped).name}") and node.count_publishers(name)
         }
     for namespace in namespaces:
-        for topic, device in DEVICES.items():
-            yield f"{namespace}/{device}".removeprefix("/"), f"{namespace}/{topic.name}"
+        for arm, device in DEVICES.items():
+            if not _is_elsewhere(node, namespace, arm):
+                yield f"{namespace}/{device}".removeprefix("/"), f"{namespace}/{arm.stopped.name}"
+
+
+def _is_elsewhere(node: Node, namespace: str, arm: ArmTopics) -> bool:
+    """Return whether an arm is on a peer host, so that the coupler says here where it is."""
+    senders = node.get_publishers_info_by_topic(f"{namespace}/{arm.position.name}")
+    return any(sender.node_name == "coupler" for sender in senders)
 
 
 def _release(namespace: str) -> str:

@@ -1,0 +1,105 @@
+"""Two graphs on this machine, each with one arm, as on two hosts."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import pytest
+
+from observing import Observer
+from running import Command, nodes_of, reserved_domain
+
+SIDES = ("master", "slave")
+
+Start = Callable[..., Command]
+
+
+class Hosts:
+    """Both graphs, each in a ROS domain of its own."""
+
+    def __init__(self, environment: pytest.MonkeyPatch, start: Start, domains: list[int]) -> None:
+        self._environment, self._start = environment, start
+        self.domains = dict(zip(SIDES, domains, strict=True))
+        # The ports of the link follow from the namespace: those of a graph by hand stay free.
+        self.namespace = f"namespace:=of_{domains[0]}"
+
+    def run(self, side: str, verb: str, *words: str) -> Command:
+        """Start a verb on the host of a side."""
+        self._environment.setenv("ROS_DOMAIN_ID", str(self.domains[side]))
+        return self._start(verb, self.namespace, *words)
+
+    def teleop(self, side: str) -> Command:
+        return self.run(side, "teleop", f"side:={side}", "peer:=127.0.0.1", "record:=false")
+
+    def stop(self, side: str, *words: str) -> str:
+        """Stop a side, or release it; return what is said."""
+        stop = self.run(side, "estop", *words)
+        assert stop.end() == 0, stop.text
+        return stop.lines[-1]
+
+
+@pytest.fixture
+def hosts(haptic_accel: Start, domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hosts]:
+    with reserved_domain() as other:
+        yield Hosts(monkeypatch, haptic_accel, [domain, other])
+
+
+def test_two_hosts_couple_stop_and_lose_each_other(hosts: Hosts) -> None:
+    graphs = {side: hosts.teleop(side) for side in SIDES}
+    for graph in graphs.values():
+        graph.wait_for("engaged$")
+    observers = {side: Observer(hosts.domains[side]) for side in SIDES}
+    try:
+        _exchange(observers)
+        _stop_and_release(hosts, graphs)
+        _kill_and_return(hosts, graphs)
+    finally:
+        for observer in observers.values():
+            observer.close()
+    for graph in graphs.values():
+        assert graph.end(signal.SIGINT) == 0, graph.text
+
+
+def _exchange(observers: dict[str, Observer]) -> None:
+    """Check that forces flow on both hosts, which know what the network does."""
+    for side, observer in observers.items():
+        observer.status(f"{side}_device", least={"arm force count": 1000})
+        values = observer.status("coupler", least={"packets received": 500})
+        assert values["engaged"] == "true"
+        assert abs(float(values["clock offset (ms)"])) <= float(values["clock offset bound (ms)"])
+        assert 0.0 < float(values["stiffness (N/m)"]) <= 250.0
+    observers["master"].status("master_device", least={"actuator force count": 1000})
+    played = observers["master"].status("coupler", least={"samples played": 1000})
+    assert float(played["samples true (%)"]) > 0.0
+
+
+def _stop_and_release(hosts: Hosts, graphs: dict[str, Command]) -> None:
+    """Stop one host, which stops the other, and release each by itself."""
+    seen = {side: len(graph.lines) for side, graph in graphs.items()}
+    said = hosts.stop("master")
+    assert said.startswith("emergency stop: the device is without force")
+    for side, graph in graphs.items():
+        graph.wait_for("let go: emergency stop", seen[side])
+        graph.wait_for(f"{side}_device.*no force until it is released", seen[side])
+    assert "slave_device" in hosts.stop("slave", "release:=true")
+    assert "master_device" in hosts.stop("master", "release:=true")
+    for side, graph in graphs.items():
+        graph.wait_for("engaged$", seen[side])
+
+
+def _kill_and_return(hosts: Hosts, graphs: dict[str, Command]) -> None:
+    """Kill one host, which frees the arm of the other, and let it return."""
+    seen = len(graphs["slave"].lines)
+    lost = graphs.pop("master")
+    pids = [lost.process.pid, *nodes_of(hosts.domains["master"]).values()]
+    for pid in pids:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    lost.end()
+    graphs["slave"].wait_for("let go: waiting for the peer's packets", seen)
+    graphs["master"] = hosts.teleop("master")
+    for side, after in (("master", 0), ("slave", seen)):
+        graphs[side].wait_for("engaged$", after)
