@@ -18,7 +18,7 @@ from haptic_accel.core.control.filters import (
 )
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.control.inversion.plant import Plant
-from haptic_accel.core.coupling.passive import PassiveParameters
+from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
 from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
     PositionPositionCoupling,
@@ -52,20 +52,33 @@ LOOK = 0.05
 
 @dataclass(frozen=True)
 class RigParameters:
-    """Both sides of the virtual rig and what couples them."""
+    """Both sides of the virtual rig and what couples them.
+
+    The halves of the passive coupling take the place of the paper's where they are given.
+    """
 
     master: MasterRigParameters = field(default_factory=MasterRigParameters)
     slave: SlaveRigParameters = field(default_factory=SlaveRigParameters)
     coupling: CouplingParameters = field(default_factory=CouplingParameters)
+    halves: PassiveParameters | None = None
+
+    def coupled(self, rate: float, latency: int) -> PositionPositionCoupling | PassivePair:
+        """Return the coupling of arms on one host."""
+        if self.halves:
+            return PassivePair(self.halves, rate, latency)
+        return PositionPositionCoupling(self.coupling)
 
     def plant(self, handle: HandleParameters) -> Plant:
         """Return the plant that a controller meets, with a handle as one user holds it."""
         master = self.master
         sensor, delay = master.accelerometer.bandwidth, master.drive.delay
-        return Plant(handle, master.mount, delay, sensor, coupling=self.coupling.k_m).coupled()
+        stiffness = self.halves.stiffness if self.halves else self.coupling.k_m
+        return Plant(handle, master.mount, delay, sensor, coupling=stiffness).coupled()
 
     def passive(self, law: str) -> PassiveParameters:
         """Return the parameters of the coupling in two halves, by a law."""
+        if self.halves:
+            return replace(self.halves, law=law)
         c = self.coupling
         return PassiveParameters(law=law, stiffness=c.k_m, scale=c.scale, max_force=c.max_force)
 
@@ -277,7 +290,7 @@ def run_trial(
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
     arms = (
-        _OneHost(rig.coupling)
+        _OneHost(rig.coupled(rate, latency))
         if channel is None
         else TwoHosts(rig.passive(law), channel, rate, latency, seed, blackouts)
     )
@@ -324,8 +337,8 @@ def _crossed(
 class _OneHost:
     """Both arms on one host, with nothing between them."""
 
-    def __init__(self, coupling: CouplingParameters) -> None:
-        self._coupling = PositionPositionCoupling(coupling)
+    def __init__(self, coupling: PositionPositionCoupling | PassivePair) -> None:
+        self._coupling = coupling
 
     def sample(self, _: float, handle: Sample, tool: Sample) -> Crossed:
         """Take a sample of both arms."""

@@ -23,7 +23,7 @@ from haptic_accel.graph import arguments as names
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.files import parameter_text, preset_file, read_parameter_file
 from haptic_accel.graph.folders import config_folder
-from haptic_accel.graph.node_parameters import NODES, SAFETY, node_parameters, node_schema
+from haptic_accel.graph.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
 
 RESPAWN_DELAY = 1.0
 """Time before a process that has failed is started again, s."""
@@ -221,7 +221,8 @@ def rig_parameters(values: Values) -> RigParameters:
     _, masters = node_parameters("master_device", values["master_device"])
     _, slaves = node_parameters("slave_device", values["slave_device"])
     coupling, _ = node_parameters("coupler", values["coupler"])
-    return RigParameters(masters["simulated"], slaves["simulated"], coupling)
+    halves = coupling if coupling.coupling == PASSIVE else None
+    return RigParameters(masters["simulated"], slaves["simulated"], coupling, halves)
 
 
 def _files(arguments: Arguments) -> list[Path]:
