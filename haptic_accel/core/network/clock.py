@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from haptic_accel.core.sampling import NANOSECONDS
@@ -41,7 +42,8 @@ class ClockOffset:
     Attributes
     ----------
     bound : float
-        Half of the least round trip, s; infinite before the first exchange.
+        Half of the least round trip, and the distance of the line from its exchange, s; infinite
+        before the first exchange.
     drift : float
         Change of the offset, s/s.
 
@@ -111,17 +113,21 @@ class ClockOffset:
         best = min(self._exchanges, key=lambda each: each.round_trip)
         self.bound = best.round_trip / 2
         self._origin, self._offset, self.drift = best.time, best.offset, 0.0
-        if (count := len(self._exchanges)) < FEWEST:
+        if len(self._exchanges) < FEWEST:
             return
+        # What holds up one way makes a round trip longer, and its exchange worse, by as much.
+        weights = [each.round_trip**-2 for each in self._exchanges]
         times = [(each.time - best.time) / NANOSECONDS for each in self._exchanges]
-        middle = sum(times) / count
-        mean = sum(each.offset for each in self._exchanges) / count
-        spread = sum((time - middle) ** 2 for time in times)
-        self.drift = (
-            sum(
-                (time - middle) * (each.offset - mean)
-                for time, each in zip(times, self._exchanges, strict=True)
-            )
-            / spread
-        )
+        offsets = [each.offset for each in self._exchanges]
+        middle, mean = _mean(times, weights), _mean(offsets, weights)
+        spread = _mean([(time - middle) ** 2 for time in times], weights)
+        products = [
+            (time - middle) * (offset - mean) for time, offset in zip(times, offsets, strict=True)
+        ]
+        self.drift = _mean(products, weights) / spread
         self._offset = mean - self.drift * middle
+        self.bound += abs(self._offset - best.offset)
+
+
+def _mean(values: Sequence[float], weights: Sequence[float]) -> float:
+    return sum(v * w for v, w in zip(values, weights, strict=True)) / sum(weights)

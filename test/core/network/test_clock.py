@@ -52,6 +52,16 @@ def test_unequal_ways_err_by_half_their_difference_and_within_the_bound() -> Non
     assert abs(clock.offset(now)) <= clock.bound
 
 
+@pytest.mark.parametrize("held_up", [0.03, 0.3])
+def test_what_holds_up_one_way_for_seconds_stays_within_the_bound(held_up: float) -> None:
+    clock = ClockOffset()
+    now = 0
+    for second in range(20):
+        now = run(clock, 1, back=0.02 + held_up * (second > 14), start=second * SECOND)
+    assert abs(clock.offset(now)) <= clock.bound
+    assert clock.bound < 0.06
+
+
 def test_jitter_is_left_out() -> None:
     clock = ClockOffset()
     now = run(clock, 60, offset=0.5, jitter=0.02)
