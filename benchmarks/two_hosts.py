@@ -28,7 +28,7 @@ from haptic_accel.analysis.loading import analyse
 from haptic_accel.bags.delivery import count
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.cli.main import run
-from haptic_accel.cli.options import Verb, json_option
+from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
 from haptic_accel.cli.running import ENGAGED
 from haptic_accel.core import topics
@@ -36,7 +36,7 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.graph.arguments import ZENOH
+from haptic_accel.graph.arguments import ZENOH, GraphArguments, parse_arguments
 from haptic_accel.links.certificates import FOLDERS
 from haptic_accel.links.parameters import TRANSPORTS
 
@@ -164,6 +164,7 @@ class Moments:
 
 
 @click.command(cls=Verb)
+@words(GraphArguments)
 @click.option("--seconds", type=float, default=60.0, help="Time in which losses are counted, s.")
 @click.option("--delay", type=float, default=20.0, help="Mean one-way delay, ms.")
 @click.option("--jitter", type=float, default=10.0, help="Largest deviation from it, ms.")
@@ -179,6 +180,7 @@ class Moments:
 @click.option("--keep", type=click.Path(path_type=Path), help="Folder for the bags and logs.")
 @json_option
 def two_hosts(
+    words: Sequence[str],
     *,
     seconds: float,
     delay: float,
@@ -190,6 +192,8 @@ def two_hosts(
 ) -> int:
     """Run the graphs of two hosts over a bad network, pull the cable, and kill one of them.
 
+    Takes arguments of the graph for both hosts, such as rate:=500.
+
     Prints how long the arms were coupled, what was lost and why, missed deadlines, the delay and
     the error of the acceleration, and the time to come back.
     """
@@ -197,6 +201,7 @@ def two_hosts(
         raise ParameterError(f"no network between two hosts here: {reason}")
     if not seconds >= SHORTEST:
         raise ParameterError(f"seconds = {seconds:g}: must be at least {SHORTEST:g}")
+    parse_arguments(words)
     network = ChannelParameters(delay / 1e3, jitter / 1e3, loss)
     results: dict[str, Any] = {}
     with ExitStack() as stack:
@@ -205,7 +210,7 @@ def two_hosts(
             place = folder / transport
             place.mkdir(parents=True)
             print(f"{transport}: about {seconds + 60:.0f} s", file=sys.stderr, flush=True)
-            results[transport] = _measured(transport, seconds, network, place)
+            results[transport] = _measured(transport, words, seconds, network, place)
     Console().print(_table(results))
     for transport, found in results.items():
         if problem := found.get("failed"):
@@ -216,10 +221,14 @@ def two_hosts(
 
 
 def _measured(
-    transport: str, seconds: float, network: ChannelParameters, folder: Path
+    transport: str,
+    arguments: Sequence[str],
+    seconds: float,
+    network: ChannelParameters,
+    folder: Path,
 ) -> dict[str, Any]:
     """Run both graphs; return the figures, as far as the run came."""
-    words = ["record:=true", f"transport:={transport}"]
+    words = [*arguments, "record:=true", f"transport:={transport}"]
     found: dict[str, Any] = {}
     moments = Moments()
     quiet = ChannelParameters(network.delay, network.jitter)
