@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 from ipaddress import ip_address
 from pathlib import Path
+from secrets import token_hex
 
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes
@@ -79,7 +80,9 @@ def certified_pair(hosts: Sequence[Sequence[str]]) -> list[Identity]:
         A host has no name, or one that a certificate cannot have.
     """
     authority_key = ec.generate_private_key(CURVE)
-    issuer = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "haptic_accel")])
+    # A name of its own, by which the authority of another pair is told apart.
+    name = f"haptic_accel {token_hex(8)}"
+    issuer = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     authority = (
         _builder(issuer, issuer, authority_key)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)

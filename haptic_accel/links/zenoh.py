@@ -36,10 +36,13 @@ WAITING = 64
 """Datagrams kept for a thread that is late, of which the newest count: 0.1 s."""
 
 REPEAT = 5.0
-"""Shortest interval between two equal lines about a refusal, s."""
+"""Shortest interval between two lines about refusals, s."""
+
+ADVICE = "both hosts need certificates of one haptic-accel keys, for the names that they use"
 
 _REASON = re.compile(r'reason: b?"([^"]+)"|(invalid peer certificate[^@]*?) at /')
-_LOGGED = re.compile(r"\S+Z .*?(WARN|ERROR) .*?zenoh\S*: (.*)")
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_LOGGED = re.compile(r"\S+Z .*?(?:WARN|ERROR) .*?zenoh\S*: (.*)")
 _CLOSED = re.compile(r"on QUIC link .*(closed|lost)", re.IGNORECASE)
 
 
@@ -69,17 +72,17 @@ def check_keys(folder: str) -> Path:
 
 def refusal(logged: str) -> str | None:
     """Return what a line of Zenoh's log says for a user; None for no line of that log."""
+    logged = _COLOUR.sub("", logged)
     if not (found := _LOGGED.match(logged)):
         return None
-    text = found[2].partition(" at /")[0]
+    text = found[1].partition(" at /")[0]
     if "Unable to connect to any" in text:
         return ""
-    if reason := _REASON.search(logged):
-        why = (reason[1] or reason[2]).strip()
-        return f"connection refused: {why}; both hosts need certificates of one haptic-accel keys"
-    if _CLOSED.search(text):
-        return "connection refused by the peer: does it know this host's certificate?"
-    return f"zenoh: {text[:200]}"
+    reason = _REASON.search(logged)
+    if not reason and not _CLOSED.search(text):
+        return f"zenoh: {text[:200]}"
+    why = f": {(reason[1] or reason[2]).strip()}" if reason else " by the peer"
+    return f"connection refused{why}; {ADVICE}"
 
 
 class ZenohCarrier:
@@ -111,7 +114,7 @@ class ZenohCarrier:
         except ImportError:
             raise ParameterError(MISSING_LIBRARY) from None
         self._zenoh: Any = zenoh
-        self._say, self._said = say, dict[str, float]()
+        self._say, self._said = say, -REPEAT
         self._settings = settings(route, side, check_keys(keys))
         other = "slave" if side == "master" else "master"
         self._keys = [f"haptic_accel{namespace}/from_{name}" for name in (side, other)]
@@ -127,7 +130,17 @@ class ZenohCarrier:
 
     def run(self, deliver: Callable[[bytes], object]) -> None:
         """Connect, and pass received datagrams on, until `close` is called."""
-        subscriber = self._open()
+        while not self._over.is_set():
+            try:
+                self._session = self._zenoh.open(self._config())
+                break
+            except self._zenoh.ZError as error:
+                if "connect" not in str(error):
+                    raise OSError(str(error).partition(" at /")[0]) from None
+                self._over.wait(RETRY)
+        else:
+            return
+        subscriber = self._declared(self._session)
         while not self._over.is_set():
             try:
                 deliver(subscriber.recv().payload.to_bytes())
@@ -141,17 +154,9 @@ class ZenohCarrier:
         if self._session:
             self._session.close()
 
-    def _open(self) -> Any:
-        """Open the session, trying again until it succeeds, and return its subscriber."""
+    def _declared(self, session: Any) -> Any:
+        """Return the subscriber of the peer's datagrams; from here on, `send` sends."""
         zenoh = self._zenoh
-        while not self._over.is_set():
-            try:
-                session = zenoh.open(self._config())
-                break
-            except zenoh.ZError as error:
-                if "connect" not in str(error):
-                    raise OSError(str(error).partition(" at /")[0]) from None
-                self._over.wait(RETRY)
         own, peers = self._keys
         subscriber = session.declare_subscriber(peers, zenoh.handlers.RingChannel(WAITING))
         self._publisher = session.declare_publisher(
@@ -161,7 +166,6 @@ class ZenohCarrier:
             express=True,
             reliability=zenoh.Reliability.BEST_EFFORT,
         )
-        self._session = session
         return subscriber
 
     def _config(self) -> Any:
@@ -185,8 +189,8 @@ class ZenohCarrier:
                 text = refusal(line)
                 if text is None:
                     os.write(rest, line.encode())
-                elif text and time.monotonic() - self._said.get(text, -REPEAT) >= REPEAT:
-                    self._said = {text: time.monotonic()}
+                elif text and time.monotonic() - self._said >= REPEAT:
+                    self._said = time.monotonic()
                     self._say(text)
 
 

@@ -10,7 +10,7 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
 
-certificates = pytest.importorskip("haptic_accel.links.certificates", exc_type=ImportError)
+certificates = pytest.importorskip("haptic_accel.links.certificates")
 
 HOSTS = [["robot.lab", "10.8.0.2", "fd00::2"], ["127.0.0.1"]]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
@@ -13,6 +14,7 @@ import pytest
 
 from haptic_accel.core.process import DONE, EMERGENCY, WRONG_ARGUMENTS
 from haptic_accel.links.local import COUPLER, LONGEST, LocalEnd
+from haptic_accel.links.parameters import AUTHORITY, KEY
 from running import Command, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
@@ -132,3 +134,94 @@ def test_without_a_peer_nothing_starts(pair: Pair, tmp_path: Path) -> None:
     link = pair.start("master", tmp_path, peer="")
     assert link.end() == WRONG_ARGUMENTS
     assert link.lines == ["link: peer = '': must be HOST or HOST:PORT of the other host"]
+
+
+@pytest.fixture
+def keys(tmp_path: Path) -> Callable[[str, str], dict[str, Path]]:
+    """Make the folders of a pair by name: ``keys(NAME, HOST)``; skip without the libraries."""
+    pytest.importorskip("zenoh")
+    certificates = pytest.importorskip("haptic_accel.links.certificates")
+
+    def made(name: str, host: str = PEER) -> dict[str, Path]:
+        (tmp_path / name).mkdir()
+        folders = {side: tmp_path / name / side for side in ("slave", "master")}
+        pair = certificates.certified_pair([[host], [host]])
+        for folder, identity in zip(folders.values(), pair, strict=True):
+            identity.write(folder)
+        return folders
+
+    return made
+
+
+ZENOH = {"transport": "zenoh"}
+
+
+def test_with_certificates_of_one_authority_datagrams_cross(
+    pair: Pair, tmp_path: Path, keys: Callable[..., dict[str, Path]]
+) -> None:
+    peer, folders = free_ports(), keys("pair")
+    for side in SIDES:
+        pair.start(side, tmp_path, peer=peer, keys=str(folders[side]), **ZENOH)
+    pair.meets()
+    pair.links["slave"].end(signal.SIGKILL)
+    pair.start("slave", tmp_path, peer=peer, keys=str(folders["slave"]), **ZENOH)
+    pair.meets()
+    assert [link.end(signal.SIGTERM) for link in pair.links.values()] == [DONE, DONE]
+
+
+@pytest.mark.parametrize("wrong", ["authority", "certificate", "name"])
+def test_what_is_not_of_the_pair_is_refused_in_one_line_and_nothing_passes(
+    pair: Pair, tmp_path: Path, keys: Callable[..., dict[str, Path]], wrong: str
+) -> None:
+    own = keys("own", "10.9.9.9" if wrong == "name" else PEER)
+    given = keys("other")["master"] if wrong != "name" else own["master"]
+    if wrong == "certificate":
+        (given / AUTHORITY).write_bytes((own["master"] / AUTHORITY).read_bytes())
+    peer = free_ports()
+    slave = pair.start("slave", tmp_path, peer=peer, keys=str(own["slave"]), **ZENOH)
+    slave.wait_for("the peer connects to port")
+    master = pair.start("master", tmp_path, peer=peer, keys=str(given), **ZENOH)
+    for link in (slave, master):
+        line = link.wait_for("connection refused")
+        assert "haptic-accel keys" in line
+        for end in pair.ends.values():
+            end.send(b"not to be passed")
+        link.wait_for("nothing heard for 5 s")
+        assert len(link.lines) < 10
+    assert pair.silent()
+
+
+def test_a_client_without_a_certificate_is_refused(
+    pair: Pair, tmp_path: Path, keys: Callable[..., dict[str, Path]]
+) -> None:
+    import zenoh
+
+    peer, folders = free_ports(), keys("pair")
+    slave = pair.start("slave", tmp_path, peer=peer, keys=str(folders["slave"]), **ZENOH)
+    slave.wait_for("the peer connects to port")
+    config = zenoh.Config()
+    for name, value in {
+        "mode": "client",
+        "connect/endpoints": [f"quic/{peer}?mixed_rel=1"],
+        "scouting/multicast/enabled": False,
+        "transport/link/tls": {"root_ca_certificate": str(folders["slave"] / AUTHORITY)},
+    }.items():
+        config.insert_json5(name, json.dumps(value))
+
+    def refused() -> bool:
+        with pytest.raises(zenoh.ZError):
+            zenoh.open(config)
+        return "peer sent no certificates" in slave.text
+
+    wait_until(refused, "a line about the client without a certificate")
+
+
+def test_missing_keys_are_named_in_one_line(
+    pair: Pair, tmp_path: Path, keys: Callable[..., dict[str, Path]]
+) -> None:
+    folder = keys("pair")["slave"]
+    (folder / KEY).unlink()
+    link = pair.start("slave", tmp_path, keys=str(folder), **ZENOH)
+    assert link.end() == WRONG_ARGUMENTS
+    (line,) = link.lines
+    assert line.startswith(f"link: keys = '{folder}': {KEY}: no such file")

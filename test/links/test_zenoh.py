@@ -1,0 +1,77 @@
+"""What Zenoh's log says, in a user's words; links between processes are in test/nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.links.addresses import Route
+from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
+from haptic_accel.links.zenoh import check_keys, refusal, settings
+
+START = "\x1b[2m2026-11-23T02:01:43.418360Z\x1b[0m \x1b[33m WARN\x1b[0m acc-0 ThreadId(05) "
+"""Beginning of a line of Zenoh 1.10, in colours."""
+
+
+@pytest.mark.parametrize(
+    ("logged", "said"),
+    [
+        (
+            "\x1b[2mzenoh_link_commons::quic::unicast\x1b[0m\x1b[2m:\x1b[0m QUIC acceptor failed:"
+            " ConnectionClosed(ConnectionClose { error_code: Code::crypto(30), frame_type: None,"
+            ' reason: b"invalid peer certificate: UnknownIssuer" }) at /root/x.rs:686. Hint: no.',
+            "connection refused: invalid peer certificate: UnknownIssuer;",
+        ),
+        (
+            "zenoh_link_commons::quic::unicast: QUIC acceptor failed: TransportError(Error { code:"
+            ' Code::crypto(74), frame: None, reason: "peer sent no certificates" }) at /root/x.rs',
+            "connection refused: peer sent no certificates;",
+        ),
+        (
+            "zenoh::net::runtime::orchestrator: Unable to connect to quic/10.0.0.1:7447! Can not"
+            " create a new QUIC link bound to 10.0.0.1: the cryptographic handshake failed: error"
+            " 48: invalid peer certificate: UnknownIssuer at /root/y.rs:597.",
+            "connection refused: invalid peer certificate: UnknownIssuer;",
+        ),
+        (
+            "zenoh::net::runtime::orchestrator: Unable to connect to quic/10.0.0.1:7447! Write"
+            " error on QUIC link 0.0.0.0:1 => 10.0.0.1:7447: Connection closed at /root/y.rs:1.",
+            "connection refused by the peer",
+        ),
+        ("zenoh::net::runtime::orchestrator: Unable to connect to any of [x]!  at /root/y", ""),
+        ("zenoh::net: Something else at /root/y.rs:1.", "zenoh: Something else"),
+    ],
+)
+def test_a_line_of_the_log_is_a_short_line_for_the_user(logged: str, said: str) -> None:
+    text = refusal(START + logged + "\n")
+    assert text is not None
+    assert text.startswith(said)
+    assert (text == "") == (said == "")
+    assert "/root" not in text
+
+
+def test_what_others_write_is_no_line_of_the_log() -> None:
+    assert refusal("[INFO] [link]: peer is heard\n") is None
+
+
+def test_the_slave_listens_on_the_address_towards_the_peer_and_nobody_is_searched() -> None:
+    way = Route("robot.lab", "fd00::1", "fd00::2", 7447, 7447)
+    slave, master = (settings(way, side, Path("keys")) for side in ("slave", "master"))
+    assert slave["listen/endpoints"] == ["quic/[fd00::1]:7447?mixed_rel=1"]
+    assert master["connect/endpoints"] == ["quic/robot.lab:7447?mixed_rel=1"]
+    for each in (slave, master):
+        assert each["transport/link/tls"]["enable_mtls"]
+        assert not each["scouting/multicast/enabled"]
+        assert sum(name.endswith("endpoints") for name in each) == 1
+
+
+def test_missing_keys_are_named(tmp_path: Path) -> None:
+    for name in (AUTHORITY, CERTIFICATE, KEY):
+        with pytest.raises(ParameterError, match=rf"^keys = .*: {name}: no such file"):
+            check_keys(str(tmp_path))
+        (tmp_path / name).write_text("")
+    assert check_keys(str(tmp_path)) == tmp_path
+    with pytest.raises(ParameterError, match=r"^keys = '': must be"):
+        check_keys("")
