@@ -16,99 +16,24 @@ from dataclasses import dataclass, field
 from haptic_accel.core.coupling.passive import PassiveHalf, PassiveParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.channel import Channel, ChannelParameters
-
-RATE = 1000.0
-"""Samples per second of both halves."""
-
-STEPS = 5
-"""Steps of integration in a sample."""
+from haptic_accel.core.two_arms import (
+    HAND_DAMPING,
+    RATE,
+    Arm,
+    Around,
+    Hand,
+    Path,
+    free,
+    press,
+    stroke,
+    wall,
+)
 
 CHANGE_TIME = 2.0
 """Time at which a network becomes another, s."""
 
 PACKETS = 2
 """Samples from packet to packet."""
-
-HAND_DAMPING = 3.0
-"""Damping of a hand that holds an arm, N s/m: 0.4 of critical on the arm's mass."""
-
-Around = Callable[[Vector, Vector], Vector]
-"""Force, N, of what is around an arm, from its position, m, and velocity, m/s."""
-
-Path = Callable[[float], Vector]
-"""Place of the hand, m, over time, s."""
-
-
-@dataclass
-class Arm:
-    """A point mass that a motor, and whatever is around it, push; it has no friction.
-
-    Attributes
-    ----------
-    outside : callable
-        Force of hand or wall.
-    limit : float
-        Largest force of each motor, N.
-    """
-
-    outside: Around
-    mass: float = 0.1
-    limit: float = math.inf
-    position: Vector = ZERO
-    velocity: Vector = ZERO
-    work: float = 0.0
-
-    def move(self, force: Vector) -> None:
-        """Let a motor force act for a sample."""
-        before, step = self.position, 1.0 / RATE / STEPS
-        fx, fy, fz = (max(-self.limit, min(self.limit, f)) for f in force)
-        for _ in range(STEPS):
-            x, y, z = self.position
-            vx, vy, vz = self.velocity
-            ox, oy, oz = self.outside(self.position, self.velocity)
-            vx += step * (fx + ox) / self.mass
-            vy += step * (fy + oy) / self.mass
-            vz += step * (fz + oz) / self.mass
-            self.velocity = vx, vy, vz
-            self.position = x + step * vx, y + step * vy, z + step * vz
-        moved = (now - then for now, then in zip(self.position, before, strict=True))
-        self.work += sum(f * d for f, d in zip((fx, fy, fz), moved, strict=True))
-
-
-class Hand:
-    """A hand that leads an arm along a path."""
-
-    def __init__(
-        self, path: Path, stiffness: float = 150.0, damping: float = HAND_DAMPING
-    ) -> None:
-        self._path, self._stiffness, self._damping = path, stiffness, damping
-        self.place = path(0.0)
-
-    def lead(self, time: float) -> None:
-        """Go on to the place of a time, s."""
-        self.place = self._path(time)
-
-    def __call__(self, position: Vector, velocity: Vector) -> Vector:
-        """Return its force on the arm, N."""
-        x, y, z = (
-            self._stiffness * (p - q) - self._damping * v
-            for p, q, v in zip(self.place, position, velocity, strict=True)
-        )
-        return x, y, z
-
-
-def wall(stiffness: float = 3000.0, depth: float = -0.005) -> Around:
-    """Return the force of an elastic wall below a depth, m, without damping."""
-
-    def push(position: Vector, _: Vector) -> Vector:
-        return 0.0, 0.0, stiffness * max(0.0, depth - position[2])
-
-    return push
-
-
-def free(_: Vector, __: Vector) -> Vector:
-    """Return no force: nothing is around the arm."""
-    return ZERO
 
 
 @dataclass(frozen=True)
@@ -273,26 +198,6 @@ def run(
         speed = math.hypot(*slave.arm.velocity)
         given = master.arm.work + slave.arm.work
         yield Instant(now, master.own_position, slave.own_position, speed, given, forces)
-
-
-def press(time: float) -> Vector:
-    """Place of a hand that presses 10 mm below where it began, then rests."""
-    return 0.0, 0.0, -0.01 * min(1.0, time / 0.3)
-
-
-def stroke(time: float, speed: float = 0.1, length: float = 0.08, turn: float = 0.15) -> Vector:
-    """Place of a hand that strokes to and fro along x, m; it turns smoothly."""
-    half = length / speed + turn * (1 - 2 / math.pi)
-    passed, within = divmod(time, half)
-    cruise = half - turn
-    if within < turn / 2:
-        place = (turn / math.pi) * speed * (1 - math.cos(math.pi * within / turn))
-    elif within < turn / 2 + cruise:
-        place = speed * (turn / math.pi + within - turn / 2)
-    else:
-        rest = half - within
-        place = length - (turn / math.pi) * speed * (1 - math.cos(math.pi * rest / turn))
-    return (place if passed % 2 == 0 else length - place), 0.0, 0.0
 
 
 @dataclass(frozen=True)

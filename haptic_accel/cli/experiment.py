@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, replace
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import click
 from rich.console import Console
 
 from haptic_accel.analysis.loading import Analysis, analyse
-from haptic_accel.analysis.metrics import AnalysedTrial
+from haptic_accel.analysis.metrics import MILLI, AnalysedTrial
 from haptic_accel.analysis.page import Beside, Setting
 from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
@@ -28,6 +29,7 @@ from haptic_accel.cli.report import print_analysis, spread_over
 from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.topics import ANALYSED
@@ -43,6 +45,9 @@ from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.graph.words import given_keys
+
+NETWORK = "Network between two hosts, in lockstep"
+"""Beginning of the help of the options that describe it."""
 
 SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
@@ -91,6 +96,10 @@ RIG_NOTES = {
 }
 BESIDE = "lockstep_nrmse_percent"
 LOCKSTEP_TITLE = "Error (NRMSE) live and, in brackets, in lockstep, %"
+NETWORK_NOTE = (
+    "A network lay between the arms, with the passive coupling. The handle is compared with the "
+    "tool's own acceleration at the time that was played: delay is no error, loss is."
+)
 AVERAGE_NOTE = (
     "The paper's averages are its own; the plain means of its three surfaces are 80.9 % for "
     "constant and 73.7 % for dynamic."
@@ -100,6 +109,7 @@ AVERAGE_NOTE = (
 @options.verb(
     "haptic-accel experiment --lockstep",
     "haptic-accel experiment --lockstep --seeds 8 --controllers none,dynamic,inverse",
+    "haptic-accel experiment --lockstep --delay 20 --jitter 10 --loss 0.1",
     "haptic-accel experiment surface:=text duration:=5",
 )
 @options.words(GraphArguments)
@@ -112,6 +122,21 @@ AVERAGE_NOTE = (
     default=1,
     help="Number of users and pieces of material, in lockstep.",
 )
+@click.option(
+    "--delay", type=click.FloatRange(0.0, 1e4), metavar="MS", help=f"{NETWORK}: one-way delay, ms."
+)
+@click.option(
+    "--jitter",
+    type=click.FloatRange(0.0, 1e4),
+    metavar="MS",
+    help=f"{NETWORK}: largest deviation of the delay, ms.",
+)
+@click.option(
+    "--loss",
+    type=click.FloatRange(0.0, 1.0),
+    metavar="SHARE",
+    help=f"{NETWORK}: share of packets lost.",
+)
 @options.jobs_option
 @options.json_option
 @options.out_option
@@ -123,6 +148,9 @@ def experiment(
     out: Path | None,
     seeds: int,
     controllers: Sequence[str],
+    delay: float | None,
+    jitter: float | None,
+    loss: float | None,
     jobs: int,
 ) -> int:
     """Run the paper's three surfaces under its three controllers.
@@ -135,6 +163,7 @@ def experiment(
         words = [*(word for word in words if word != RECORDED), RECORDED]
     given = given_keys(words)
     arguments = _checked(parse_arguments(words), given, seeds, lockstep)
+    channel = _channel(delay, jitter, loss, lockstep)
     plan = [
         replace(arguments, surface=surface, controller=controller, seed=arguments.seed + seed)
         for seed in range(seeds)
@@ -147,12 +176,12 @@ def experiment(
     with nullcontext() if lockstep else sole_graph(arguments.namespace):
         folder = results_folder(out)
         try:
-            _run(_bags(plan, folder / "bags"), jobs if lockstep else 0, done)
+            _run(_bags(plan, folder / "bags"), jobs if lockstep else 0, channel, done)
         except StoppedError as end:
             status = end.status
             if status == INTERRUPTED:
                 print(f"interrupted after {len(done)} of {len(plan)} conditions", file=sys.stderr)
-    if done and not _report(done, arguments, lockstep, folder, json_file, jobs):
+    if done and not _report(done, arguments, lockstep, channel, folder, json_file, jobs):
         status = status or FAILED
     return status
 
@@ -179,6 +208,17 @@ def _checked(
     return arguments
 
 
+def _channel(
+    delay: float | None, jitter: float | None, loss: float | None, lockstep: bool
+) -> ChannelParameters | None:
+    """Return the network that was asked for, times in ms; None for none."""
+    if delay is jitter is loss is None:
+        return None
+    if not lockstep:
+        raise ParameterError("delay, jitter and loss: a simulated network needs --lockstep")
+    return ChannelParameters((delay or 0.0) / MILLI, (jitter or 0.0) / MILLI, loss or 0.0)
+
+
 def _bags(plan: Sequence[GraphArguments], folder: Path) -> dict[Path, GraphArguments]:
     """Return the conditions by the bags that they will be recorded to."""
     several = plan[0].seed != plan[-1].seed
@@ -189,7 +229,12 @@ def _bags(plan: Sequence[GraphArguments], folder: Path) -> dict[Path, GraphArgum
     }
 
 
-def _run(bags: Mapping[Path, GraphArguments], jobs: int, done: dict[Path, GraphArguments]) -> None:
+def _run(
+    bags: Mapping[Path, GraphArguments],
+    jobs: int,
+    channel: ChannelParameters | None,
+    done: dict[Path, GraphArguments],
+) -> None:
     """Run all conditions, in lockstep if there are jobs, and print the error of each as it ends.
 
     Adds each to those done, by its bag.
@@ -203,7 +248,7 @@ def _run(bags: Mapping[Path, GraphArguments], jobs: int, done: dict[Path, GraphA
     bar = progress.add_task("conditions", total=len(bags))
     with stop_on_signal() as stop:
         errors = (
-            side_by_side(_run_lockstep, list(bags.items()), jobs, stop)
+            side_by_side(partial(_run_lockstep, channel), list(bags.items()), jobs, stop)
             if jobs
             else _run_live(bags, stop, lambda part: progress.update(bar, completed=part))
         )
@@ -216,11 +261,13 @@ def _run(bags: Mapping[Path, GraphArguments], jobs: int, done: dict[Path, GraphA
                 progress.update(bar, completed=len(done))
 
 
-def _run_lockstep(condition: tuple[Path, GraphArguments]) -> float:
+def _run_lockstep(
+    channel: ChannelParameters | None, condition: tuple[Path, GraphArguments]
+) -> float:
     """Run and record one condition in lockstep; return its error, %."""
     bag, arguments = condition
     start = time.time_ns()
-    trial = lockstep_trial(arguments)
+    trial = lockstep_trial(arguments, channel=channel)
     record_trial(bag, trial, arguments, start)
     return _error(trial)
 
@@ -255,6 +302,7 @@ def _report(
     done: Mapping[Path, GraphArguments],
     arguments: GraphArguments,
     lockstep: bool,
+    channel: ChannelParameters | None,
     folder: Path,
     json_file: Path | None,
     jobs: int,
@@ -267,13 +315,18 @@ def _report(
     beside = _beside_lockstep(analysis, expected)
     notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, AVERAGE_NOTE]
     notes += [RIG_NOTES[arguments.rig]] if arguments.rig in RIG_NOTES else []
+    notes += [NETWORK_NOTE] if channel else []
     seeds = list(dict.fromkeys(given.seed for given in done.values()))
     defaults = asdict(GraphArguments())
-    settings = {"run": "lockstep" if lockstep else "live graph"} | {
-        key: str(value)
-        for key, value in asdict(arguments).items()
-        if value != defaults[key] and key not in ("surface", "controller", "record")
-    }
+    settings = (
+        {"run": "lockstep" if lockstep else "live graph"}
+        | _described(channel)
+        | {
+            key: str(value)
+            for key, value in asdict(arguments).items()
+            if value != defaults[key] and key not in ("surface", "controller", "record")
+        }
+    )
     page = write_analysis(
         analysis,
         folder,
@@ -295,6 +348,7 @@ def _report(
             "rig": arguments.rig,
             "seeds": seeds,
             "arguments": asdict(arguments),
+            "network": asdict(channel) if channel else None,
             "conditions": [
                 _metrics(trial, done[trial.segment.bag].seed, lockstep)
                 | ({} if lockstep else {BESIDE: expected.get(trial.segment.bag)})
@@ -306,6 +360,14 @@ def _report(
         print_table(beside.headings, beside.rows, title=beside.caption)
     print_analysis(analysis, None, *warnings, f"report: {page}")
     return {trial.segment.bag for trial in analysis.trials} == set(done)
+
+
+def _described(channel: ChannelParameters | None) -> dict[str, str]:
+    """Return the network for a page's list of settings."""
+    if channel is None:
+        return {}
+    delay, jitter = MILLI * channel.delay, MILLI * channel.jitter
+    return {"network": f"{delay:g} +- {jitter:g} ms one way, {100 * channel.loss:g} % lost"}
 
 
 def _in_lockstep(done: Mapping[Path, GraphArguments], jobs: int) -> dict[Path, float]:

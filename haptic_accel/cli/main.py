@@ -42,6 +42,7 @@ BENCH = LazyGroup(
         "Kinds": {
             "latency": "latency, losses and CPU of the graph, beside two references",
             "fidelity": "tracking error of each controller on every rig, grip and input",
+            "network": "energy, stability and error of two coupled hosts over networks",
         }
     },
     help="Measure latency, CPU, losses and tracking error.",

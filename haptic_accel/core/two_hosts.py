@@ -57,7 +57,7 @@ class Host:
     ) -> None:
         self._scale = parameters.scale if side == "slave" else 1.0
         own = replace(parameters, max_force=min(parameters.max_force / self._scale, 100.0))
-        self.half = PassiveHalf(own, rate, latency)
+        self.half = PassiveHalf(own, rate, latency, leads=side == "slave")
         self._session = 1 + (side == "slave")
         self.end = Endpoint(side, rate, self._session)
         self._origin = ZERO

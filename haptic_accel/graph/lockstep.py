@@ -11,11 +11,12 @@ from typing import Any
 from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.track import Track
 from haptic_accel.core.trial import GripChange, Trial, run_trial
 from haptic_accel.devices.simulated import played
 from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.graph.node_parameters import PASSIVE, node_parameters
 from haptic_accel.graph.processes import RECORDER, graph, graph_parameters, rig_parameters
 
 
@@ -26,6 +27,9 @@ def lockstep_trial(
     recording: FloatArray | None = None,
     grips: Sequence[GripChange] = (),
     changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+    channel: ChannelParameters | None = None,
+    law: str = PASSIVE,
+    blackouts: Sequence[tuple[float, float]] = (),
 ) -> Trial:
     """Run the condition that arguments describe without ROS.
 
@@ -42,6 +46,8 @@ def lockstep_trial(
         Changes of grip, in order of time.
     changes : mapping
         Values by node and dotted name, which count before those of all files.
+    channel, law, blackouts
+        Network between the arms, as for `run_trial`.
     """
     values = graph_parameters(arguments)
     for node, own in changes.items():
@@ -66,6 +72,9 @@ def lockstep_trial(
         compensation=around,
         controllers=controllers,
         grips=grips,
+        channel=channel,
+        law=law,
+        blackouts=blackouts,
     )
 
 

@@ -13,6 +13,7 @@ from running import Command
 from verbs import refusal
 
 Start = Callable[..., Command]
+NETWORK = ["--delay", "20", "--jitter", "10"]
 KEYS = {
     "surface",
     "controller",
@@ -87,6 +88,26 @@ def test_the_papers_loop_has_no_latency(haptic_accel: Start, tmp_path: Path) -> 
         assert f"latency:={latency}" in settings["command line"]
     # A pure delay, after which the error is taken, changes next to nothing.
     assert errors[3] == pytest.approx(errors[0], abs=3.0)
+
+
+@pytest.mark.quiet
+def test_a_network_between_the_arms_costs_no_more_than_what_it_loses(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    errors = []
+    for name, network in (("near", ["--delay", "20"]), ("lossy", [*NETWORK, "--loss", "0.1"])):
+        command = haptic_accel(
+            *("experiment", "--lockstep", "duration:=3", "surface:=text", "controller:=inverse"),
+            *(*network, "rig:=ideal", "--json", f"{name}.json", "--out", name),
+        )
+        assert command.end() == 0, command.text
+        errors += [condition["nrmse_percent"] for condition in figures(tmp_path / f"{name}.json")]
+    assert errors[1] == pytest.approx(errors[0], abs=8.0)
+    assert json.loads((tmp_path / "lossy.json").read_text())["network"]["jitter"] == 0.01
+
+
+def test_a_simulated_network_needs_lockstep() -> None:
+    assert "needs --lockstep" in refusal("experiment", *NETWORK)
 
 
 @pytest.mark.quiet
