@@ -216,8 +216,7 @@ class PassiveHalf:
         Only packets that answer one of this half's own session may come here.
         """
         if math.isfinite(shipped) and shipped > self._received:
-            room = self._p.energy * CEILING - self.energy
-            self.energy += min(shipped - self._received, max(0.0, room))
+            self.energy += min(shipped - self._received, max(0.0, -self._surplus))
             self._received = shipped
 
     def force(
@@ -254,12 +253,19 @@ class PassiveHalf:
             set_point = self._led(set_point, set_point_velocity)
         force = self._spend(position, velocity, set_point)
         self._forces.append(force)
+        self._ship(self._surplus)
         return force.total
 
     @property
     def _under_way(self) -> float:
         """Most that forces which still act can give to the arm, J."""
         return sum(force.reserve for force in self._forces)
+
+    @property
+    def _surplus(self) -> float:
+        """Energy above the ceiling, J, that neither the spring nor forces under way have."""
+        ceiling = self._p.energy * CEILING
+        return self.energy - self._spring_energy - self._under_way - ceiling
 
     @property
     def _accounted(self) -> bool:
@@ -336,7 +342,7 @@ class PassiveHalf:
         return self._set_point
 
     def _spend(self, position: Vector, velocity: Vector, set_point: Vector) -> _Force:
-        """Return the force towards a set-point that the account can bear; ship what is over."""
+        """Return the force towards a set-point that the account can bear."""
         k, b = self.stiffness, self.damping
         x, y, z = position
         vx, vy, vz = velocity
@@ -355,8 +361,6 @@ class PassiveHalf:
         self._note_limited(max(stretch - reach, size - limit) > 0.0)
         self._spring_energy = min(stretch, reach) ** 2 / (2.0 * k)
         reserve = size * shorter * travel
-        over = self.energy - self._spring_energy - self._under_way - reserve
-        self._ship(over - self._p.energy * CEILING)
         b *= shorter
         return _Force(
             (fx * shorter, fy * shorter, fz * shorter), (-b * vx, -b * vy, -b * vz), reserve
