@@ -119,6 +119,7 @@ class Side:
         """Return the force that acts from now on, N."""
         newest = self.newest
         if newest is None or newest.heard != self.session:
+            self.let_go()
             return ZERO
         if not self.half.engaged:
             self.half.engage()
@@ -132,6 +133,11 @@ class Side:
         )
         due = self.due.popleft()
         return ZERO if self.stopped else due
+
+    def let_go(self) -> None:
+        """Take the force off."""
+        self.half.disengage()
+        self.due = deque([ZERO] * self.latency)
 
     @property
     def measured_velocity(self) -> Vector:

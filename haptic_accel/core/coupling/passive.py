@@ -52,7 +52,7 @@ NONSENSE = 1e6
 LONGEST_AGE = 10.0
 """Age, s, that stands for every longer one."""
 
-LEAD = 0.9
+LEAD = 0.8
 """Time by which the slave's half leads its set-point by the master's velocity, as a multiple of
 the age: the set-point is late by half an age, and damping holds the slave back by another half."""
 
@@ -299,7 +299,8 @@ class PassiveHalf:
             dx, dy, dz = x - x0, y - y0, z - z0
             fx, fy, fz = acted.total
             bx, by, bz = acted.damping
-            given = fx * dx + fy * dy + fz * dz
+            # No more than in one sample, where samples are missing: the force may have ended.
+            given = max(fx * dx + fy * dy + fz * dz, -acted.reserve)
             if work is not None and self._work is not None:
                 given = self._plausible(work - self._work, math.sqrt(dx * dx + dy * dy + dz * dz))
             self.energy -= given
