@@ -93,6 +93,8 @@ class Motions:
         """Yield the samples that are complete."""
         for sample in self._arriving.take():
             self._positions.append(sample)
+        if not self._positions:
+            return
         joined = [each for each in (self.velocity, self.work) if each]
         for each in joined:
             each.receive()

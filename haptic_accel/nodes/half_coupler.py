@@ -58,6 +58,7 @@ class HalfCoupler(CouplingNode):
         self._ready = False
         self._peer_session = 0
         self._told: set[str] = set()
+        self._look_due = 0.0
         (there,) = set(ARM_TOPICS) - {p.side}
         self._send_peer_position = self.sender(ARM_TOPICS[there].position).send
         self._tools: Samples | None = None
@@ -112,9 +113,10 @@ class HalfCoupler(CouplingNode):
         if self._here.is_left(time.monotonic()):
             self.step()
         following = self._play()
-        looked = super().work()
+        if time.monotonic() >= self._look_due:
+            self._look_due = super().work()
         self._send()
-        return min(looked, following)
+        return min(self._look_due, following)
 
     def step(self) -> None:
         """Engage, release, or end, as things are now; say what is wrong with the peer."""

@@ -14,6 +14,9 @@ from running import Command, nodes_of, reserved_domain
 
 SIDES = ("master", "slave")
 
+QUIETER = ("rate:=500", "record:=false")
+"""Both graphs share the cores of one machine."""
+
 Start = Callable[..., Command]
 
 
@@ -32,7 +35,7 @@ class Hosts:
         return self._start(verb, self.namespace, *words)
 
     def teleop(self, side: str) -> Command:
-        return self.run(side, "teleop", f"side:={side}", "peer:=127.0.0.1", "record:=false")
+        return self.run(side, "teleop", f"side:={side}", "peer:=127.0.0.1", *QUIETER)
 
     def stop(self, side: str, *words: str) -> str:
         """Stop a side, or release it; return what is said."""
@@ -99,6 +102,7 @@ def _kill_and_return(hosts: Hosts, graphs: dict[str, Command]) -> None:
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
     lost.end()
+    print(lost.text)
     graphs["slave"].wait_for("let go: waiting for the peer's packets", seen)
     graphs["master"] = hosts.teleop("master")
     for side, after in (("master", 0), ("slave", seen)):

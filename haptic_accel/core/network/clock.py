@@ -73,21 +73,17 @@ class ClockOffset:
         away, held = arrived - sent, replied - received
         if held < 0 or away <= held:  # a clock was set meanwhile
             return
-        found = Exchange(
-            (sent + arrived) // 2,
-            ((received - sent) + (replied - arrived)) / 2 / NANOSECONDS,
-            (away - held) / NANOSECONDS,
-        )
-        interval = arrived // INTERVAL
-        if interval != self._interval:
+        interval, round_trip = arrived // INTERVAL, (away - held) / NANOSECONDS
+        new = interval != self._interval
+        if not new and round_trip >= self._exchanges[-1].round_trip:
+            return
+        offset = ((received - sent) + (replied - arrived)) / 2 / NANOSECONDS
+        found = Exchange((sent + arrived) // 2, offset, round_trip)
+        if new:
             self._interval = interval
-            if self._exchanges and self._differs(self._exchanges[-1]):
-                last = self._exchanges[-1]
-                self._restart()
-                self._exchanges.append(last)
-            self._fit()
+            self._close()
             self._exchanges.append(found)
-        elif found.round_trip < self._exchanges[-1].round_trip:
+        else:
             self._exchanges[-1] = found
         if len(self._exchanges) == 1:
             self._fit()
@@ -100,6 +96,13 @@ class ClockOffset:
         self._exchanges.clear()
         self._origin, self._offset = 0, 0.0
         self.drift, self.bound = 0.0, math.inf
+
+    def _close(self) -> None:
+        """Fit the line to the intervals that are over; begin anew after a clock was set."""
+        if self._exchanges and self._differs(last := self._exchanges[-1]):
+            self._restart()
+            self._exchanges.append(last)
+        self._fit()
 
     def _differs(self, exchange: Exchange) -> bool:
         """Return whether an exchange can only be explained by a clock that was set."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import zlib
+from functools import cache
 from typing import NamedTuple
 
 from haptic_accel.core.model import Vector
@@ -23,12 +24,15 @@ LARGEST_SAMPLE = 1e6
 """Largest magnitude of a sample that is sent, m/s^2: far above any accelerometer's range."""
 
 _MAGIC = b"hapt"
-_START = struct.Struct("<4sB")  # the same in every version
-_BODY = struct.Struct("<3B Q2q Q3q 2Iq 3d3d d d q")
+_COUNT = 7  # place of the number of samples; magic and version are the same in every version
 _CHECK = struct.Struct("<I")  # CRC-32 of everything before
-_SAMPLE = struct.calcsize("<f")
-_FIXED = _START.size + _BODY.size + _CHECK.size
 _READY, _ENGAGED, _STOPPED = 1, 2, 4
+
+
+@cache
+def _layout(count: int) -> struct.Struct:
+    """Return the layout of a packet with a number of samples, without the check."""
+    return struct.Struct(f"<4sB3BQ2qQ3q2Iq3d3d2dq{count}f")
 
 
 class Packet(NamedTuple):
@@ -95,21 +99,15 @@ class Packet(NamedTuple):
     def pack(self) -> bytes:
         """Return the datagram."""
         flags = _READY * self.ready | _ENGAGED * self.engaged | _STOPPED * self.stopped
-        data = b"".join(
-            (
-                _START.pack(_MAGIC, VERSION),
-                _BODY.pack(
-                    SIDES.index(self.side),
-                    flags,
-                    len(self.samples),
-                    *self[1:8],
-                    *self[11:14],
-                    *self.position,
-                    *self.velocity,
-                    *self[16:19],
-                ),
-                struct.pack(f"<{len(self.samples)}f", *self.samples),
-            )
+        count = len(self.samples)
+        data = _layout(count).pack(
+            *(_MAGIC, VERSION, SIDES.index(self.side), flags, count),
+            *self[1:8],
+            *self[11:14],
+            *self.position,
+            *self.velocity,
+            *self[16:19],
+            *self.samples,
         )
         return data + _CHECK.pack(zlib.crc32(data))
 
@@ -129,7 +127,7 @@ def unpack(data: bytes) -> Packet:
     ...
     ValueError: not a packet of haptic_accel
     """
-    if len(data) < _START.size or not data.startswith(_MAGIC):
+    if len(data) <= len(_MAGIC) or not data.startswith(_MAGIC):
         raise ValueError("not a packet of haptic_accel")
     version = data[len(_MAGIC)]
     if version != VERSION:
@@ -137,20 +135,22 @@ def unpack(data: bytes) -> Packet:
             f"the peer's packets have version {version}: must be {VERSION}; install the same"
             " haptic_accel on both hosts"
         )
-    if len(data) < _FIXED or _CHECK.unpack_from(data, len(data) - _CHECK.size) != (
-        zlib.crc32(memoryview(data)[: -_CHECK.size]),
-    ):
+    if len(data) <= _COUNT or data[_COUNT] > MOST_SAMPLES:
         raise ValueError("damaged packet")
-    side, flags, count, *values = _BODY.unpack_from(data, _START.size)
-    if side >= len(SIDES) or count > MOST_SAMPLES or len(data) != _FIXED + count * _SAMPLE:
+    layout = _layout(data[_COUNT])
+    content, check = data[: layout.size], data[layout.size :]
+    if check != _CHECK.pack(zlib.crc32(content)):
         raise ValueError("damaged packet")
-    samples = struct.unpack_from(f"<{count}f", data, _START.size + _BODY.size)
-    *real, first = values[10:]
-    if not (all(map(math.isfinite, (*real, *samples))) and values[0] and real[-1] > 0):
+    _, _, side, flags, _, *values = layout.unpack(content)
+    session, real, samples = values[0], values[10:18], values[19:]
+    # A number that is not finite makes a sum that is not.
+    finite = math.isfinite(sum(real) + sum(samples))
+    if side >= len(SIDES) or not (finite and session and real[-1] > 0):
         raise ValueError("damaged packet")
     px, py, pz, vx, vy, vz, shipped, rate = real
-    state = [bool(flags & each) for each in (_READY, _ENGAGED, _STOPPED)]
+    state = bool(flags & _READY), bool(flags & _ENGAGED), bool(flags & _STOPPED)
     motion = (px, py, pz), (vx, vy, vz)
+    numbers = shipped, rate, values[18]
     return Packet._make(
-        (SIDES[side], *values[:7], *state, *values[7:10], *motion, shipped, rate, first, samples)
+        (SIDES[side], *values[:7], *state, *values[7:10], *motion, *numbers, tuple(samples))
     )

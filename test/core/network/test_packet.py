@@ -13,7 +13,7 @@ from haptic_accel.core.network.packet import MOST_SAMPLES, SIDES, Packet, unpack
 WORD = st.integers(-(2**63), 2**63 - 1)
 SESSION = st.integers(1, 2**64 - 1)
 COUNT = st.integers(0, 2**32 - 1)
-REAL = st.floats(allow_nan=False, allow_infinity=False)
+REAL = st.floats(-1e300, 1e300)
 VECTOR = st.tuples(REAL, REAL, REAL)
 SAMPLES = st.lists(
     st.floats(width=32, allow_nan=False, allow_infinity=False), max_size=MOST_SAMPLES
