@@ -194,6 +194,7 @@ class ScopeNodeParameters(Checked):
     # Registered for nothing (IANA), and below the ports that Linux hands out.
     port: int = parameter(8642, "port of the scope's page; 0 for any free one", low=0, high=65535)
     control: bool = parameter(False, "let the scope's page control the graph, not only show it")
+    side: str = like(CouplerNodeParameters, "side")
 
 
 def _kinds(classes: Mapping[str, Any]) -> dict[str, type]:

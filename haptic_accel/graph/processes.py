@@ -297,7 +297,8 @@ def _own_parameters(arguments: Arguments) -> Values:
         own[RECORDER] = recorder
     if arguments.scope:
         own[SCOPE] = {
-            name: getattr(arguments, f"scope_{name}") for name in ("host", "port", "control")
+            "side": arguments.side,
+            **{name: getattr(arguments, f"scope_{name}") for name in ("host", "port", "control")},
         }
     return own
 

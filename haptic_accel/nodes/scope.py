@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -15,6 +16,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.subscription import Subscription
 
 from haptic_accel.core import topics
+from haptic_accel.core.coupling.engagement import ARMS
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
@@ -26,7 +28,7 @@ from haptic_accel.nodes.interface import DEPTH, GraphNode, quality
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import Commands, choices
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
-from haptic_accel.scope.node_reports import NodeReport, NodeReports
+from haptic_accel.scope.node_reports import NodeReport, NodeReports, expected_nodes
 from haptic_accel.scope.server import ScopeServer
 from haptic_accel.scope.windows import GraphSettings, Windows
 
@@ -117,7 +119,8 @@ class Scope(GraphNode):
         self.windows = Windows()
         self._reports = NodeReports()
         self._stop_asked = False
-        self._stopped: dict[str, bool | None] = {"master": None, "slave": None}
+        self._expected = expected_nodes(p.side)
+        self._stopped: dict[str, bool | None] = dict.fromkeys((p.side,) if p.side else ARMS)
         self._remotes = {
             name: RemoteParameters(self, name, wanted, self._update_settings)
             for name, wanted in WANTED.items()
@@ -131,8 +134,9 @@ class Scope(GraphNode):
         changed = self._take_parameters
         self.create_subscription(ParameterEvent, "/parameter_events", changed, DEPTH)
         self.listen_state(topics.COUPLER_STOPPED, self._take_stop)
-        self.listen_state(topics.MASTER_STOPPED, lambda stop: self._stopped.update(master=stop))
-        self.listen_state(topics.SLAVE_STOPPED, lambda stop: self._stopped.update(slave=stop))
+        for arm, topic in zip(ARMS, (topics.MASTER_STOPPED, topics.SLAVE_STOPPED), strict=True):
+            if arm in self._stopped:
+                self.listen_state(topic, partial(self._stopped.__setitem__, arm))
         self.create_timer(CLIENT_PERIOD, self._subscribe_for_clients)
         self.create_timer(ASK_PERIOD, self._refresh_parameters)
         try:
@@ -161,7 +165,7 @@ class Scope(GraphNode):
         coupler = self._reports.values("coupler", now)
         master = self._reports.values("master_device", now)
         return {
-            "nodes": self._reports.rows(now),
+            "nodes": self._reports.rows(now, self._expected),
             "recorder": dict(self._reports.values("recorder", now)),
             "controller": values["compensator"].get("controller"),
             "surface": values["slave_device"].get(f"{SURFACE}name"),

@@ -113,7 +113,8 @@ class Commands:
             return [f"{name}: {answer.message}" for name, answer in answers if not answer.success]
 
         if await _until(lambda: bool(confirmed() or refusals()), ANSWERING_TIME) and confirmed():
-            return f"{'stopped' if stop else 'released'}: both devices confirm"
+            who = "both devices confirm" if len(self._stopped) > 1 else "the device confirms"
+            return f"{'stopped' if stop else 'released'}: {who}"
         if refused := refusals():
             raise CommandError("; ".join(refused))
         silent = " and ".join(name for name, state in self._stopped.items() if state != stop)

@@ -8,12 +8,28 @@ from dataclasses import dataclass
 EXPECTED = ("master_device", "slave_device", "coupler", "compensator", "recorder")
 """Nodes that are shown even if they have sent no diagnostics."""
 
+NETWORK = (
+    "delay {one-way delay (ms)} ms, loss {packet loss (%)} %, clock {clock offset (ms)} ms,"
+    " energy {energy account (mJ)} mJ"
+)
+"""Line for a node with a peer host, of the values that it reports."""
+
 SILENCE = 2.5
 """Time without diagnostics after which a node counts as silent, s: two reports are missing then,
 as nodes send one per second."""
 
 LEVELS = {0: "OK", 1: "warning", 2: "error"}
 """State by diagnostic level; any other level counts as silent."""
+
+
+def expected_nodes(side: str) -> list[str]:
+    """Return the nodes that are expected on a host with the arm of a side; empty for both."""
+    of_peer = {
+        "": (),
+        "master": ("slave_device",),
+        "slave": ("master_device", "compensator"),
+    }
+    return [name for name in EXPECTED if name not in of_peer[side]]
 
 
 @dataclass(frozen=True)
@@ -56,4 +72,7 @@ def _row(report: NodeReport | None, now: float) -> dict[str, str]:
     if silent >= SILENCE:
         return {"state": "silent", "message": f"no diagnostics for {silent:.0f} s"}
     state = LEVELS.get(report.level, "silent")
-    return {"state": state, "message": "" if report.message == state else report.message}
+    if report.message != state:
+        return {"state": state, "message": report.message}
+    has_peer = report.values.get("one-way delay (ms)")
+    return {"state": state, "message": NETWORK.format_map(report.values) if has_peer else ""}

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from haptic_accel.scope.node_reports import EXPECTED, SILENCE, NodeReport, NodeReports
+from haptic_accel.scope.node_reports import (
+    EXPECTED,
+    SILENCE,
+    NodeReport,
+    NodeReports,
+    expected_nodes,
+)
 
 
 def row(reports: NodeReports, node: str, now: float) -> dict[str, str]:
@@ -33,6 +39,28 @@ def test_who_is_expected_is_shown_before_it_speaks_and_others_after() -> None:
     rows = reports.rows(0.0)
     assert [row["name"] for row in rows] == [*EXPECTED, "identifier"]
     assert {row["state"] for row in rows[:-1]} == {"absent"}
+
+
+@pytest.mark.parametrize(
+    ("side", "elsewhere"),
+    [("", set()), ("master", {"slave_device"}), ("slave", {"master_device", "compensator"})],
+)
+def test_nodes_of_the_peers_arm_are_not_expected_here(side: str, elsewhere: set[str]) -> None:
+    names = [row["name"] for row in NodeReports().rows(0.0, expected_nodes(side))]
+    assert names == [name for name in EXPECTED if name not in elsewhere]
+
+
+def test_a_peer_host_is_shown_by_delay_loss_clock_and_energy() -> None:
+    values = {
+        "one-way delay (ms)": "20.10",
+        "packet loss (%)": "4.90",
+        "clock offset (ms)": "-0.120",
+        "energy account (mJ)": "4.800",
+    }
+    reports = NodeReports()
+    reports.take("coupler", NodeReport(0, "OK", values, 0.0))
+    shown = "delay 20.10 ms, loss 4.90 %, clock -0.120 ms, energy 4.800 mJ"
+    assert row(reports, "coupler", 0.0)["message"] == shown
 
 
 def test_who_falls_silent_is_said_to_be_and_believed_no_more() -> None:

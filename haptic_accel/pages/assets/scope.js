@@ -579,8 +579,10 @@
   }
 
   function showStop(stop, engaged, rows, numbers) {
-    const stopped = stop.asked || stop.master === true || stop.slave === true;
-    const all = stop.master === true && stop.slave === true;
+    // Beside a peer host there is one arm here.
+    const answers = [stop.master, stop.slave].filter((answer) => answer !== undefined);
+    const stopped = stop.asked || answers.includes(true);
+    const all = answers.every((answer) => answer === true);
     // A device reports nothing about the stop before the first one.
     const there = rows.filter(({ name, state }) => name.endsWith("_device") && state === "OK");
     const free = there.length ? ["OK", "no stop"] : ["absent", "stop: unknown"];
@@ -593,7 +595,7 @@
     const alarm = byId("alarm");
     const text = all
       ? "Emergency stop: no force until it is released."
-      : "Emergency stop: not confirmed by both devices.";
+      : "Emergency stop: not confirmed by every device.";
     setText(alarm, stopped ? text : "");
     alarm.hidden = !stopped;
     if (control) byId("release").hidden = !stopped;
