@@ -13,16 +13,24 @@ from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.sampling import RELEASED
 from haptic_accel.core.trial import Crossing, RigParameters, Trial, run_trial
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 SETTLED = 1000
 """Samples after which playout knows the network."""
+
+
+def textured() -> RigParameters:
+    return rig_parameters(graph_parameters(GraphArguments(rig="ideal", surface="text")))
 
 
 @lru_cache
 def trial(
     channel: ChannelParameters | None = None, blackouts: tuple[tuple[float, float], ...] = ()
 ) -> Trial:
-    return run_trial("inverse", duration=4.0, seed=3, channel=channel, blackouts=blackouts)
+    return run_trial(
+        "inverse", textured(), duration=4.0, seed=3, channel=channel, blackouts=blackouts
+    )
 
 
 def crossing(of: Trial) -> Crossing:
