@@ -23,7 +23,8 @@ from haptic_accel.core.coupling.passive import (
 )
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.channel import Channel, ChannelParameters
-from two_arms import Instant, Packet, Side, free, run, wall
+from haptic_accel.core.two_arms import free, wall
+from two_sides import Instant, Packet, Side, run
 
 RATE = 1000.0
 positions = st.tuples(*[st.floats(-0.5, 0.5)] * 3)

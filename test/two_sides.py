@@ -1,8 +1,4 @@
-"""Measure the coupling of two arms over a network: two point masses, a hand and a wall.
-
-Each row of the table is one law on one network: net energy given to the arms, speed of the slave
-on the wall with the hand at rest, and error in free space.
-"""
+"""Two arms, each with its half of the coupling, over a network that may do anything."""
 
 from __future__ import annotations
 
@@ -15,22 +11,8 @@ from dataclasses import dataclass, field
 
 from haptic_accel.core.coupling.passive import PassiveHalf, PassiveParameters
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.two_arms import (
-    HAND_DAMPING,
-    RATE,
-    Arm,
-    Around,
-    Hand,
-    Path,
-    free,
-    press,
-    stroke,
-    wall,
-)
-
-CHANGE_TIME = 2.0
-"""Time at which a network becomes another, s."""
+from haptic_accel.core.network.channel import Channel
+from haptic_accel.core.two_arms import HAND_DAMPING, RATE, Arm, Around, Hand, Path
 
 PACKETS = 2
 """Samples from packet to packet."""
@@ -204,45 +186,3 @@ def run(
         speed = math.hypot(*slave.arm.velocity)
         given = master.arm.work + slave.arm.work
         yield Instant(now, master.own_position, slave.own_position, speed, given, forces)
-
-
-@dataclass(frozen=True)
-class Row:
-    """A law on a network, and what it reached."""
-
-    law: str
-    network: ChannelParameters
-    before: ChannelParameters | None
-    given: float
-    end_speed: float
-    error: float
-
-
-def row(
-    parameters: PassiveParameters,
-    network: ChannelParameters,
-    before: ChannelParameters | None = None,
-    seed: int = 0,
-) -> Row:
-    """Return what a law reaches on a network; `before` is the one at first."""
-
-    def change(time: float, *sides: Side) -> None:
-        if time >= CHANGE_TIME:
-            for side in sides:
-                side.channel.parameters = network
-
-    def instants(path: Path, around: Around) -> list[Instant]:
-        first = before or network
-        channels = Channel[Packet](first, seed), Channel[Packet](first, seed + 1)
-        return list(run(parameters, channels, path, around, 6.0, change))
-
-    contact, moved = instants(press, wall()), instants(stroke, free)
-    errors = [math.dist(i.master, i.slave) ** 2 for i in moved[3000:]]
-    return Row(
-        parameters.law,
-        network,
-        before,
-        max(i.given for i in contact + moved),
-        max(i.slave_speed for i in contact[-500:]),
-        math.sqrt(sum(errors) / len(errors)),
-    )
