@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from haptic_accel.core.parameters import ParameterError, shown
 
+UDP = socket.SOCK_DGRAM
+
 HIGHEST_PORT = 65535
 """Highest port of UDP."""
 
@@ -109,17 +111,37 @@ def check_free(address: str, port: int) -> None:
     ParameterError
         Naming address and port.
     """
-    family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    with socket.socket(family, socket.SOCK_DGRAM) as probe:
+    if reason := _why_taken(address, port):
+        raise ParameterError(
+            f"port {port}/udp of {address}: {reason}; is it another graph's link? give both hosts"
+            " another, peer:=HOST:PORT"
+        )
+
+
+def check_opened(address: str, port: int) -> None:
+    """Refuse a port of UDP that nobody has although it should be open by now.
+
+    Raises
+    ------
+    ConnectionError
+        Naming address and port.
+    """
+    if not _why_taken(address, port):
+        raise ConnectionError(
+            f"port {port}/udp of {address}: cannot be opened: is the network up?"
+        )
+
+
+def _why_taken(address: str, port: int) -> str:
+    """Return why a port of UDP cannot be had; empty if it can."""
+    with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, UDP) as probe:
         try:
             probe.bind((address, port))
         except OSError as error:
             if error.errno not in (errno.EADDRINUSE, errno.EACCES):
                 raise
-            raise ParameterError(
-                f"port {port}/udp of {address}: {os.strerror(error.errno).lower()}; is the link of"
-                " another graph there? give both hosts another, peer:=HOST:PORT"
-            ) from None
+            return os.strerror(error.errno).lower()
+    return ""
 
 
 def _slot(namespace: str) -> int:
@@ -132,9 +154,9 @@ def _addresses(host: str, port: int, *, ipv4: bool) -> tuple[str, str]:
     """Return the numeric addresses of this host, towards another, and of that."""
     family = socket.AF_INET if ipv4 else socket.AF_UNSPEC
     try:
-        found = socket.getaddrinfo(host, port, family, socket.SOCK_DGRAM)
+        found = socket.getaddrinfo(host, port, family, UDP)
         kind, _, _, _, there = found[0]
-        with socket.socket(kind, socket.SOCK_DGRAM) as asking:
+        with socket.socket(kind, UDP) as asking:
             asking.connect(there)  # asks for the way; nothing is sent
             return asking.getsockname()[0], str(there[0])
     except OSError as error:

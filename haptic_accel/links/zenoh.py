@@ -25,8 +25,9 @@ MISSING_LIBRARY = "transport zenoh needs eclipse-zenoh: pip install 'haptic_acce
 RETRY = 0.25
 """Interval between attempts of the master's host to connect, s."""
 
-OPENING = 3000
-"""Longest time for a connection to be made, ms: several round trips of 0.5 s."""
+OPENING = 2000
+"""Longest time for a connection to be made, ms: three round trips of 0.5 s. One that was begun
+while a cable was out is given up after it, too."""
 
 LEASE = 1000
 """Time without a sign of life after which a connection is made anew, ms: a peer that was killed
@@ -42,7 +43,7 @@ ADVICE = "both hosts need certificates of one haptic-accel keys, for the names t
 
 _REASON = re.compile(r'reason: b?"([^"]+)"|(invalid peer certificate[^@]*?) at /')
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
-_LOGGED = re.compile(r"\S+Z .*?(?:WARN|ERROR) .*?zenoh\S*: (.*)")
+_LOGGED = re.compile(r"\S+Z .*?(WARN|ERROR) .*?zenoh\S*: (.*)")
 _CLOSED = re.compile(r"on QUIC link .*(closed|lost)", re.IGNORECASE)
 
 
@@ -71,16 +72,17 @@ def check_keys(folder: str) -> Path:
 
 
 def refusal(logged: str) -> str | None:
-    """Return what a line of Zenoh's log says for a user; None for no line of that log."""
+    """Return what a line of Zenoh's log says for a user.
+
+    Empty for a warning that is no refusal, as when a connection is lost; None for no line of it.
+    """
     logged = _COLOUR.sub("", logged)
     if not (found := _LOGGED.match(logged)):
         return None
-    text = found[1].partition(" at /")[0]
-    if "Unable to connect to any" in text:
-        return ""
+    level, text = found[1], found[2].partition(" at /")[0]
     reason = _REASON.search(logged)
     if not reason and not _CLOSED.search(text):
-        return f"zenoh: {text[:200]}"
+        return f"zenoh: {text[:200]}" if level == "ERROR" else ""
     why = f": {(reason[1] or reason[2]).strip()}" if reason else " by the peer"
     return f"connection refused{why}; {ADVICE}"
 

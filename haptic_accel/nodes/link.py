@@ -29,7 +29,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.claims import own_domain
 from haptic_accel.graph.files import read_parameter_file
 from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.links.addresses import Route, check_free, route
+from haptic_accel.links.addresses import Route, check_free, check_opened, route
 from haptic_accel.links.fastdds import profile
 from haptic_accel.links.hearing import Hearing, advice, described
 from haptic_accel.links.local import LINK, LONGEST, LocalEnd
@@ -90,7 +90,9 @@ class DdsCarrier:
     Raises
     ------
     ParameterError
-        The middleware is another, or the port is taken: Fast DDS would take the next.
+        The middleware is another, or the port is taken: Fast DDS would take the next but one.
+    ConnectionError
+        The port was not opened.
     """
 
     def __init__(self, route: Route, side: str) -> None:
@@ -104,6 +106,8 @@ class DdsCarrier:
         self._over = threading.Event()
         self._deliver: Callable[[bytes], object] = lambda datagram: None
         self.node = _bare_node(route)
+        # Fast DDS goes on without an interface that was not up.
+        check_opened(route.own, route.own_port)
         quality = QoSProfile(depth=WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
         topics = {name: f"link/from_{name}" for name in ("master", "slave")}
         own = topics.pop(side)

@@ -5,7 +5,7 @@ import socket
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.links.addresses import check_free, host_and_port, route
+from haptic_accel.links.addresses import check_free, check_opened, host_and_port, route
 from haptic_accel.links.parameters import SIDES, TRANSPORTS, LinkNodeParameters
 
 
@@ -63,10 +63,13 @@ def test_a_peer_without_an_address_is_said_in_one_line() -> None:
         route("no-such.invalid", "master", "dds", "")
 
 
-def test_a_taken_port_is_refused_in_a_line_that_names_it() -> None:
+def test_a_port_that_is_taken_or_was_not_opened_is_named_in_one_line() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         with pytest.raises(ParameterError, match=rf"^port {port}/udp of 127\.0\.0\.1: address al"):
             check_free("127.0.0.1", port)
+        check_opened("127.0.0.1", port)
     check_free("127.0.0.1", port)
+    with pytest.raises(ConnectionError, match=rf"^port {port}/udp of 127\.0\.0\.1: cannot be op"):
+        check_opened("127.0.0.1", port)

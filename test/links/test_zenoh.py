@@ -41,7 +41,7 @@ START = "\x1b[2m2026-11-23T02:01:43.418360Z\x1b[0m \x1b[33m WARN\x1b[0m acc-0 Th
             "connection refused by the peer",
         ),
         ("zenoh::net::runtime::orchestrator: Unable to connect to any of [x]!  at /root/y", ""),
-        ("zenoh::net: Something else at /root/y.rs:1.", "zenoh: Something else"),
+        ("zenoh::net: Something else at /root/y.rs:1.", ""),
     ],
 )
 def test_a_line_of_the_log_is_a_short_line_for_the_user(logged: str, said: str) -> None:
@@ -50,6 +50,11 @@ def test_a_line_of_the_log_is_a_short_line_for_the_user(logged: str, said: str) 
     assert text.startswith(said)
     assert (text == "") == (said == "")
     assert "/root" not in text
+
+
+def test_other_errors_are_passed_on() -> None:
+    line = START.replace("WARN", "ERROR") + "zenoh::net: Something else at /root/y.rs:1.\n"
+    assert refusal(line) == "zenoh: Something else"
 
 
 def test_what_others_write_is_no_line_of_the_log() -> None:
