@@ -1,8 +1,9 @@
-"""Draws the figures of docs/compensation.md, which come from lockstep trials.
+"""Draws figures of the documentation that come from lockstep trials.
 
 ``python docs/figures.py bounds FILE`` draws the trials of a JSON file of ``bench fidelity``
 against their bounds, and ``python docs/figures.py excursion`` one landing and one texture of low
-frequency with and without excursion control. Both write to docs/figures.
+frequency with and without excursion control. ``python docs/figures.py blackout`` draws two hosts
+while the network between them is gone. All write to docs/figures.
 """
 
 from __future__ import annotations
@@ -19,10 +20,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from haptic_accel.cli.fidelity import texture
+from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import Loop
+from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import FloatArray, HandleParameters
+from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
@@ -43,6 +47,16 @@ FAST_LANDING = {"master_device": {"simulated.exploration.approach_time": 0.25}}
 
 ENDLESS = 1.0
 """Travel limit with which nothing is given up, m."""
+
+
+NETWORK = ChannelParameters(delay=0.02, jitter=0.01, loss=0.05)
+"""Network between two hosts in the figure of blackouts."""
+
+BLACKOUTS = (1.7, 1.78), (2.0, 2.5)
+"""Start and end of those blackouts, s: one that is concealed, and one that frees the arms."""
+
+SHOWN = 1.6, 2.9
+"""Part that is drawn, s."""
 
 
 def bounds(rows: Sequence[dict[str, Any]]) -> Figure:
@@ -130,17 +144,69 @@ def excursion() -> Figure:
     return figure
 
 
+def blackout() -> Figure:
+    """Draw positions, forces, energy and vibration of two hosts through two blackouts."""
+    arguments = GraphArguments(rig="ideal", surface="text", duration=3.5)
+    trial = lockstep_trial(arguments, channel=NETWORK, blackouts=BLACKOUTS)
+    crossing = trial.crossing
+    assert crossing is not None
+    figure = Figure(figsize=(9, 9), layout="constrained")
+    panels = figure.subplots(4, 1, sharex=True)
+    place, force, energy, felt = panels
+    arms = topics.MASTER, topics.SLAVE
+    for side, label, account in zip(arms, ("master", "slave"), crossing.energy.T, strict=True):
+        moved = trial.arms[side.position.name] - trial.arms[side.position.name][0]
+        place.plot(trial.time, 1e3 * moved[:, 0], label=label)
+        pull = trial.arms[side.arm_force.name]
+        force.plot(trial.time, np.linalg.norm(pull, axis=1), label=label, lw=0.8)
+        energy.plot(trial.time, 1e3 * account, label=f"account of the {label}", lw=0.8)
+    energy.plot(trial.time, 1e3 * _given(trial), "k", label="net energy given to both arms")
+    energy.axhline(
+        2e3 * PassiveParameters().energy,
+        color="k",
+        ls="--",
+        lw=0.8,
+        label="most that may be given",
+    )
+    felt.plot(trial.time, trial.tool_acceleration, label="tool, when it is played", lw=0.8)
+    felt.plot(trial.time, crossing.played, label="played", lw=0.8)
+    place.set(ylabel="position (mm)")
+    force.set(ylabel="motor force (N)")
+    energy.set(ylabel="energy (mJ)")
+    felt.set(ylabel="acceleration (m/s$^2$)", xlabel="time (s)")
+    felt.set(xlim=SHOWN)
+    places = "lower right", "upper right", "lower left", "upper right"
+    for axes, legend in zip(panels, places, strict=True):
+        for span in BLACKOUTS:
+            axes.axvspan(*span, color="0.9")
+        axes.grid(alpha=0.3)
+        axes.legend(loc=legend, fontsize="small", ncols=2)
+    return figure
+
+
+def _given(trial: Trial) -> FloatArray:
+    """Return the net energy that the motors of both arms have given so far, J."""
+    total = np.zeros(len(trial.time))
+    for side in (topics.MASTER, topics.SLAVE):
+        acting = np.roll(trial.arms[side.arm_force.name], trial.latency, axis=0)
+        acting[: trial.latency] = 0.0
+        moved = np.diff(trial.arms[side.position.name], axis=0)
+        total[1:] += np.cumsum(np.sum(acting[:-1] * moved, axis=1))
+    return total
+
+
 def main() -> None:
     """Draw the figure that is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     figures = parser.add_subparsers(dest="name", required=True)
     figures.add_parser("bounds").add_argument("file", type=Path)
     figures.add_parser("excursion")
+    figures.add_parser("blackout")
     given = parser.parse_args()
     if given.name == "bounds":
         drawn = bounds(json.loads(given.file.read_text(encoding="utf-8"))["rows"])
     else:
-        drawn = excursion()
+        drawn = {"excursion": excursion, "blackout": blackout}[given.name]()
     drawn.savefig(FOLDER / f"{given.name}.png", dpi=120)
 
 
