@@ -42,6 +42,19 @@ def send(node: Node, request: GraphRequest, patience: float = PATIENCE) -> str:
         raise CallError(str(error)) from None
 
 
+def own_side(node: Node) -> str:
+    """Return the arm that this host has, as the coupler knows; empty for both.
+
+    Raises
+    ------
+    CallError
+        The coupler does not answer.
+    """
+    asked = GetParameters.Request(names=["side"])
+    found = _call(node, GetParameters, "coupler/get_parameters", asked, PATIENCE).values
+    return str(found[0].string_value) if found else ""
+
+
 def change(node: Node, request: GraphRequest) -> str:
     """Send a request as `send` does, and return what has changed, from what to what."""
     content = request.content

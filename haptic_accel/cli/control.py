@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -55,12 +56,16 @@ def control(arguments: ControlArguments) -> None:
         settings = [name for name in schema(ControlArguments) if name != "namespace"]
         raise ParameterError(f"control: must be given one of {', '.join(settings)}")
     # ROS takes a while to import: wrong words are refused without it.
-    from haptic_accel.cli.calling import change
+    from haptic_accel.cli.calling import change, own_side
     from haptic_accel.cli.joining import CallError, connected
 
     requests = list(_requests(arguments))
     refused: list[str] = []
     with connected(arguments.namespace) as node:
+        if arguments.arm:
+            with suppress(CallError):  # without a coupler both devices can be armed
+                side = own_side(node)
+                requests = [each for each in requests if _is_here(each, side)]
         for request in requests:
             # A device is armed even if the other one refuses.
             if refused and not request.service.endswith("/arm"):
@@ -71,6 +76,11 @@ def control(arguments: ControlArguments) -> None:
                 refused.append(str(error))
     if refused:
         raise CallError("; ".join(refused))
+
+
+def _is_here(request: GraphRequest, side: str) -> bool:
+    """Return whether a node is on this host: the device of a peer's arm is not."""
+    return not request.service.endswith("/arm") or request.service.startswith(side)
 
 
 def _requests(arguments: ControlArguments) -> Iterator[GraphRequest]:

@@ -18,7 +18,7 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.keyboard import on_key
 from haptic_accel.core.process import FAILED, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.graph.claims import sole_graph
-from haptic_accel.graph.processes import RECORDER, SCOPE, Process
+from haptic_accel.graph.processes import LINK, RECORDER, SCOPE, Process
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
@@ -131,7 +131,8 @@ def run_shown(
             outcome = supervisor.run(stopped)
     for line in outcome.last_lines.get(RECORDER, ()):
         if summary := SUMMARY.fullmatch(line):
-            print(f"next: haptic-accel analyze {shlex.quote(summary[1])}")
+            beside = " PEERS_BAG" if any(each.executable == LINK for each in processes) else ""
+            print(f"next: haptic-accel analyze {shlex.quote(summary[1])}{beside}")
     _conclude(outcome)
     if endless and outcome.first:
         print(f"{outcome.first} ended", file=sys.stderr)

@@ -54,6 +54,17 @@ def test_another_controller_takes_over_without_a_jump(
     assert abs(force[at]) < 3.0
 
 
+def test_an_arm_is_armed_beside_a_peer_that_has_the_other(
+    haptic_accel: Start, ask: Ask, domain: int, tmp_path: Path
+) -> None:
+    namespace = f"namespace:=of_{domain}"  # with ports of its own
+    graph = haptic_accel("teleop", namespace, "bag:=bag", "side:=slave", "peer:=127.0.0.1")
+    graph.wait_for(r"recorder\]: recording")
+    assert ask("control", namespace, "arm:=true") == (0, "slave_device: armed")
+    assert graph.end(signal.SIGINT) == 0, graph.text
+    assert graph.lines[-1] == f"next: haptic-accel analyze {tmp_path / 'bag'} PEERS_BAG"
+
+
 def test_surface_grip_and_engagement_change_while_the_graph_runs(
     haptic_accel: Start, observer: Observer, ask: Ask
 ) -> None:
