@@ -71,7 +71,7 @@ class EmergencyStop:
         return new
 
     def follow(self) -> None:
-        """Stop because another host does."""
+        """Stop, but as one that began elsewhere, or before a release that failed."""
         self._followed |= not self.stopped
         self.stopped = True
 

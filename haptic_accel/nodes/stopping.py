@@ -125,7 +125,7 @@ class GraphStop:
         if silent and not refusals:
             return False
         if refusals:
-            self._stop.stop()
+            self._stop.follow()  # no new stop: a peer that was released stays so
         devices = f"{' and '.join(release.asked)} take forces again"
         message = "; ".join(refusals) or f"released: {devices if release.asked else 'no device'}"
         release.answer(SetBool.Response(success=not refusals, message=message))
