@@ -9,8 +9,11 @@ from contextlib import suppress
 
 import pytest
 
+from haptic_accel.core.network.endpoint import Endpoint, Motion, State
+from haptic_accel.core.network.packet import VERSION
+from haptic_accel.links.local import LINK, LocalEnd
 from observing import Observer
-from running import Command, nodes_of, reserved_domain
+from running import Command, nodes_of, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
 
@@ -102,8 +105,37 @@ def _kill_and_return(hosts: Hosts, graphs: dict[str, Command]) -> None:
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
     lost.end()
-    print(lost.text)
     graphs["slave"].wait_for("let go: waiting for the peer's packets", seen)
     graphs["master"] = hosts.teleop("master")
     for side, after in (("master", 0), ("slave", seen)):
         graphs[side].wait_for("engaged$", after)
+
+
+def packet(side: str) -> bytes:
+    data = Endpoint(side, 1000.0, 7).outgoing(State(), Motion(), 0.0, 0.0, 0)
+    assert data
+    return data
+
+
+def test_packets_that_cannot_be_used_are_refused_in_one_line_each(
+    start: Start, observer: Observer, domain: int
+) -> None:
+    words = [word for each in ("side:=slave", "coupling:=passive") for word in ("-p", each)]
+    half = start("-m", "haptic_accel.nodes.half_coupler", "--ros-args", *words)
+    link = LocalEnd(LINK, domain, "")
+    other_version = bytearray(packet("master"))
+    other_version[4] = VERSION + 1
+    refused = {
+        "both hosts are side:=slave: one must be the other": packet("slave"),
+        f"the peer's packets have version {VERSION + 1}: must be {VERSION}": bytes(other_version),
+    }
+    for reason, data in refused.items():
+        wait_until(
+            lambda data=data, reason=reason: link.send(data) and reason in half.text, reason
+        )
+        for _ in range(20):
+            link.send(data)
+        observer.status("coupler", reason)
+    link.close()
+    assert half.end(signal.SIGINT) == 0
+    assert [half.text.count(reason) for reason in refused] == [1, 1]
