@@ -18,6 +18,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network import endpoint
 from haptic_accel.core.network.endpoint import Endpoint, State
 from haptic_accel.core.network.playout import KINDS, WAITING
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.links.local import COUPLER, LocalEnd
 from haptic_accel.nodes.coupling_node import ARM_TOPICS, SLAVE, CouplingNode, Motions
@@ -211,7 +212,8 @@ class HalfCoupler(CouplingNode):
             return math.inf
         playout = self._endpoint.playout
         while (tick := self._ticks.due()) is not None:
-            now = time.monotonic()
+            # Its own time: ticks that are served late, several in a row, keep the pace.
+            now = self._ticks.time(tick) / NANOSECONDS
             if not self._endpoint.fresh(now, self.parameters.timeout):
                 playout.clear()
                 continue

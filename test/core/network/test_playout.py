@@ -170,6 +170,16 @@ def test_a_step_of_the_senders_clock_is_a_new_start(step: int) -> None:
         assert playout.take(BOOTED + tick / RATE) == (float(tick), "true")
 
 
+def test_ticks_that_are_served_late_keep_the_pace() -> None:
+    playout, played = Playout(RATE), []
+    for tick in range(3000):
+        playout.put(START + tick, [float(tick)], BOOTED + tick / RATE)
+        if tick % 8 == 7:  # eight in a row, each with its own time
+            played += [playout.take(BOOTED + each / RATE) for each in range(tick - 7, tick + 1)]
+    later = [found.value for found in played[100:]]
+    assert later == list(range(int(later[0]), int(later[0]) + len(later)))
+
+
 def test_missed_ticks_are_left_out() -> None:
     playout = Playout(RATE)
     missed = range(1000, 1000 + round(2 * MISSED * RATE))
