@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import struct
 import threading
 import time
 from collections.abc import Callable
@@ -18,6 +19,7 @@ from typing import Any
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.links.addresses import Route
+from haptic_accel.links.pacing import Pace
 from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
 
 MISSING_LIBRARY = "transport zenoh needs eclipse-zenoh: pip install 'haptic_accel[zenoh]'"
@@ -35,6 +37,8 @@ and started again is met within 2 s."""
 
 WAITING = 64
 """Datagrams kept for a thread that is late, of which the newest count: 0.1 s."""
+
+_HEAD = struct.Struct("<QQ")  # number of the datagram, and of the newest from the other end
 
 REPEAT = 5.0
 """Shortest interval between two lines about refusals, s."""
@@ -122,13 +126,19 @@ class ZenohCarrier:
         self._keys = [f"haptic_accel{namespace}/from_{name}" for name in (side, other)]
         self._session: Any = None
         self._publisher: Any = None
+        self._pace, self._lock = Pace(), threading.Lock()
+        self._newest = 0
         self._over = threading.Event()
         self._follow_log()
 
     def send(self, datagram: bytes) -> None:
         """Send a datagram, or drop it while there is no connection."""
-        if self._publisher:
-            self._publisher.put(datagram)
+        if not self._publisher:
+            return
+        with self._lock:
+            number = self._pace.number(time.monotonic())
+        if number is not None:
+            self._publisher.put(_HEAD.pack(number, self._newest) + datagram)
 
     def run(self, deliver: Callable[[bytes], object]) -> None:
         """Connect, and pass received datagrams on, until `close` is called."""
@@ -145,10 +155,17 @@ class ZenohCarrier:
         subscriber = self._declared(self._session)
         while not self._over.is_set():
             try:
-                deliver(subscriber.recv().payload.to_bytes())
+                message = subscriber.recv().payload.to_bytes()
             except self._zenoh.ZError:
                 if not self._over.is_set():
                     raise
+                break
+            if len(message) < _HEAD.size:
+                continue
+            self._newest, heard = _HEAD.unpack_from(message)
+            with self._lock:
+                self._pace.heard(heard, time.monotonic())
+            deliver(message[_HEAD.size :])
 
     def close(self) -> None:
         """End the session."""
