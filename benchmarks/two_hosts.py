@@ -302,9 +302,12 @@ def _killed(
     at.restarted = time.time_ns()
     back = operator.engaged_since(again.begun)
     again.engaged_since(again.begun)
-    ready = next((m - again.begun for m, line in again.lines if "slave_device" in line), 0.0)
+    linked = next((moment for moment, line in again.lines if line.startswith("[link]")), np.nan)
     time.sleep(AFTER)
-    return {"engaged_after_restart_s": back, "robot_started_after_s": ready}
+    return {
+        "engaged_after_restart_s": back,
+        "engaged_after_restarted_link_s": again.begun + back - linked,
+    }
 
 
 def _figures(folder: Path, at: Moments, found: dict[str, Any]) -> dict[str, Any]:
@@ -325,6 +328,7 @@ def _figures(folder: Path, at: Moments, found: dict[str, Any]) -> dict[str, Any]
             if moment and (end == OPERATOR or name == "cable"):
                 own[f"zero_force_after_{name}_s"] = _released(stretches, moment)
         own["lost_on_the_wire"] = found.get("lost_on_the_wire", {}).get(side, 0)
+        # With zenoh also what the link left out, as the network took less.
         own["lost_unexplained"] = own["packets_lost"] - own["lost_on_the_wire"]
         figures[side] = own
     analysis = analyse([*bags.values()], perceptual=True)
