@@ -251,7 +251,7 @@ def _measured(
         try:
             robot, operator = start(ROBOT, "robot"), start(OPERATOR, "operator")
             found["engaged_after_s"] = operator.engaged_since(operator.begun)
-            robot.engaged_since(0.0)
+            robot.engaged_since(robot.begun)
             found |= _losing(wire, network, quiet, seconds, moments)
             found |= _cable_out(wire, operator, robot, moments)
             found |= _killed(operator, robot, lambda: start(ROBOT, "robot_again"), moments)
