@@ -107,7 +107,6 @@ AVERAGE_NOTE = (
 
 
 @options.verb(
-    "haptic-accel experiment --lockstep",
     "haptic-accel experiment --lockstep --seeds 8 --controllers none,dynamic,inverse",
     "haptic-accel experiment --lockstep --delay 20 --jitter 10 --loss 0.1",
     "haptic-accel experiment surface:=text duration:=5",
