@@ -124,7 +124,8 @@ class _AgeQuantile:
 
     def put(self, age: float) -> float:
         """Return the quantile, or a present age that is longer, s."""
-        self._longest = max(self._longest, age)
+        if age < LONGEST_AGE:  # else nothing is known of the network yet
+            self._longest = max(self._longest, age)
         self._samples += 1
         if self._samples % self._every == 0:
             self._ages.append(self._longest)
@@ -187,8 +188,10 @@ class PassiveHalf:
         return self._engaged
 
     def engage(self) -> None:
-        """Couple the arm where it is."""
+        """Couple the arm where it is, as softly as the present age of the peer's data demands."""
         self._engaged = True
+        self._ages = _AgeQuantile(1.0 / self._period)
+        self.stiffness = 0.0
 
     def disengage(self) -> None:
         """Uncouple: forces are zero until the next `engage`."""

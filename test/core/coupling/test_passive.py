@@ -87,6 +87,17 @@ def test_one_late_packet_in_a_thousand_changes_nothing_for_long() -> None:
     assert half.stiffness == pytest.approx(250.0)
 
 
+def test_arms_that_engage_again_forget_how_late_data_was() -> None:
+    half = engaged()
+    for age in (math.inf, 0.599):
+        half.force(ZERO, ZERO, ZERO, ZERO, age)
+    assert half.stiffness == pytest.approx(0.6, abs=0.3)
+    half.disengage()
+    half.engage()
+    half.force(ZERO, ZERO, ZERO, ZERO, 0.009)
+    assert half.stiffness == pytest.approx(250.0)
+
+
 # Set-point
 
 
