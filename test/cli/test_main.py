@@ -94,7 +94,7 @@ def test_help_is_as_wide_as_the_terminal(
         (["telepo"], "telepo: no such verb (did you mean teleop?); there are teleop, "),
         (["bench", "latncy"], "latncy: no such verb (did you mean latency?); there are latency"),
         (["teleop", "--fast"], "No such option --fast"),
-        (["experiment", "--seds"], "No such option --seds Did you mean --seeds?"),
+        (["experiment", "--seedz"], "No such option --seedz Did you mean --seeds?"),
         (["experiment", "--seeds"], "Option '--seeds' requires an argument."),
         (["experiment", "--seeds", "two"], "Invalid value for '--seeds': 'two' is not a valid"),
         (["bench", "latency", "--rates", "1,b"], "Invalid value for '--rates': '1,b': must be"),
