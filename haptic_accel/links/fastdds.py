@@ -14,7 +14,7 @@ PROFILE = """<?xml version="1.0" encoding="UTF-8" ?>
         <address>{own}</address>
       </interfaceWhiteList>
       <receiveBufferSize>4194304</receiveBufferSize>
-      <maxMessageSize>1200</maxMessageSize>
+      <maxMessageSize>1300</maxMessageSize>
       <non_blocking_send>true</non_blocking_send>
     </transport_descriptor>
   </transport_descriptors>
@@ -50,9 +50,9 @@ PROFILE = """<?xml version="1.0" encoding="UTF-8" ?>
 """
 """Discovery and data share one port, for one rule of a firewall. The locators keep the middleware
 from multicast. Announcements five times a second let a peer that is started again be met in time;
-the lease forgets one that was killed after fifteen of them. What discovery
-tells goes in messages that cross the network whole: with 5 % loss, one of 12 kB in nine pieces did
-not arrive for seconds."""
+the lease forgets one that was killed after fifteen of them. What discovery tells goes in messages
+that cross the network whole: with 5 % loss, one of 12 kB in nine pieces was not there for seconds.
+They are as large as to take the longest datagram with its headers, which is not to be parted."""
 
 LOCATOR = "<locator><udpv4><port>{}</port><address>{}</address></udpv4></locator>"
 

@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from itertools import cycle, pairwise
 from pathlib import Path
 from typing import Any, Protocol
@@ -105,7 +105,7 @@ class DdsCarrier:
         check_free(route.own, route.own_port)
         self._over = threading.Event()
         self._deliver: Callable[[bytes], object] = lambda datagram: None
-        self.node = _bare_node(route)
+        self.node = _bare_node()
         # Fast DDS goes on without an interface that was not up.
         check_opened(route.own, route.own_port)
         quality = QoSProfile(depth=WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -146,21 +146,30 @@ class DdsCarrier:
             self._deliver(datagram[:length])
 
 
-def _bare_node(route: Route) -> SupervisedNode:
-    """Return a node in a participant for one route, without topics and services."""
+@contextmanager
+def only_for(route: Route) -> Iterator[None]:
+    """Let participants made within be of one route's profile.
+
+    To be entered before ROS is initialised, which reads where nodes are to be looked for.
+    """
+    for name in (STATIC_PEERS, "ROS_LOCALHOST_ONLY"):
+        os.environ.pop(name, None)
+    os.environ[DISCOVERY_RANGE] = "SYSTEM_DEFAULT"  # leaves it to the profile
     with tempfile.NamedTemporaryFile("w", suffix=".xml") as file:
         file.write(profile(route))
         file.flush()
-        for name in (STATIC_PEERS, "ROS_LOCALHOST_ONLY"):
-            os.environ.pop(name, None)
         os.environ.update(dict.fromkeys(PROFILES_FILES, file.name))
-        os.environ[DISCOVERY_RANGE] = "SYSTEM_DEFAULT"  # leaves it to the profile
-        node = SupervisedNode(
-            "link",
-            enable_rosout=False,
-            start_parameter_services=False,
-            parameter_overrides=[Parameter("start_type_description_service", value=False)],
-        )
+        yield
+
+
+def _bare_node() -> SupervisedNode:
+    """Return a node without the topics and services of any."""
+    node = SupervisedNode(
+        "link",
+        enable_rosout=False,
+        start_parameter_services=False,
+        parameter_overrides=[Parameter("start_type_description_service", value=False)],
+    )
     for publisher in list(node.publishers):
         node.destroy_publisher(publisher)
     return node
@@ -219,13 +228,14 @@ def _run(signals: Signals) -> None:
     nodes: list[SupervisedNode] = []
     try:
         with closing(LocalEnd(LINK, own_domain(), namespace)) as local:
-            take_arguments(DOMAIN)
             way = route(parameters.peer, parameters.side, parameters.transport, namespace)
             logger = get_logger("link")
-            if parameters.transport == "dds":
-                carrier: Carrier = (dds := DdsCarrier(way, parameters.side))
-                nodes.append(dds.node)
-            else:
+            with only_for(way):
+                take_arguments(DOMAIN)
+                if parameters.transport == "dds":
+                    carrier: Carrier = (dds := DdsCarrier(way, parameters.side))
+                    nodes.append(dds.node)
+            if parameters.transport == "zenoh":
                 if parameters.side == "slave":
                     check_free(way.own, way.own_port)
                 say = logger.warning

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
 
+import psutil
 import pytest
 
 from haptic_accel.core.process import DONE, EMERGENCY, WRONG_ARGUMENTS
 from haptic_accel.links.local import COUPLER, LONGEST, LocalEnd
 from haptic_accel.links.parameters import AUTHORITY, KEY
+from haptic_accel.nodes.link import DOMAIN
 from running import Command, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
@@ -93,17 +96,32 @@ def free_ports() -> str:
             return f"{PEER}:{port}"
 
 
+def discovery_port() -> socket.socket:
+    """Return what hears the search for other participants of the links' domain on this machine."""
+    hearing = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    hearing.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    hearing.bind(("", 7400 + 250 * DOMAIN))
+    group = socket.inet_aton("239.255.0.1") + socket.inet_aton(PEER)
+    hearing.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
+    return hearing
+
+
 def test_datagrams_cross_and_a_link_that_was_killed_is_met_again(
     pair: Pair, tmp_path: Path
 ) -> None:
     peer = free_ports()
     first = int(peer.rpartition(":")[2])
-    pair.start("slave", tmp_path, peer=peer)
-    master = pair.start("master", tmp_path, peer=peer)
+    with discovery_port() as searched:
+        pair.start("slave", tmp_path, peer=peer)
+        master = pair.start("master", tmp_path, peer=peer)
+        pair.meets()
+        assert select.select([searched], [], [], 0)[0] == [], "others were looked for"
     line = master.wait_for(r"\[link\]: master at 127\.0\.0\.1")
     assert f"port {first}/udp" in line
     assert f"port {first + 1}/udp" in line
-    pair.meets()
+    sockets = psutil.Process(master.process.pid).net_connections("udp")
+    assert {each.laddr.ip for each in sockets} == {PEER}
+    assert first in {each.laddr.port for each in sockets}
     master.process.send_signal(EMERGENCY)
     pair.links["slave"].end(signal.SIGKILL)
     pair.start("slave", tmp_path, peer=peer)
