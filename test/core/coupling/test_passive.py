@@ -384,8 +384,8 @@ def test_no_network_makes_the_coupling_give_more_than_was_granted(seed: int) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
-def test_ten_thousand_networks_do_not_either() -> None:
-    for seed in range(10_000):
+@pytest.mark.timeout(600)
+def test_a_thousand_networks_do_not_either() -> None:
+    for seed in range(1000):
         trial = Trial(seed)
         assert worst(trial) <= 2 * trial.parameters.energy + 1e-9, seed
