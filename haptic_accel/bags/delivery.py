@@ -31,7 +31,6 @@ COMMANDS = {
 LABELS = (*QUANTILES, "max")
 """Labels of durations in diagnostics."""
 
-_ARMS = ("master", "slave")
 _NUMBER = re.compile(r"[0-9]+(?:\.[0-9]+)?")
 
 
@@ -92,7 +91,7 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
     # A sample was taken if any message that it caused is there.
     taken = {
         arm: np.any([seen[topic.name] for topic in found if topic.source == arm], axis=0)
-        for arm in _ARMS
+        for arm in topics.ARMS
         if any(topic.source == arm for topic in found)
     }
     end = start + round(length * (NANOSECONDS / rate))

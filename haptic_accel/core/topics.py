@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # an emergency stop must not wait for numpy
     from haptic_accel.core.model import Vector
 
+ARMS = ("master", "slave")
+"""The two arms, and with a host each the sides of a coupling."""
+
 MASTER_FRAME = "master_base"
 SLAVE_FRAME = "slave_base"
 HANDLE_FRAME = "master_handle"

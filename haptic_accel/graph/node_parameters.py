@@ -29,9 +29,10 @@ from haptic_accel.core.parameters import (
     schema,
 )
 from haptic_accel.core.sampling import HIGHEST_LATENCY, IDENTIFICATION_LATENCY, LATENCY
+from haptic_accel.core.topics import ARMS
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.links.parameters import SIDES, LinkNodeParameters
+from haptic_accel.links.parameters import LinkNodeParameters
 
 SAFETY = "safety"
 """Name of a device node's safety limits among its devices' parameters."""
@@ -126,7 +127,7 @@ class CouplerNodeParameters(CouplingParameters, PassiveParameters, EngagementPar
         "coupling of the arms: the spring of k_m and k_sl, or one that keeps account of energy",
         choices=(SPRING, PASSIVE),
     )
-    side: str = parameter("", "arm that this host has; empty for both", choices=SIDES)
+    side: str = parameter("", "arm that this host has; empty for both", choices=ARMS)
 
 
 @dataclass(frozen=True)

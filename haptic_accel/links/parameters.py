@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.topics import ARMS
 from haptic_accel.links.addresses import host_and_port
-
-SIDES = ("master", "slave")
-"""The two hosts of a pair, by the arm that each has."""
 
 TRANSPORTS = ("dds", "zenoh")
 """What carries datagrams between hosts."""
@@ -21,7 +19,7 @@ AUTHORITY, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
 class LinkNodeParameters(Checked):
     """Parameters of the node `link`."""
 
-    side: str = parameter("master", "arm that this host has", choices=SIDES)
+    side: str = parameter("master", "arm that this host has", choices=ARMS)
     peer: str = parameter("", "peer host as HOST or HOST:PORT; empty for no link")
     transport: str = parameter(
         "dds", "transport of datagrams to the peer host", choices=TRANSPORTS

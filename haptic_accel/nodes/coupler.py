@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from typing import Any
 
-from haptic_accel.core.coupling.engagement import ARMS, Engagement
+from haptic_accel.core.coupling.engagement import Engagement
 from haptic_accel.core.coupling.pairing import Motion, Pairing
 from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
 from haptic_accel.core.coupling.position_position import (
@@ -16,6 +16,7 @@ from haptic_accel.core.coupling.position_position import (
 )
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.topics import ARMS
 from haptic_accel.graph.node_parameters import PASSIVE
 from haptic_accel.nodes.coupling_node import ARM_TOPICS, MASTER, SLAVE, CouplingNode, Motions
 from haptic_accel.nodes.scheduling import CATCH_UP, run

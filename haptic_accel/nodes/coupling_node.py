@@ -10,14 +10,14 @@ from collections.abc import Collection, Iterator
 from std_srvs.srv import SetBool
 
 from haptic_accel.core import topics
-from haptic_accel.core.coupling.engagement import ARMS, STEP_PERIOD, Engagement
+from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement
 from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.nodes.interface import GraphNode, Inbox, Samples
 from haptic_accel.nodes.scheduling import ArrivalKeeper
 from haptic_accel.nodes.stopping import LOOK_PERIOD, GraphStop
 
-MASTER, SLAVE = ARMS
+MASTER, SLAVE = topics.ARMS
 ARM_TOPICS = {MASTER: topics.MASTER, SLAVE: topics.SLAVE}
 
 

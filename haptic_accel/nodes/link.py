@@ -85,7 +85,7 @@ class DdsCarrier:
     ----------
     route : Route
     side : str
-        Of this host, from `SIDES`.
+        Of this host, from `ARMS`.
 
     Raises
     ------

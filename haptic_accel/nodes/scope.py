@@ -16,7 +16,6 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.subscription import Subscription
 
 from haptic_accel.core import topics
-from haptic_accel.core.coupling.engagement import ARMS
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
@@ -120,7 +119,7 @@ class Scope(GraphNode):
         self._reports = NodeReports()
         self._stop_asked = False
         self._expected = expected_nodes(p.side)
-        self._stopped: dict[str, bool | None] = dict.fromkeys((p.side,) if p.side else ARMS)
+        self._stopped: dict[str, bool | None] = dict.fromkeys((p.side,) if p.side else topics.ARMS)
         self._remotes = {
             name: RemoteParameters(self, name, wanted, self._update_settings)
             for name, wanted in WANTED.items()
@@ -134,7 +133,9 @@ class Scope(GraphNode):
         changed = self._take_parameters
         self.create_subscription(ParameterEvent, "/parameter_events", changed, DEPTH)
         self.listen_state(topics.COUPLER_STOPPED, self._take_stop)
-        for arm, topic in zip(ARMS, (topics.MASTER_STOPPED, topics.SLAVE_STOPPED), strict=True):
+        for arm, topic in zip(
+            topics.ARMS, (topics.MASTER_STOPPED, topics.SLAVE_STOPPED), strict=True
+        ):
             if arm in self._stopped:
                 self.listen_state(topic, partial(self._stopped.__setitem__, arm))
         self.create_timer(CLIENT_PERIOD, self._subscribe_for_clients)

@@ -5,8 +5,9 @@ import socket
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import ARMS
 from haptic_accel.links.addresses import check_free, check_opened, host_and_port, route
-from haptic_accel.links.parameters import SIDES, TRANSPORTS, LinkNodeParameters
+from haptic_accel.links.parameters import TRANSPORTS, LinkNodeParameters
 
 
 @pytest.mark.parametrize(
@@ -35,7 +36,7 @@ def test_another_form_is_refused_in_one_line(peer: str) -> None:
 @pytest.mark.parametrize("namespace", ["", "/left"])
 @pytest.mark.parametrize("peer", ["127.0.0.1", "127.0.0.1:9000"])
 def test_both_hosts_find_the_same_ports(transport: str, namespace: str, peer: str) -> None:
-    master, slave = (route(peer, side, transport, namespace) for side in SIDES)
+    master, slave = (route(peer, side, transport, namespace) for side in ARMS)
     assert master.own_port == slave.peer_port
     assert master.peer_port == slave.own_port
     assert (master.own_port == slave.own_port) == (transport == "zenoh")
@@ -46,7 +47,7 @@ def test_two_namespaces_have_ports_of_their_own_outside_those_of_ros() -> None:
     ports = [
         port
         for namespace in ("", "/left", "/right")
-        for side in SIDES
+        for side in ARMS
         for port in (route("127.0.0.1", side, "dds", namespace).own_port,)
     ]
     assert len(set(ports)) == len(ports)

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from haptic_accel.core.actuator.safety import AUTOMATIC, MANUAL
 from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.parameters import Checked, parameter
-
-ARMS = ("master", "slave")
+from haptic_accel.core.topics import ARMS
 
 STEP_PERIOD = 0.02
 """Interval at which `Engagement.step` is to be called, s."""

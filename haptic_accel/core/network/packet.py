@@ -9,12 +9,10 @@ from functools import cache
 from typing import NamedTuple
 
 from haptic_accel.core.model import Vector
+from haptic_accel.core.topics import ARMS
 
 VERSION = 1
 """Version of the layout; hosts of different versions refuse each other."""
-
-SIDES = ("master", "slave")
-"""Hosts of a coupling, by the arm that they have."""
 
 MOST_SAMPLES = 16
 """Most samples of the tool's acceleration in a packet: at 1 kHz, with a packet for each sample,
@@ -43,7 +41,7 @@ class Packet(NamedTuple):
     Attributes
     ----------
     side : str
-        Sender, one of `SIDES`.
+        Sender, one of `ARMS`.
     session : int
         Random number of the sender's run, not 0.
     sequence : int
@@ -101,7 +99,7 @@ class Packet(NamedTuple):
         flags = _READY * self.ready | _ENGAGED * self.engaged | _STOPPED * self.stopped
         count = len(self.samples)
         data = _layout(count).pack(
-            *(_MAGIC, VERSION, SIDES.index(self.side), flags, count),
+            *(_MAGIC, VERSION, ARMS.index(self.side), flags, count),
             *self[1:8],
             *self[11:14],
             *self.position,
@@ -145,12 +143,12 @@ def unpack(data: bytes) -> Packet:
     session, real, samples = values[0], values[10:18], values[19:]
     # A number that is not finite makes a sum that is not.
     finite = math.isfinite(sum(real) + sum(samples))
-    if side >= len(SIDES) or not (finite and session and real[-1] > 0):
+    if side >= len(ARMS) or not (finite and session and real[-1] > 0):
         raise ValueError("damaged packet")
     px, py, pz, vx, vy, vz, shipped, rate = real
     state = bool(flags & _READY), bool(flags & _ENGAGED), bool(flags & _STOPPED)
     motion = (px, py, pz), (vx, vy, vz)
     numbers = shipped, rate, values[18]
     return Packet._make(
-        (SIDES[side], *values[:7], *state, *values[7:10], *motion, *numbers, tuple(samples))
+        (ARMS[side], *values[:7], *state, *values[7:10], *motion, *numbers, tuple(samples))
     )

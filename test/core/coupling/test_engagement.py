@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.coupling.engagement import (
-    ARMS,
     DIFFERING,
     DISENGAGED,
     FREE_TIME,
@@ -20,6 +19,7 @@ from haptic_accel.core.coupling.engagement import (
     EngagementParameters,
 )
 from haptic_accel.core.emergency_stop import SETTLING
+from haptic_accel.core.topics import ARMS
 
 TIMEOUT = 0.1
 NOTHING = Decision()

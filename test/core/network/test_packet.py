@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fuzzing import fuzz
-from haptic_accel.core.network.packet import MOST_SAMPLES, SIDES, Packet, unpack
+from haptic_accel.core.network.packet import MOST_SAMPLES, Packet, unpack
+from haptic_accel.core.topics import ARMS
 
 WORD = st.integers(-(2**63), 2**63 - 1)
 SESSION = st.integers(1, 2**64 - 1)
@@ -21,7 +22,7 @@ SAMPLES = st.lists(
 
 PACKETS = st.builds(
     Packet,
-    *(st.sampled_from(SIDES), SESSION, WORD, WORD),
+    *(st.sampled_from(ARMS), SESSION, WORD, WORD),
     *(st.integers(0, 2**64 - 1), WORD, WORD, WORD),
     *(st.booleans(), st.booleans(), st.booleans(), COUNT, COUNT),
     *(WORD, VECTOR, VECTOR, REAL, st.floats(1.0, 1e5), WORD, SAMPLES),

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from haptic_accel.core.coupling.engagement import ARMS, Engagement, EngagementParameters
+from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.rig.holding import PUT_BACK_AFTER, Holding
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.topics import ARMS
 from haptic_accel.core.trial import RigParameters
 
 RATE = 1000.0
