@@ -8,15 +8,14 @@ from __future__ import annotations
 import math
 import secrets
 import time
-from dataclasses import replace
 
 from haptic_accel.core import topics
+from haptic_accel.core.arm_end import ArmEnd
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.coupling.pairing import Motion
-from haptic_accel.core.coupling.passive import PassiveHalf
-from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.network import endpoint
-from haptic_accel.core.network.endpoint import Endpoint, State
+from haptic_accel.core.network.endpoint import State
 from haptic_accel.core.network.playout import KINDS, WAITING
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
@@ -29,9 +28,7 @@ from haptic_accel.nodes.scheduling import RateKeeper, run, system_time, wake_tim
 class HalfCoupler(CouplingNode):
     """Couples the arm of this host to that of the peer.
 
-    All lengths that cross, and all that the half computes with, are relative to where each arm
-    engaged, in the master's scale; so are forces, and energy is divided by the square of the
-    scale. On the master's host the tool's acceleration is played, one sample at each tick of the
+    On the master's host the tool's acceleration is played, one sample at each tick of the
     grid on which devices sample, and with its stamp, as if the slave's device were here.
     """
 
@@ -39,12 +36,8 @@ class HalfCoupler(CouplingNode):
         super().__init__()
         p = self.parameters
         topics_here = ARM_TOPICS[p.side]
-        self._scale = p.scale if p.side == SLAVE else 1.0
-        force = min(p.max_force / self._scale, 100.0)
-        self._half = PassiveHalf(
-            replace(p, max_force=force), p.rate, p.latency, leads=p.side == SLAVE
-        )
-        self._endpoint = Endpoint(p.side, p.rate, self._session)
+        self._end = ArmEnd(p.side, p, p.rate, p.latency, self._session)
+        self._half, self._endpoint = self._end.half, self._end.endpoint
         self._local = LocalEnd(
             COUPLER, self.context.get_domain_id(), self.get_namespace().rstrip("/")
         )
@@ -55,9 +48,7 @@ class HalfCoupler(CouplingNode):
             )
         )
         self._motion: Motion | None = None
-        self._origin = ZERO
         self._ready = False
-        self._peer_session = 0
         self._told: set[str] = set()
         self._look_due = 0.0
         (there,) = set(ARM_TOPICS) - {p.side}
@@ -148,9 +139,7 @@ class HalfCoupler(CouplingNode):
 
     def engage(self) -> None:
         """Couple the arm where it is."""
-        if self._motion:
-            self._origin = self._motion.position
-        self._half.engage()
+        self._end.engage(self._motion.position if self._motion else ZERO)
 
     def disengage(self) -> None:
         """Uncouple the arm."""
@@ -159,52 +148,24 @@ class HalfCoupler(CouplingNode):
     def _exchange(self, now: float) -> None:
         """Take the packets that came."""
         for data in self._local.take():
-            packet = self._endpoint.incoming(data, now, time.time_ns())
-            if packet is None:
-                continue
-            if packet.session != self._peer_session:
-                self._peer_session = packet.session
-                self._half.new_session()
-            self._half.receive(self._endpoint.shipped)
-            self._here.peer_heard(packet, now)
+            if packet := self._end.incoming(data, now, time.time_ns()):
+                self._here.peer_heard(packet, now)
 
     def _send(self) -> None:
         """Send the packet that is due, if one is."""
         here = self._here
         state = State(self._ready, here.engaged, here.stop.stopped, here.stop.began, here.count)
-        data = self._endpoint.outgoing(
-            state, self._relative(), self._half.shipped, time.monotonic(), time.time_ns()
-        )
+        motion = endpoint.Motion(*self._motion[:3]) if self._motion else endpoint.Motion()
+        data = self._end.outgoing(state, motion, time.monotonic(), time.time_ns())
         if data:
             self._local.send(data)
 
-    def _relative(self) -> endpoint.Motion:
-        """Return the arm's newest motion as it crosses; at rest while it is free."""
-        if self._motion is None:
-            return endpoint.Motion()
-        stamp, position, velocity, _ = self._motion
-        if not self._half.engaged:
-            return endpoint.Motion(stamp)
-        return endpoint.Motion(stamp, self._scaled(position, self._origin), self._scaled(velocity))
-
     def _send_force(self, motion: Motion, now: float) -> None:
         """Send the force that a sample of the arm causes, and show where the peer is."""
-        peer, work = self._endpoint.peer, motion.work
-        set_point, set_point_velocity = ZERO, ZERO
-        if peer and peer.engaged:
-            set_point, set_point_velocity = peer.position, peer.velocity
-        force = self._half.force(
-            self._scaled(motion.position, self._origin),
-            self._scaled(motion.velocity),
-            set_point,
-            set_point_velocity,
-            self._endpoint.round_trip_age(now),
-            None if work is None else work / self._scale**2,
-        )
-        x, y, z = force
-        scale = self._scale
-        self.forces[self._here.arms[0]].send(motion.stamp, (x * scale, y * scale, z * scale))
-        self._send_peer_position(motion.stamp, set_point)
+        stamp, position, velocity, work = motion
+        force = self._end.force(position, velocity, now, work)
+        self.forces[self._here.arms[0]].send(stamp, force)
+        self._send_peer_position(stamp, self._end.set_point[0])
 
     def _play(self) -> float:
         """Play the tool's sample of each tick that has come; return the time of the next, s."""
@@ -222,13 +183,6 @@ class HalfCoupler(CouplingNode):
                 stamp = system_time(self._ticks.time(tick))
                 self._send_tool(stamp, along_actuator(played.value))
         return self._ticks.next
-
-    def _scaled(self, vector: Vector, origin: Vector = ZERO) -> Vector:
-        """Return a vector from an origin in the master's scale."""
-        x, y, z = vector
-        x0, y0, z0 = origin
-        scale = self._scale
-        return (x - x0) / scale, (y - y0) / scale, (z - z0) / scale
 
 
 def main() -> None:

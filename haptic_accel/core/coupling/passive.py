@@ -399,10 +399,9 @@ class PassivePair:
     def __init__(self, parameters: PassiveParameters, rate: float, latency: int = LATENCY) -> None:
         self._scale = parameters.scale
         self._origins: tuple[Vector, Vector] | None = None
-        first, second = _of_both(parameters)
         self.halves = (
-            PassiveHalf(first, rate, latency),
-            PassiveHalf(second, rate, latency, leads=True),
+            PassiveHalf(parameters, rate, latency),
+            PassiveHalf(of_slave(parameters), rate, latency, leads=True),
         )
 
     @property
@@ -435,7 +434,7 @@ class PassivePair:
             moved = x - (x - x0) * ratio, y - (y - y0) * ratio, z - (z - z0) * ratio
             self._origins = self._origins[0], moved
         self._scale = parameters.scale
-        for half, own in zip(self.halves, _of_both(parameters), strict=True):
+        for half, own in zip(self.halves, (parameters, of_slave(parameters)), strict=True):
             half.change(own)
 
     def forces(
@@ -456,9 +455,9 @@ class PassivePair:
         if all(map(math.isfinite, slave)):
             self._slave = slave
         scale, (master_origin, slave_origin) = self._scale, self._origins
-        one = _scaled(master, 1.0, master_origin)
-        other = _scaled(slave, 1.0 / scale, slave_origin)
-        other_velocity = _scaled(slave_velocity, 1.0 / scale)
+        one = scaled(master, 1.0, master_origin)
+        other = scaled(slave, 1.0 / scale, slave_origin)
+        other_velocity = scaled(slave_velocity, 1.0 / scale)
         on_one, on_other = work
         if on_other is not None:
             on_other /= scale * scale
@@ -466,7 +465,7 @@ class PassivePair:
         on_slave = second.force(other, other_velocity, one, master_velocity, 0.0, on_other)
         first.receive(second.shipped)
         second.receive(first.shipped)
-        return on_master, _scaled(on_slave, scale)
+        return on_master, scaled(on_slave, scale)
 
 
 def _toward(start: Vector, end: Vector, share: float) -> Vector:
@@ -474,13 +473,14 @@ def _toward(start: Vector, end: Vector, share: float) -> Vector:
     return x + share * (end[0] - x), y + share * (end[1] - y), z + share * (end[2] - z)
 
 
-def _of_both(parameters: PassiveParameters) -> tuple[PassiveParameters, PassiveParameters]:
-    """Return the parameters of the master's half and, in the master's scale, of the slave's."""
+def of_slave(parameters: PassiveParameters) -> PassiveParameters:
+    """Return the parameters of the slave's half, which computes in the master's scale."""
     force = parameters.max_force / parameters.scale
-    return parameters, replace(parameters, max_force=min(force, 100.0))
+    return replace(parameters, max_force=min(force, 100.0))
 
 
-def _scaled(vector: Vector, factor: float, origin: Vector = ZERO) -> Vector:
+def scaled(vector: Vector, factor: float, origin: Vector = ZERO) -> Vector:
+    """Return a vector from an origin times a factor."""
     x, y, z = vector
     x0, y0, z0 = origin
     return (x - x0) * factor, (y - y0) * factor, (z - z0) * factor

@@ -1,0 +1,101 @@
+"""The end of a coupling over a network at one arm: its half of the law, and its packets."""
+
+from __future__ import annotations
+
+from haptic_accel.core.coupling.passive import PassiveHalf, PassiveParameters, of_slave, scaled
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.network.endpoint import Endpoint, Motion, State
+from haptic_accel.core.network.packet import Packet
+from haptic_accel.core.topics import ARMS
+
+
+class ArmEnd:
+    """An arm's half of the coupling, and the packets that it exchanges with its peer's.
+
+    All lengths that cross, and all that the half computes with, are relative to where each arm
+    engaged, in the master's scale; so are forces, and energy is divided by the square of the
+    scale. Times are as for `Endpoint`.
+
+    Parameters
+    ----------
+    side : str
+        The arm, one of `ARMS`.
+    parameters : PassiveParameters
+    rate : float
+        Samples per second.
+    latency : int
+        Samples from the one that caused a force to the tick at which the force takes effect.
+    session : int
+        Random number of this run, not 0.
+
+    Attributes
+    ----------
+    half : PassiveHalf
+    endpoint : Endpoint
+    """
+
+    def __init__(
+        self, side: str, parameters: PassiveParameters, rate: float, latency: int, session: int
+    ) -> None:
+        leads = side == ARMS[1]
+        self._scale = parameters.scale if leads else 1.0
+        own = of_slave(parameters) if leads else parameters
+        self.half = PassiveHalf(own, rate, latency, leads=leads)
+        self.endpoint = Endpoint(side, rate, session)
+        self._origin = ZERO
+        self._peer_session = 0
+
+    @property
+    def engaged(self) -> bool:
+        """The arm is coupled."""
+        return self.half.engaged
+
+    @property
+    def set_point(self) -> tuple[Vector, Vector]:
+        """Position, m, and velocity, m/s, of the peer's arm; where it engaged while it is free."""
+        peer = self.endpoint.peer
+        return (peer.position, peer.velocity) if peer and peer.engaged else (ZERO, ZERO)
+
+    def engage(self, position: Vector) -> None:
+        """Couple the arm where it is, m."""
+        self._origin = position
+        self.half.engage()
+
+    def outgoing(self, state: State, motion: Motion, now: float, system: int) -> bytes | None:
+        """Return the packet that is due, None if none is; a free arm is said to be at rest.
+
+        Parameters are those of `Endpoint.outgoing`, with the motion as measured.
+        """
+        stamp, position, velocity = motion
+        crossing = Motion(stamp)
+        if self.engaged:
+            crossing = Motion(stamp, self._own(position, self._origin), self._own(velocity))
+        return self.endpoint.outgoing(state, crossing, self.half.shipped, now, system)
+
+    def incoming(self, data: bytes, now: float, system: int) -> Packet | None:
+        """Take a datagram; return its packet if it is the peer's and newer than those before."""
+        packet = self.endpoint.incoming(data, now, system)
+        if packet is None:
+            return None
+        if packet.session != self._peer_session:
+            self._peer_session = packet.session
+            self.half.new_session()
+        self.half.receive(self.endpoint.shipped)
+        return packet
+
+    def force(
+        self, position: Vector, velocity: Vector, now: float, work: float | None = None
+    ) -> Vector:
+        """Return the force for the arm, N; as for `PassiveHalf.force`, with what is measured."""
+        force = self.half.force(
+            self._own(position, self._origin),
+            self._own(velocity),
+            *self.set_point,
+            self.endpoint.round_trip_age(now),
+            None if work is None else work / self._scale**2,
+        )
+        return scaled(force, self._scale)
+
+    def _own(self, vector: Vector, origin: Vector = ZERO) -> Vector:
+        """Return a vector from an origin in the master's scale."""
+        return scaled(vector, 1.0 / self._scale, origin)

@@ -1,0 +1,63 @@
+"""Scale and origins of what crosses between two arms."""
+
+from __future__ import annotations
+
+import pytest
+
+from haptic_accel.core.arm_end import ArmEnd
+from haptic_accel.core.coupling.passive import PassiveParameters
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.network.endpoint import Motion, State
+
+RATE, SCALE, STIFFNESS = 1000.0, 2.0, 250.0
+BEGIN = 1_800_000_000_000_000_000
+MASTER, SLAVE = (0.3, 0.0, 0.1), (-0.2, 0.05, 0.0)
+"""Places where the arms engage, m."""
+
+
+def coupled(*moved: Vector, free: bool = False) -> tuple[list[ArmEnd], list[Vector]]:
+    """Return both ends and their forces after half a second at places from where they engaged."""
+    law = PassiveParameters(law="spring", stiffness=STIFFNESS, scale=SCALE, max_force=50.0)
+    ends = [ArmEnd(side, law, RATE, 1, number) for number, side in ((1, "master"), (2, "slave"))]
+    starts = MASTER, SLAVE
+    for end, start in zip(ends, starts, strict=True):
+        if not free:
+            end.engage(start)
+    places = [tuple(map(sum, zip(*pair, strict=True))) for pair in zip(starts, moved, strict=True)]
+    forces = [ZERO, ZERO]
+    for tick in range(500):
+        now, system = tick / RATE, BEGIN + tick * 1_000_000
+        state = State(ready=True, engaged=not free, engagement=1)
+        sent = [
+            end.outgoing(state, Motion(system, place, ZERO), now, system)
+            for end, place in zip(ends, places, strict=True)
+        ]
+        for end, data in zip(ends, reversed(sent), strict=True):
+            if data:
+                end.incoming(data, now, system)
+        forces = [end.force(place, ZERO, now) for end, place in zip(ends, places, strict=True)]
+    return ends, forces
+
+
+def test_positions_cross_from_where_each_arm_engaged_in_the_masters_scale() -> None:
+    (master, slave), _ = coupled((0.001, 0.0, 0.0), (0.0, 0.004, 0.0))
+    assert master.set_point[0] == pytest.approx((0.0, 0.004 / SCALE, 0.0))
+    assert slave.set_point[0] == pytest.approx((0.001, 0.0, 0.0))
+
+
+def test_both_arms_are_pulled_to_each_other_and_the_slave_by_its_scale_more() -> None:
+    _, (on_master, on_slave) = coupled((0.001, 0.0, 0.0), ZERO)
+    assert on_master == pytest.approx((-STIFFNESS * 0.001, 0.0, 0.0))
+    assert on_slave == pytest.approx((SCALE * STIFFNESS * 0.001, 0.0, 0.0), rel=1e-3)
+
+
+def test_a_slave_that_followed_by_the_scale_pulls_nobody() -> None:
+    _, forces = coupled((0.001, 0.0, 0.0), (0.001 * SCALE, 0.0, 0.0))
+    assert forces[0] == pytest.approx(ZERO, abs=1e-9)
+    assert forces[1] == pytest.approx(ZERO, abs=1e-3)
+
+
+def test_a_free_arm_is_said_to_be_at_rest_and_is_not_pulled() -> None:
+    (master, slave), forces = coupled((0.001, 0.0, 0.0), (0.0, 0.004, 0.0), free=True)
+    assert master.set_point == slave.set_point == (ZERO, ZERO)
+    assert forces == [ZERO, ZERO]
