@@ -76,11 +76,11 @@ class Command:
         assert line, f"no line like {pattern!r} in:\n{self.text}"
         return line
 
-    def end(self, number: signal.Signals | None = None) -> int:
-        """Send a signal, if any, and return the exit status."""
+    def end(self, number: signal.Signals | None = None, patience: float = PATIENCE) -> int:
+        """Send a signal, if any, and return the exit status; wait for a time in s."""
         if number:
             self.process.send_signal(number)
-        status = self.process.wait(PATIENCE)
+        status = self.process.wait(patience)
         self._reader.join(PATIENCE)
         return status
 
