@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from haptic_accel.core.topics import (
 )
 from haptic_accel.graph.files import surface_parameters
 from observing import Observer
-from running import Command, wait_until
+from running import PATIENCE, Command, wait_until
 from verbs import refusal
 
 Start = Callable[..., Command]
@@ -60,7 +61,10 @@ def test_an_arm_is_armed_beside_a_peer_that_has_the_other(
     namespace = f"namespace:=of_{domain}"  # with ports of its own
     graph = haptic_accel("teleop", namespace, "bag:=bag", "side:=slave", "peer:=127.0.0.1")
     graph.wait_for(r"recorder\]: recording")
-    assert ask("control", namespace, "arm:=true") == (0, "slave_device: armed")
+    deadline = time.monotonic() + PATIENCE
+    # Refused until the device knows whether there is an emergency stop.
+    while (said := ask("control", namespace, "arm:=true")) != (0, "slave_device: armed"):
+        assert time.monotonic() < deadline, said
     assert graph.end(signal.SIGINT) == 0, graph.text
     assert graph.lines[-1] == f"next: haptic-accel analyze {tmp_path / 'bag'} PEERS_BAG"
 
