@@ -18,12 +18,13 @@ from haptic_accel.core.network.session import Session
 from haptic_accel.core.sampling import NANOSECONDS, same_rate
 
 PACKET_PERIOD = 1e-3
-"""Interval between packets, s. Jitter counts for the tool's acceleration only where it holds up
-several packets in a row: with 10 ms of it and 10 % loss a sample is played 3 ms after the mean
-delay of the network, and 8 ms after it with a packet every 2 ms."""
+"""Shortest interval between packets, s; below 1 kHz there is one a sample. Jitter counts for
+the tool's acceleration only where it holds up several packets in a row: with 10 ms of it and 10 %
+loss a sample is played 3 ms after the mean delay of the network, and 8 ms after it with a packet
+every 2 ms."""
 
 EARLY = 0.25
-"""Share of `PACKET_PERIOD` by which a packet may be sent before it is due: the caller's ticks do
+"""Share of the interval by which a packet may be sent before it is due: the caller's ticks do
 not come exactly in time."""
 
 REMEMBERED = 4096
@@ -87,6 +88,7 @@ class Endpoint:
 
     def __init__(self, side: str, rate: float, session: int) -> None:
         self._side, self._rate, self._own_session = side, rate, session
+        self._period = max(PACKET_PERIOD, 1.0 / rate)
         self._sequence = 0
         self._due = -math.inf
         self._said: State | None = None
@@ -127,9 +129,9 @@ class Endpoint:
             Energy given to the peer, cumulative, J.
         now, system : float, int
         """
-        if state == self._said and now < self._due - EARLY * PACKET_PERIOD:
+        if state == self._said and now < self._due - EARLY * self._period:
             return None
-        self._due = max(self._due + PACKET_PERIOD, now)
+        self._due = max(self._due + self._period, now)
         self._said = state
         self._sequence += 1
         age = max(0.0, (system - motion.stamp) / NANOSECONDS) if motion.stamp else 0.0

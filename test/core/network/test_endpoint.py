@@ -69,6 +69,13 @@ def test_a_packet_leaves_every_period_and_at_once_when_the_state_changes() -> No
     assert {500, 501} <= set(sent)
 
 
+def test_at_a_low_rate_a_packet_leaves_for_each_sample_however_often_it_is_asked() -> None:
+    end = Endpoint("slave", 250.0, 1)
+    asked = range(1000)
+    sent = [tick for tick in asked if end.outgoing(State(), Motion(), 0.0, tick / RATE, tick)]
+    assert len(sent) == pytest.approx(250, abs=2)
+
+
 @pytest.mark.parametrize("clock_offset", [0.0, -3.0, 0.25])
 def test_ages_are_those_of_the_channel_whatever_the_clocks_say(clock_offset: float) -> None:
     hosts = Hosts(ChannelParameters(delay=0.02), clock_offset)
