@@ -55,11 +55,15 @@ class Observer:
         self.watch(topic)(lambda message: message.data is state)
 
     def status(
-        self, node: str, said: str = "", least: Mapping[str, int] | None = None
+        self,
+        node: str,
+        said: str = "",
+        least: Mapping[str, int] | None = None,
+        **values: str,
     ) -> dict[str, str]:
         """Return the values of a node's next diagnostics whose message has a text in it.
 
-        With `least` they are the first in which counters have reached these values.
+        They are the first in which counters have reached those of `least`, with the values given.
         """
         found: dict[str, str] = {}
 
@@ -68,7 +72,7 @@ class Observer:
                 if reporter(status.name)[1] == node and said in status.message:
                     found.update((pair.key, pair.value) for pair in status.values)
             reached = (int(found.get(key, 0)) >= count for key, count in (least or {}).items())
-            return bool(found) and all(reached)
+            return bool(found) and all(reached) and values.items() <= found.items()
 
         self.watch(DIAGNOSTICS)(wanted)
         return found

@@ -61,6 +61,9 @@ publisher has overtaken. With as many, a packet each ms may come up to 31 ms lat
 MIDDLEWARE = "rmw_fastrtps"
 """Start of the names of the middleware that follows the profile."""
 
+SEARCH_PERIOD = 2.0
+"""Interval between attempts to find the way to a peer, s."""
+
 _HEAD = struct.Struct("<4sIII")
 _ENCAPSULATION = b"\0\1\0\0"  # plain little-endian CDR; then no dimensions, no offset, length
 
@@ -224,11 +227,13 @@ def main() -> None:
 
 def _run(signals: Signals) -> None:
     namespace, parameters = _given(sys.argv[1:])
+    way = _way(parameters, namespace, signals)
+    if way is None:
+        return
     well = False
     nodes: list[SupervisedNode] = []
     try:
         with closing(LocalEnd(LINK, own_domain(), namespace)) as local:
-            way = route(parameters.peer, parameters.side, parameters.transport, namespace)
             logger = get_logger("link")
             with only_for(way):
                 take_arguments(DOMAIN)
@@ -247,6 +252,24 @@ def _run(signals: Signals) -> None:
         well = True
     finally:
         close_nodes(nodes, well)
+
+
+def _way(parameters: LinkNodeParameters, namespace: str, signals: Signals) -> Route | None:
+    """Return the way to the peer as soon as there is one; None if the process has to end before.
+
+    A robot may be switched on before its network is.
+    """
+    said = ""
+    while not signals.ended():
+        try:
+            return route(parameters.peer, parameters.side, parameters.transport, namespace)
+        except ConnectionError as error:
+            if said != (said := str(error)):
+                get_logger("link").warning(f"{said}; trying again")
+        due = time.monotonic() + SEARCH_PERIOD
+        while time.monotonic() < due and not signals.ended():
+            time.sleep(LOOK_ROUND)
+    return None
 
 
 def _given(words: Sequence[str]) -> tuple[str, LinkNodeParameters]:

@@ -73,8 +73,7 @@ def _exchange(observers: dict[str, Observer]) -> None:
     """Check that forces flow on both hosts, which know what the network does."""
     for side, observer in observers.items():
         observer.status(f"{side}_device", least={"arm force count": 1000})
-        values = observer.status("coupler", least={"packets received": 500})
-        assert values["engaged"] == "true"
+        values = observer.status("coupler", least={"packets received": 500}, engaged="true")
         assert abs(float(values["clock offset (ms)"])) <= float(values["clock offset bound (ms)"])
         assert 0.0 < float(values["stiffness (N/m)"]) <= 250.0
     observers["master"].status("master_device", least={"actuator force count": 1000})

@@ -7,6 +7,7 @@ import os
 import select
 import signal
 import socket
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -17,7 +18,7 @@ import pytest
 from haptic_accel.core.process import DONE, EMERGENCY, WRONG_ARGUMENTS
 from haptic_accel.links.local import COUPLER, LONGEST, LocalEnd
 from haptic_accel.links.parameters import AUTHORITY, KEY
-from haptic_accel.nodes.link import DOMAIN
+from haptic_accel.nodes.link import DOMAIN, SEARCH_PERIOD
 from running import Command, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
@@ -243,3 +244,15 @@ def test_missing_keys_are_named_in_one_line(
     assert link.end() == WRONG_ARGUMENTS
     (line,) = link.lines
     assert line.startswith(f"link: keys = '{folder}': {KEY}: no such file")
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_a_link_waits_for_a_way_to_the_peer_and_says_once_why(
+    pair: Pair, tmp_path: Path, end: signal.Signals
+) -> None:
+    link = pair.start("master", tmp_path, peer="no-such.invalid")
+    link.wait_for("peer no-such.invalid: cannot be reached: .*; trying again")
+    with pytest.raises(subprocess.TimeoutExpired):
+        link.process.wait(1.5 * SEARCH_PERIOD)
+    assert link.end(end) == DONE
+    assert len(link.lines) == 1
