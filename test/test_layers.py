@@ -24,22 +24,26 @@ BELOW: dict[str, set[str]] = {
     "pages": {"core"},
     "scope": {"core", "pages"},
     "bags": {"core"},
-    "devices": {"core", "bags"},
+    "materials": {"core"},
+    "devices": {"core", "bags", "materials"},
     "emulators": {"core", "devices"},
     "links": {"core"},
-    "graph": {"core", "bags", "devices", "links"},
-    "nodes": {"core", "bags", "devices", "links", "graph", "scope"},
-    "analysis": {"core", "bags", "graph", "pages"},
+    "graph": {"core", "bags", "devices", "links", "materials"},
+    "nodes": {"core", "bags", "devices", "links", "materials", "graph", "scope"},
+    "analysis": {"core", "bags", "materials", "graph", "pages"},
     "cli": {
-        *("core", "bags", "devices", "links", "emulators", "graph"),
+        *("core", "bags", "devices", "links", "materials", "emulators", "graph"),
         *("nodes", "scope", "analysis"),
     },
 }
 """The folders that each folder of the package may import, besides itself."""
 
 RIG = "haptic_accel.core.rig"
-RIG_USERS = {"haptic_accel.devices.simulated", "haptic_accel.core.trial"}
-"""The virtual rig is a leaf: everything else reaches it through these two."""
+RIG_USERS = {
+    *("haptic_accel.devices.simulated", "haptic_accel.core.trial"),
+    *("haptic_accel.core.surfaces.virtual_rig", "haptic_accel.core.surfaces.tool"),
+}
+"""The virtual rig is a leaf: everything else reaches it through these."""
 
 ROS = {
     *("rclpy", "launch", "launch_ros", "ament_index_python"),

@@ -1,0 +1,1 @@
+"""Virtual surfaces: textures, taps, shapes, contact, and the tool that touches them."""
