@@ -22,8 +22,8 @@ import numpy.typing as npt
 from haptic_accel.bags import mcap_format as mcap
 from haptic_accel.bags.mcap_format import MAGIC, NEVER, RECORD, Channel, Schema, Tally
 from haptic_accel.bags.rosbags_adapter import lz4, zstd
-from haptic_accel.bags.yaml_text import load_yaml, texts_of
 from haptic_accel.core.sampling import IntArray
+from haptic_accel.core.yaml_text import load_yaml, texts_of
 
 ByteArray = npt.NDArray[np.uint8]
 

@@ -19,8 +19,8 @@ from haptic_accel.bags.folder import METADATA
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
 from haptic_accel.bags.mcap_format import NEVER, Channel, Tally, read_text_map
 from haptic_accel.bags.rosbags_adapter import dump_qos_v9, parse_qos
-from haptic_accel.bags.yaml_text import LARGEST, load_yaml, texts_of
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.yaml_text import LARGEST, load_yaml, texts_of
 
 VERSION = 9
 """Version of metadata.yaml, as Jazzy and newer write it."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -10,9 +9,9 @@ from typing import Any
 
 import yaml
 
-from haptic_accel.bags.yaml_text import LARGEST, load_yaml
+from haptic_accel.core.folders import preset_file
 from haptic_accel.core.parameters import ParameterError, checked, shown
-from haptic_accel.graph.folders import config_folder
+from haptic_accel.core.yaml_text import LARGEST, load_yaml
 from haptic_accel.graph.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
 
 SURFACE = "simulated.surface."
@@ -20,29 +19,6 @@ SURFACE = "simulated.surface."
 
 _WILDCARDS = ("**", "*")
 """Last parts of keys that name no node, but any."""
-
-
-def preset_file(kind: str, name: str) -> Path:
-    """Return the parameter file of a virtual rig or a surface.
-
-    Parameters
-    ----------
-    kind : str
-        rig or surface.
-    name : str
-        Name of a file in ``config/<kind>s``, or a path ending in ``.yaml``.
-
-    Raises
-    ------
-    ParameterError
-        There is none.
-    """
-    known = {path.stem: path for path in sorted((config_folder() / f"{kind}s").glob("*.yaml"))}
-    if name in known:
-        return known[name]
-    if name.endswith(".yaml") and os.path.isfile(name):
-        return Path(name).absolute()
-    raise ParameterError(f"{kind} = {name!r}: must be one of {', '.join(known)}, or a .yaml file")
 
 
 def surface_parameters(surface: str) -> dict[str, Any]:

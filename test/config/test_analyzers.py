@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import yaml
 
-from haptic_accel.graph.folders import config_folder
+from haptic_accel.core.folders import config_folder
 from haptic_accel.graph.node_parameters import NODES
 
 

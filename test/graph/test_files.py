@@ -8,12 +8,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
+from haptic_accel.core.folders import config_folder, preset_file
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.files import (
-    config_folder,
     parameter_text,
-    preset_file,
     read_parameter_file,
     surface_parameters,
 )

@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 from ament_index_python.packages import PackageNotFoundError
 
+from haptic_accel.core.folders import share_folder
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.topics import SIGNALS
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.files import parameter_text, read_parameter_file
-from haptic_accel.graph.folders import share_folder
 from haptic_accel.graph.frames import description as description_text
 from haptic_accel.graph.processes import Process, graph, identification_graph
 from haptic_accel.graph.replay import described_replay, replay_arguments

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from haptic_accel.bags.yaml_text import LARGEST, load_yaml, texts_of
+from haptic_accel.core.yaml_text import LARGEST, load_yaml, texts_of
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n"

@@ -1,0 +1,52 @@
+"""Location of the package's own files; light to import."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from haptic_accel.core.parameters import ParameterError
+
+
+def share_folder() -> Path:
+    """Return the folder that holds ``config`` and ``launch``.
+
+    A checkout's own where the code runs from a checkout; otherwise the installed one.
+    """
+    checkout = Path(__file__).resolve().parents[2]
+    if (checkout / "package.xml").is_file():
+        return checkout
+    from ament_index_python.packages import get_package_share_directory
+
+    return Path(get_package_share_directory("haptic_accel"))
+
+
+def config_folder() -> Path:
+    """Return the folder of parameter files."""
+    return share_folder() / "config"
+
+
+def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
+    """Return a file of the package by its name, or one of the user's.
+
+    Parameters
+    ----------
+    kind : str
+        rig, surface, scene or texture.
+    name : str
+        Name of a file in ``config/<kind>s``, or a path ending in ``.yaml`` or ``.npz``.
+    beside : Path
+        Folder that a relative path begins in; default: the current one.
+
+    Raises
+    ------
+    ParameterError
+        There is none.
+    """
+    known = {path.stem: path for path in sorted((config_folder() / f"{kind}s").glob("*.yaml"))}
+    if name in known:
+        return known[name]
+    path = beside / name
+    if path.suffix in (".yaml", ".npz") and os.path.isfile(path):
+        return path.absolute()
+    raise ParameterError(f"{kind} = {name!r}: must be one of {', '.join(known)}, or a .yaml file")
