@@ -1,0 +1,257 @@
+"""Taps: what follows the impact of a tool, as modes that ring down or as recordings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import (
+    Checked,
+    ParameterError,
+    check_positive_rate,
+    parameter,
+)
+from haptic_accel.core.resampling import resampled
+from haptic_accel.core.surfaces.provenance import Provenance
+
+MOST_MODES = 3
+"""Modes of one tap; two or three describe wood, metal and rubber (Okamura et al. 2001)."""
+
+THRESHOLD_SPEED = 5e-3
+"""Impact speed in m/s below which a contact is a touch, not a tap: a hand that rests on a surface
+comes and goes by about that."""
+
+REFRACTORY_TIME = 0.03
+"""Time in s after a tap in which no other begins: a stiff contact bounces (20 to 50 ms)."""
+
+CROSS_FADE = 0.03
+"""Time in s from a tap until the texture is at its full share."""
+
+LONGEST_TAP = 0.5
+"""Time in s after which any tap is over."""
+
+_REST = 1e-3  # of a mode's amplitude, at which it is over: far below what is felt
+_PENCIL_SAMPLES = 400  # most that poles are found from: the effort grows with their cube
+_RANK_TOLERANCE = 1e-9  # of the largest singular value: smaller ones are rounding
+_LOWEST_MODE = 10.0  # Hz: slower ones are the tool's motion, not its ringing
+_WEAKEST_MODE = 1e-3  # of the largest amplitude: weaker ones fit noise
+
+
+@dataclass(frozen=True)
+class Mode(Checked):
+    """One decaying sinusoid: amplitude v exp(-decay t) sin(2 pi frequency t + phase)."""
+
+    frequency: float = parameter(200.0, "frequency", "Hz", 1.0, 20e3)
+    decay: float = parameter(60.0, "rate of decay", "1/s", 0.0, 1e5, above=True)
+    amplitude: float = parameter(50.0, "acceleration per impact speed", "1/s", 0.0, 1e6)
+    phase: float = parameter(0.0, "phase at the contact", "rad", -2 * math.pi, 2 * math.pi)
+
+
+@dataclass(frozen=True, eq=False)
+class TapModel:
+    """The acceleration that follows an impact: modes, or a recorded set.
+
+    Attributes
+    ----------
+    modes : tuple of Mode
+        Up to `MOST_MODES`; empty for a recorded set.
+    speeds : ndarray, shape (m,)
+        Impact speeds of the recorded set, m/s, ascending and above 0.
+    samples : ndarray, shape (m, k)
+        Acceleration in m/s^2 at each impact speed; the first sample is one period after contact.
+    rate : float
+        Samples per second of the recorded set.
+    provenance : Provenance
+
+    Raises
+    ------
+    ParameterError
+        Neither or both of modes and recordings, or values and shapes that do not fit.
+    """
+
+    modes: tuple[Mode, ...] = ()
+    speeds: FloatArray = field(default_factory=lambda: np.empty(0))
+    samples: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    rate: float = 1000.0
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        """Check that there is one kind of tap, and that it is complete."""
+        check_positive_rate(self.rate)
+        if bool(self.modes) == bool(len(self.speeds)):
+            raise ParameterError("tap: must have either modes or a recorded set")
+        if len(self.modes) > MOST_MODES:
+            raise ParameterError(f"tap: {len(self.modes)} modes: must be at most {MOST_MODES}")
+        if len(self.speeds):
+            self._check_recordings()
+
+    def _check_recordings(self) -> None:
+        if self.speeds.ndim != 1 or self.speeds[0] <= 0 or np.any(np.diff(self.speeds) <= 0):
+            raise ParameterError("tap: speeds of the recorded set must ascend from above 0 m/s")
+        if self.samples.ndim != 2 or len(self.samples) != len(self.speeds):
+            raise ParameterError(
+                f"tap: samples of shape {self.samples.shape}: must have one row per impact speed, "
+                f"{len(self.speeds)}"
+            )
+        if not (self.samples.size and np.all(np.isfinite(self.samples))):
+            raise ParameterError("tap: samples of the recorded set must be finite numbers")
+
+    def waveforms(self, rate: float) -> tuple[FloatArray, FloatArray]:
+        """Return impact speeds in m/s, and what follows each of them at another rate.
+
+        Parameters
+        ----------
+        rate : float
+            Samples per second.
+
+        Returns
+        -------
+        speeds : ndarray, shape (m,)
+        accelerations : ndarray, shape (m, k)
+            In m/s^2. Modes above the Nyquist frequency are left out.
+        """
+        check_positive_rate(rate)
+        if self.modes:
+            return np.ones(1), _ringing(self.modes, rate)[np.newaxis]
+        return self.speeds, np.array([resampled(row, self.rate, rate) for row in self.samples])
+
+
+class Tap:
+    """Taps on one material, sample by sample.
+
+    Between two recorded impact speeds the recordings are mixed; outside of them, as for modes, the
+    acceleration grows with the impact speed. Taps that overlap add up.
+
+    Parameters
+    ----------
+    model : TapModel
+    rate : float
+        Samples per second.
+
+    Raises
+    ------
+    ParameterError
+        `rate` is no positive number, or out of the range that recordings can be resampled to.
+    """
+
+    def __init__(self, model: TapModel, rate: float) -> None:
+        speeds, waves = model.waveforms(rate)
+        # A row of rest at zero speed: below the slowest one a tap is a part of that.
+        self._speeds = np.concatenate([[0.0], speeds])
+        self._waves = np.vstack([np.zeros((1, waves.shape[1])), waves])
+        self._refractory = math.ceil(REFRACTORY_TIME * rate)
+        self._fade = math.ceil(CROSS_FADE * rate)
+        self._wave = np.zeros(0)
+        self._age = max(self._refractory, self._fade)  # samples since the last tap
+
+    def strike(self, speed: float) -> None:
+        """Begin a tap: its first acceleration is what `sample` returns next.
+
+        Parameters
+        ----------
+        speed : float
+            Impact speed, m/s. One below `THRESHOLD_SPEED`, or within `REFRACTORY_TIME` of the last
+            tap, begins none.
+        """
+        if speed < THRESHOLD_SPEED or self._age < self._refractory:
+            return
+        upper = min(int(np.searchsorted(self._speeds, speed)), len(self._speeds) - 1)
+        lower, higher = self._speeds[upper - 1 : upper + 1]
+        if speed > higher:
+            wave = self._waves[upper] * (speed / higher)
+        else:
+            share = (speed - lower) / (higher - lower)
+            wave = (1 - share) * self._waves[upper - 1] + share * self._waves[upper]
+        rest = self._wave[self._age :]
+        wave[: len(rest)] += rest
+        self._wave, self._age = wave, 0
+
+    def sample(self) -> float:
+        """Return the acceleration of one sample, m/s^2: 0 when all taps are over."""
+        self._age += 1
+        return float(self._wave[self._age - 1]) if self._age <= len(self._wave) else 0.0
+
+    @property
+    def texture_share(self) -> float:
+        """Factor from 0 to 1 for the texture beside the last sample: a tap hides it at first."""
+        if self._age >= self._fade:
+            return 1.0
+        return 0.5 - 0.5 * math.cos(math.pi * self._age / self._fade)
+
+
+def _ringing(modes: tuple[Mode, ...], rate: float) -> FloatArray:
+    """Return the acceleration after an impact at 1 m/s, from one period after contact onwards."""
+    slowest = min(mode.decay for mode in modes)
+    duration = min(-math.log(_REST) / slowest, LONGEST_TAP)
+    time = np.arange(1, max(round(duration * rate), 1) + 1) / rate
+    wave = np.zeros(len(time))
+    for mode in modes:
+        if mode.frequency < rate / 2:
+            turn = 2 * np.pi * mode.frequency * time + mode.phase
+            wave += mode.amplitude * np.exp(-mode.decay * time) * np.sin(turn)
+    return wave
+
+
+def fitted_modes(acceleration: FloatArray, rate: float, count: int) -> tuple[Mode, ...]:
+    """Fit decaying sinusoids by the matrix pencil (Hua and Sarkar 1990).
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n,)
+        Acceleration after one impact over its speed, 1/s; the first sample is one period after
+        contact.
+    rate : float
+        Samples per second.
+    count : int
+        Number of modes wanted, up to `MOST_MODES`.
+
+    Returns
+    -------
+    tuple of Mode
+        Largest amplitude first; fewer than `count` where the signal holds no more that oscillate
+        above 10 Hz and decay.
+
+    Raises
+    ------
+    ParameterError
+        `count` or `rate` is out of range, or there are too few samples for `count` modes.
+    """
+    check_positive_rate(rate)
+    if not 1 <= count <= MOST_MODES:
+        raise ParameterError(f"count = {count}: must be from 1 to {MOST_MODES}")
+    if len(acceleration) < 6 * count:
+        raise ParameterError(
+            f"{len(acceleration)} samples: must be at least {6 * count} for {count} modes"
+        )
+    poles = _poles(acceleration[:_PENCIL_SAMPLES], 2 * count)
+    frequencies = np.angle(poles) * rate / (2 * np.pi)
+    poles = poles[(frequencies > _LOWEST_MODE) & (np.abs(poles) < 1)]
+    steps = np.arange(1, len(acceleration) + 1)
+    powers = poles ** steps[:, np.newaxis]
+    basis = np.hstack([powers.imag, powers.real])  # sine and cosine of each mode
+    sines, cosines = np.linalg.lstsq(basis, acceleration, rcond=None)[0].reshape(2, -1)
+    modes = [
+        Mode(
+            frequency=float(np.angle(pole)) * rate / (2 * math.pi),
+            decay=-math.log(abs(pole)) * rate,
+            amplitude=math.hypot(sine, cosine),
+            phase=math.atan2(cosine, sine),
+        )
+        for pole, sine, cosine in zip(poles, sines, cosines, strict=True)
+    ]
+    modes.sort(key=lambda mode: -mode.amplitude)
+    return tuple(mode for mode in modes if mode.amplitude > _WEAKEST_MODE * modes[0].amplitude)
+
+
+def _poles(signal: FloatArray, count: int) -> npt.NDArray[np.complex128]:
+    """Return the poles of a sum of `count` exponentials, by the shift of its signal space."""
+    width = len(signal) // 2
+    hankel = np.lib.stride_tricks.sliding_window_view(signal, width)
+    _, strengths, rows = np.linalg.svd(hankel, full_matrices=False)
+    space = rows[:count][strengths[:count] > _RANK_TOLERANCE * strengths[0]].T
+    shift = np.linalg.lstsq(space[:-1], space[1:], rcond=None)[0]
+    return np.asarray(np.linalg.eigvals(shift), dtype=np.complex128)
