@@ -1,1 +1,1 @@
-"""Virtual surfaces: textures, taps, shapes, contact, and the tool that touches them."""
+"""Virtual surfaces: textures, taps, shapes, and the tool that touches them."""

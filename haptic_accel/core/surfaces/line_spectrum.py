@@ -1,0 +1,115 @@
+"""Prediction polynomials and their line spectral frequencies (Itakura 1975; Soong, Juang 1984).
+
+A polynomial A(z) = 1 + a_1 z^-1 + ... + a_p z^-p is half the sum of a symmetric and an
+antisymmetric one, whose roots lie on the unit circle. Their angles in (0, pi) take turns exactly
+where A has its roots inside: what lies between two stable polynomials, by angles, is stable.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from operator import add, sub
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+
+
+def to_polynomial(lsf: Sequence[float]) -> list[float]:
+    """Return the coefficients 1, a_1 ... a_p of a polynomial.
+
+    Plain floats: a texture needs one polynomial at a time, and soon.
+
+    Parameters
+    ----------
+    lsf : sequence of float
+        Its p line spectral frequencies in rising order, rad per sample.
+    """
+    symmetric, antisymmetric = _product(lsf[0::2]), _product(lsf[1::2])
+    if len(lsf) % 2:  # the roots that are always there, of the antisymmetric one: 1 and -1
+        now, before = symmetric, map(sub, [*antisymmetric, 0.0], [0.0, 0.0, *antisymmetric])
+    else:  # -1 of the symmetric one, 1 of the other
+        now = list(map(add, symmetric, antisymmetric))
+        before = map(sub, [0.0, *symmetric], [0.0, *antisymmetric])
+    return [0.5 * (a + b) for a, b in zip(now, before, strict=False)][: len(lsf) + 1]
+
+
+def _product(angles: Sequence[float]) -> list[float]:
+    """Return the coefficients of the product of 1 - 2 cos(angle) z + z^2 over angles."""
+    half = [1.0]  # up to the middle: the product reads the same from either end
+    for angle in angles:
+        factor = -2 * math.cos(angle)
+        once, twice = [0.0, *half], [0.0, 0.0, *half[:-1]]
+        half.append(half[-2] if len(half) > 1 else 0.0)
+        half = [a + factor * b + c for a, b, c in zip(half, once, twice, strict=True)]
+    return half + half[-2::-1]
+
+
+def from_polynomial(polynomial: FloatArray) -> FloatArray:
+    """Return the line spectral frequencies of a polynomial, rad per sample, in rising order.
+
+    Parameters
+    ----------
+    polynomial : ndarray, shape (p + 1,)
+        Coefficients 1, a_1 ... a_p.
+
+    Raises
+    ------
+    ParameterError
+        A root of the polynomial is not inside the unit circle.
+    """
+    order = len(polynomial) - 1
+    ahead, behind = np.append(polynomial, 0.0), np.append(0.0, polynomial[::-1])
+    symmetric, antisymmetric = ahead + behind, ahead - behind
+    if order % 2:
+        antisymmetric = np.polydiv(antisymmetric, [1.0, 0.0, -1.0])[0]
+    else:
+        symmetric = np.polydiv(symmetric, [1.0, 1.0])[0]
+        antisymmetric = np.polydiv(antisymmetric, [1.0, -1.0])[0]
+    found = np.empty(order)
+    found[0::2], found[1::2] = _angles(symmetric), _angles(antisymmetric)
+    if not is_ordered(found):
+        raise ParameterError("polynomial: a root is not inside the unit circle")
+    return found
+
+
+def _angles(coefficients: FloatArray) -> FloatArray:
+    """Return the angles of a symmetric polynomial's roots, not a number off the circle."""
+    half = len(coefficients) // 2
+    series = 2 * coefficients[half:]
+    series[0] /= 2  # in cosines of multiples of the angle
+    cosines = np.polynomial.chebyshev.chebroots(series)
+    on_circle = (np.abs(cosines.imag) < 1e-7) & (np.abs(cosines.real) < 1)
+    return np.sort(np.arccos(np.where(on_circle, cosines.real, np.nan)))
+
+
+def is_ordered(lsf: FloatArray) -> bool:
+    """Return True if frequencies rise within (0, pi) along the last axis: a stable filter."""
+    ends = np.zeros((*lsf.shape[:-1], 1))
+    return bool(np.all(np.diff(np.concatenate([ends, lsf, ends + np.pi], axis=-1)) > 0))
+
+
+def levinson(autocovariance: FloatArray) -> tuple[FloatArray, float]:
+    """Return the prediction polynomial of an autocovariance, and the variance of its error.
+
+    Parameters
+    ----------
+    autocovariance : ndarray, shape (p + 1,)
+        At lags 0 to p, of a process that is not predictable exactly.
+
+    Returns
+    -------
+    polynomial : ndarray, shape (p + 1,)
+        1, a_1 ... a_p; its roots are inside the unit circle.
+    variance : float
+        In the unit of the autocovariance.
+    """
+    polynomial, variance = np.ones(1), float(autocovariance[0])
+    for lag in range(1, len(autocovariance)):
+        reflection = -float(polynomial @ autocovariance[lag:0:-1]) / variance
+        polynomial = np.append(polynomial, 0.0)
+        polynomial = polynomial + reflection * polynomial[::-1]
+        variance *= 1 - reflection**2
+    return polynomial, variance

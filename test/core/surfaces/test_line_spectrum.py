@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.surfaces.line_spectrum import (
+    from_polynomial,
+    is_ordered,
+    levinson,
+    to_polynomial,
+)
+
+RISING = st.lists(st.floats(0.05, 1.0), min_size=1, max_size=21).map(
+    lambda steps: np.cumsum(steps)[:-1] * np.pi / np.sum(steps)
+)
+"""Up to 20 line spectral frequencies in (0, pi), none close to another."""
+
+
+def test_known_line_spectra() -> None:
+    # 1 / A(z) = 1: the frequencies lie at equal distances; order 1: at arccos(-a_1).
+    assert from_polynomial(np.array([1.0, 0.0, 0.0])) == pytest.approx(np.pi / 3 * np.arange(1, 3))
+    assert from_polynomial(np.array([1.0, -0.5])) == pytest.approx(np.arccos(0.5))
+    assert to_polynomial([]) == [1.0]
+
+
+@given(RISING)
+def test_rising_frequencies_are_those_of_a_stable_polynomial(lsf: np.ndarray) -> None:
+    polynomial = np.array(to_polynomial(lsf.tolist()))
+    assert np.all(np.abs(np.roots(polynomial)) < 1 + 1e-9)
+    assert from_polynomial(polynomial) == pytest.approx(lsf, abs=1e-6)
+
+
+def test_an_unstable_polynomial_is_refused() -> None:
+    with pytest.raises(ParameterError, match="not inside the unit circle"):
+        from_polynomial(np.array([1.0, -2.0, 1.5]))
+
+
+def test_order_is_strict_and_within_zero_to_pi() -> None:
+    assert is_ordered(np.array([[0.1, 0.2], [1.0, 3.1]]))
+    for wrong in ([0.0, 1.0], [0.2, 0.2], [0.3, 0.2], [1.0, np.pi]):
+        assert not is_ordered(np.array([[0.1, 0.2], wrong]))
+
+
+def test_levinson_finds_the_filter_of_an_autocovariance() -> None:
+    polynomial = np.array([1.0, -1.2, 0.72])
+    response = lfilter([2.0], polynomial, np.eye(1, 500)[0])
+    covariance = np.array([response[lag:] @ response[: 500 - lag] for lag in range(5)])
+    found, variance = levinson(covariance)
+    assert found == pytest.approx([*polynomial, 0.0, 0.0], abs=1e-9)
+    assert variance == pytest.approx(4.0)
