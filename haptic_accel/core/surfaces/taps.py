@@ -16,7 +16,7 @@ from haptic_accel.core.parameters import (
     parameter,
 )
 from haptic_accel.core.resampling import resampled
-from haptic_accel.core.surfaces.provenance import Provenance
+from haptic_accel.core.surfaces.texture import Provenance
 
 MOST_MODES = 3
 """Modes of one tap; two or three describe wood, metal and rubber (Okamura et al. 2001)."""
