@@ -7,44 +7,44 @@ where A has its roots inside: what lies between two stable polynomials, by angle
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from operator import add, sub
-
 import numpy as np
 
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 
 
-def to_polynomial(lsf: Sequence[float]) -> list[float]:
-    """Return the coefficients 1, a_1 ... a_p of a polynomial.
-
-    Plain floats: a texture needs one polynomial at a time, and soon.
+def to_polynomial(lsf: FloatArray) -> FloatArray:
+    """Return the coefficients 1, a_1 ... a_p of polynomials, shape (..., p + 1).
 
     Parameters
     ----------
-    lsf : sequence of float
-        Its p line spectral frequencies in rising order, rad per sample.
+    lsf : ndarray, shape (..., p)
+        Their line spectral frequencies in rising order, rad per sample.
     """
-    symmetric, antisymmetric = _product(lsf[0::2]), _product(lsf[1::2])
-    if len(lsf) % 2:  # the roots that are always there, of the antisymmetric one: 1 and -1
-        now, before = symmetric, map(sub, [*antisymmetric, 0.0], [0.0, 0.0, *antisymmetric])
+    order = lsf.shape[-1]
+    ahead = np.zeros((*lsf.shape[:-1], order + 2))
+    behind = np.zeros_like(ahead)
+    symmetric, antisymmetric = _product(lsf[..., 0::2]), _product(lsf[..., 1::2])
+    if order % 2:  # the roots that are always there, of the antisymmetric one: 1 and -1
+        ahead += symmetric
+        ahead[..., :-2] += antisymmetric
+        behind[..., 2:] = antisymmetric
     else:  # -1 of the symmetric one, 1 of the other
-        now = list(map(add, symmetric, antisymmetric))
-        before = map(sub, [0.0, *symmetric], [0.0, *antisymmetric])
-    return [0.5 * (a + b) for a, b in zip(now, before, strict=False)][: len(lsf) + 1]
+        ahead[..., :-1] = symmetric + antisymmetric
+        behind[..., 1:] = antisymmetric - symmetric
+    return np.asarray((ahead - behind)[..., :-1] / 2)
 
 
-def _product(angles: Sequence[float]) -> list[float]:
+def _product(angles: FloatArray) -> FloatArray:
     """Return the coefficients of the product of 1 - 2 cos(angle) z + z^2 over angles."""
-    half = [1.0]  # up to the middle: the product reads the same from either end
-    for angle in angles:
-        factor = -2 * math.cos(angle)
-        once, twice = [0.0, *half], [0.0, 0.0, *half[:-1]]
-        half.append(half[-2] if len(half) > 1 else 0.0)
-        half = [a + factor * b + c for a, b, c in zip(half, once, twice, strict=True)]
-    return half + half[-2::-1]
+    factors = np.moveaxis(-2 * np.cos(angles), -1, 0)
+    product = np.zeros((2 * len(factors) + 1, *factors.shape[1:]))
+    product[0] = 1.0
+    for done, factor in enumerate(factors):
+        before = product[: 2 * done + 1].copy()
+        product[1 : 2 * done + 2] += factor * before
+        product[2 : 2 * done + 3] += before
+    return np.moveaxis(product, 0, -1)
 
 
 def from_polynomial(polynomial: FloatArray) -> FloatArray:
