@@ -29,11 +29,11 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.trial import DEFAULT_RATE, GripChange, Trial
-from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import RECORDING, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
 from haptic_accel.graph.node_parameters import HIGHEST_RATE
 from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
+from haptic_accel.materials.recordings import read_recording
 
 DURATION = 8.0
 """Length of a trial with one grip, s."""

@@ -37,13 +37,13 @@ from haptic_accel.core.identification.stops import STOPS_HIT, check_stops, check
 from haptic_accel.core.model import ACTUATOR, POSTURES, HandleParameters, Suspension, held
 from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.trial import RigParameters, run_identification
-from haptic_accel.devices.recordings import read_recording
 from haptic_accel.graph.arguments import AVERAGE_GRIP, SIMULATED, IdentifyArguments
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, identification_graph, rig_parameters
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.materials.recordings import read_recording
 
 LOWEST_COMPARED = 15.0
 """Frequency below which the compensator's high-pass passes nothing (paper), Hz."""

@@ -12,8 +12,8 @@ from haptic_accel.core import track
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.sampling import NANOSECONDS, Stamped, sampling_rate
 from haptic_accel.core.topics import MASTER, SLAVE, ArmTopics, Topic
-from haptic_accel.devices.recordings import read_recording
 from haptic_accel.devices.simulated import SimulatedDevice
+from haptic_accel.materials.recordings import read_recording
 
 if TYPE_CHECKING:
     from haptic_accel.bags.reading import Bag

@@ -12,7 +12,7 @@ from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.devices.interface import Device, Sample
-from haptic_accel.devices.recordings import read_recording
+from haptic_accel.materials.recordings import read_recording
 
 
 class SimulatedDevice(Device):

@@ -1,4 +1,4 @@
-"""Recorded accelerations as input: read from CSV or WAV files, and resampling.resampled."""
+"""Recorded accelerations as input: read from CSV or WAV files, and resampled."""
 
 from __future__ import annotations
 

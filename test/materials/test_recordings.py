@@ -17,8 +17,8 @@ from scipy.io import wavfile
 from fuzzing import ODD_TEXTS, fuzz, mutated
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import crossfaded, resampled
-from haptic_accel.devices import recordings as recording
-from haptic_accel.devices.recordings import FULL_SCALE, FloatArray, read_recording
+from haptic_accel.materials import recordings as recording
+from haptic_accel.materials.recordings import FULL_SCALE, FloatArray, read_recording
 from recordings import write_recording
 
 # One folder serves all examples of a test: each writes its files anew.
