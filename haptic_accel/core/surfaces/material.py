@@ -1,0 +1,44 @@
+"""Materials of virtual surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
+
+
+@dataclass(frozen=True)
+class Material(Checked):
+    """What the surface of an object does to a tool.
+
+    Attributes
+    ----------
+    name : str
+    texture : TextureModel, optional
+        Acceleration of a tool that slides.
+    tap : TapModel, optional
+        Acceleration of a tool that hits.
+
+    Raises
+    ------
+    ParameterError
+        A value out of range, or friction above static friction.
+    """
+
+    name: str = "material"
+    stiffness: float = parameter(2000.0, "stiffness of the contact", "N/m", 1.0, 10e3)
+    damping: float = parameter(5.0, "damping of the contact", "N s/m", 0.0, 100.0)
+    static_friction: float = parameter(0.4, "friction coefficient of a tool that sticks", "", 0, 2)
+    friction: float = parameter(0.3, "friction coefficient of a tool that slides", "", 0, 2)
+    texture: Any = None
+    tap: Any = None
+
+    def __post_init__(self) -> None:
+        """Check each value, and that friction falls once the tool slides."""
+        super().__post_init__()
+        if self.friction > self.static_friction:
+            raise ParameterError(
+                f"friction = {self.friction}: must be at most static_friction,"
+                f" {self.static_friction}"
+            )

@@ -1,0 +1,138 @@
+"""The place of a tool's tip if surfaces were rigid: a god-object (Zilles and Salisbury, 1995)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from haptic_accel.core.model import Vector
+from haptic_accel.core.surfaces.scene import Scene
+
+SKIN = 1e-6
+"""Distance that the proxy keeps from surfaces, m: below what encoders resolve."""
+
+STEPS = 8
+"""Most steps of the proxy in one sample; it goes on from there in the next."""
+
+_SWEEPS = 4  # over the planes, of the search for the nearest place outside all of them
+_ARRIVED = 1e-7  # m; a step shorter than this is the last
+
+
+class LocalPlane(NamedTuple):
+    """Tangent plane of an object near the proxy: its points have normal * point = offset.
+
+    Attributes
+    ----------
+    number : int
+        Place of the object in the scene.
+    normal : tuple of float
+        Direction out of the object.
+    offset : float
+        Distance of the plane from the origin along its normal, m.
+    """
+
+    number: int
+    normal: Vector
+    offset: float
+
+    def height(self, place: Vector) -> float:
+        """Return the distance of a place above the plane, m."""
+        n_x, n_y, n_z = self.normal
+        return n_x * place[0] + n_y * place[1] + n_z * place[2] - self.offset
+
+
+class Proxy:
+    """Follows the tool outside of all objects, as near to it as it gets.
+
+    From where it is, it goes to the place nearest to the tool that is above the tangent planes of
+    all objects in reach. A convex object is below its tangent plane, so the way there leads
+    through none, however thin or fast; other shapes limit the step to their `stride`.
+
+    Parameters
+    ----------
+    scene : Scene
+    place : tuple of float
+        Where it begins, m; inside of an object, it comes out to the nearest side.
+    """
+
+    def __init__(self, scene: Scene, place: Vector) -> None:
+        self._objects = scene.objects
+        self.place = place
+        # No object is nearer than the way that is left until it is due: distances are computed
+        # when the proxy may be in reach, and so for few objects.
+        self._travelled = 0.0
+        self._due = [0.0] * len(scene.objects)
+
+    def follow(self, tool: Vector, margin: float) -> list[LocalPlane]:
+        """Move towards the tool, and return the planes of all objects nearer than a margin.
+
+        Parameters
+        ----------
+        tool : tuple of float
+            Place of the tool, m.
+        margin : float
+            Distance in m.
+        """
+        near: list[tuple[LocalPlane, float]] = []
+        for _ in range(STEPS):
+            x, y, z = self.place
+            way = math.dist(self.place, tool)
+            near, clearance = self._near(x, y, z, way + margin)
+            goal = _nearest_outside(tool, [plane for plane, _ in near]) if near else tool
+            d_x, d_y, d_z = goal[0] - x, goal[1] - y, goal[2] - z
+            share = 1.0
+            for plane, distance in near:
+                n_x, n_y, n_z = plane.normal
+                approach = -(n_x * d_x + n_y * d_y + n_z * d_z)
+                if approach > distance > 0:
+                    share = min(share, distance / approach)
+            length = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
+            if share * length > clearance:
+                share = clearance / length
+            if share * length < _ARRIVED:
+                break
+            self.place = (x + share * d_x, y + share * d_y, z + share * d_z)
+            self._travelled += share * length
+            if not near:
+                break
+        return [plane for plane, distance in near if distance <= margin]
+
+    def _near(
+        self, x: float, y: float, z: float, reach: float
+    ) -> tuple[list[tuple[LocalPlane, float]], float]:
+        """Return tangent planes and distances of what is in reach, and the longest safe step."""
+        travelled, due = self._travelled, self._due
+        near = []
+        clearance = math.inf
+        for index, at in enumerate(due):
+            if at > travelled + reach:
+                continue
+            each = self._objects[index]
+            distance = each.distance(x, y, z)
+            due[index] = travelled + distance
+            if distance > reach:
+                continue
+            normal = n_x, n_y, n_z = each.normal(x, y, z)
+            plane = LocalPlane(index, normal, n_x * x + n_y * y + n_z * z - distance)
+            near.append((plane, distance))
+            clearance = min(clearance, max(distance, each.shape.stride))
+        return near, clearance
+
+
+def _nearest_outside(tool: Vector, planes: list[LocalPlane]) -> Vector:
+    """Return the place nearest to a tool that is above all planes (Hildreth, 1957)."""
+    x, y, z = tool
+    shares = [0.0] * len(planes)
+    for _ in range(_SWEEPS if len(planes) > 1 else 1):
+        moved = False
+        for index, ((_, (n_x, n_y, n_z), offset), share) in enumerate(
+            zip(planes, shares, strict=True)
+        ):
+            push = max(-share, offset + SKIN - (n_x * x + n_y * y + n_z * z))
+            if push:
+                shares[index] = share + push
+                x, y, z = x + push * n_x, y + push * n_y, z + push * n_z
+                moved = True
+        if not moved:
+            break
+    return x, y, z

@@ -1,0 +1,149 @@
+"""Scenes: objects of some shape and material, each at its place."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from haptic_accel.core.model import ZERO, FloatArray, Vector
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.surfaces.material import Material
+from haptic_accel.core.surfaces.shapes import Shape
+
+SECTION_POINTS = 200
+"""Points along each side of a section: 1 mm apart on 20 cm."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneObject:
+    """A shape of a material at its place.
+
+    Attributes
+    ----------
+    name : str
+    shape : Shape
+    material : Material
+    position : tuple of float
+        Origin of the shape's frame in the arm's base frame, m.
+    rotation : tuple of float
+        Roll, pitch and yaw about the fixed axes x, y, z, in this order, rad (as in URDF).
+    """
+
+    name: str
+    shape: Shape
+    material: Material
+    position: Vector = ZERO
+    rotation: Vector = ZERO
+    _matrix: FloatArray = field(init=False, repr=False)
+    _rows: tuple[Vector, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Compute the rotation's matrix: from the shape's frame to the base frame."""
+        roll, pitch, yaw = self.rotation
+        matrix = _turn(2, yaw) @ _turn(1, pitch) @ _turn(0, roll)
+        object.__setattr__(self, "_matrix", matrix)
+        object.__setattr__(self, "_rows", tuple(tuple(row) for row in matrix.tolist()))
+
+    def distance(self, x: float, y: float, z: float) -> float:
+        """Return the signed distance of a point in the base frame, m."""
+        return self.shape.distance(*self._inside(x, y, z))
+
+    def normal(self, x: float, y: float, z: float) -> Vector:
+        """Return the direction of growing distance at a point, in the base frame."""
+        n_x, n_y, n_z = self.shape.normal(*self._inside(x, y, z))
+        if self.rotation == ZERO:
+            return n_x, n_y, n_z
+        a, b, c = self._rows
+        return (
+            a[0] * n_x + a[1] * n_y + a[2] * n_z,
+            b[0] * n_x + b[1] * n_y + b[2] * n_z,
+            c[0] * n_x + c[1] * n_y + c[2] * n_z,
+        )
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return the signed distances of points of shape (n, 3) in the base frame, m."""
+        return self.shape.distances((points - self.position) @ self._matrix)
+
+    def _inside(self, x: float, y: float, z: float) -> Vector:
+        """Return a point of the base frame in the shape's frame."""
+        o_x, o_y, o_z = self.position
+        x, y, z = x - o_x, y - o_y, z - o_z
+        if self.rotation == ZERO:
+            return x, y, z
+        a, b, c = self._rows
+        return (
+            a[0] * x + b[0] * y + c[0] * z,
+            a[1] * x + b[1] * y + c[1] * z,
+            a[2] * x + b[2] * y + c[2] * z,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Objects that a tool can touch.
+
+    Attributes
+    ----------
+    objects : tuple of SceneObject
+    start : tuple of float
+        Place above which the tool begins, m.
+    name : str
+
+    Raises
+    ------
+    ParameterError
+        Two objects of one name.
+    """
+
+    objects: tuple[SceneObject, ...]
+    start: Vector = ZERO
+    name: str = "scene"
+
+    def __post_init__(self) -> None:
+        """Check that each object has a name of its own."""
+        counts = Counter(each.name for each in self.objects)
+        for name, count in counts.items():
+            if count > 1:
+                raise ParameterError(f"name = {name!r}: must be that of one object, not {count}")
+
+    def section(
+        self, x: tuple[float, float], z: tuple[float, float], y: float = 0.0
+    ) -> dict[str, list[FloatArray]]:
+        """Return the outlines of all objects that a plane across y cuts, by object's name.
+
+        Parameters
+        ----------
+        x, z : tuple of float
+            First and last place that is shown, m.
+        y : float
+            Place of the plane, m.
+
+        Returns
+        -------
+        dict
+            Lines of shape (k, 2), x and z in m; an object without any is left out.
+        """
+        from contourpy import contour_generator  # comes with matplotlib; for drawing only
+
+        across, up = np.linspace(*x, SECTION_POINTS), np.linspace(*z, SECTION_POINTS)
+        places = np.stack(np.broadcast_arrays(across, y, up[:, np.newaxis]), axis=-1)
+        found = {}
+        for each in self.objects:
+            distances = each.distances(places.reshape(-1, 3)).reshape(len(up), len(across))
+            lines = contour_generator(across, up, distances).lines(0.0)
+            if lines:
+                found[each.name] = [np.asarray(line) for line in lines]
+        return found
+
+
+def _turn(axis: int, angle: float) -> FloatArray:
+    """Return the matrix of a rotation about a base axis by an angle in rad."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    matrix = np.eye(3)
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix[[first, second], [first, second]] = cosine
+    matrix[first, second], matrix[second, first] = -sine, sine
+    return matrix

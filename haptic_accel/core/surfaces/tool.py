@@ -1,0 +1,190 @@
+"""Mechanics of a tool that touches a scene: a point mass, motors, joints, contacts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.parameters import ParameterError, check_positive_rate
+from haptic_accel.core.rig.slave_rig import ToolParameters
+from haptic_accel.core.surfaces.contact import Contact
+from haptic_accel.core.surfaces.proxy import LocalPlane, Proxy
+from haptic_accel.core.surfaces.scene import Scene
+from haptic_accel.core.surfaces.touch import Touch
+
+MARGIN = 0.2e-3
+"""Distance from an object at which it is looked at, m, beside the way that the tool's velocity
+takes it in a sample: more than the largest force of the motors adds to that in 1 ms."""
+
+STEP_ANGLE = 0.3
+"""Longest step of integration in a contact, rad of its vibration: 0.4 % of its frequency."""
+
+SPARE_ENERGY = 0.2e-3
+"""Energy in J that contacts may give out in all, by surfaces that are not planes: a fifth of what
+is allowed (1 mJ over a closed path); much more than a smooth surface ever takes of it."""
+
+
+class VirtualTool:
+    """A point mass under the motors' force, the joints' friction and contact with a scene.
+
+    The geometry is computed once per sample, at the middle of the way ahead: there, surfaces are
+    planes, on which the motion is integrated by the leapfrog scheme, whose energy does not drift,
+    with steps that follow from the stiffness. What the springs win from one plane to the next is
+    accounted for, and bounded.
+
+    Parameters
+    ----------
+    parameters : ToolParameters
+        The tool begins at its `height` above the scene's start.
+    scene : Scene
+    rate : float
+        Samples per second.
+
+    Attributes
+    ----------
+    scene : Scene
+    position : tuple of float
+        m.
+    velocity : tuple of float
+        m/s.
+
+    Raises
+    ------
+    ParameterError
+        The tool would begin inside of an object.
+    """
+
+    def __init__(self, parameters: ToolParameters, scene: Scene, rate: float) -> None:
+        check_positive_rate(rate)
+        self._p = parameters
+        self._period = 1 / rate
+        self._enter(scene)
+
+    def put_back(self) -> None:
+        """Let the tool rest where it began."""
+        self._enter(self.scene)
+
+    def change_scene(self, scene: Scene) -> None:
+        """Put the tool, where it is, into another scene."""
+        self._meet(scene)
+
+    def energy(self) -> float:
+        """Return kinetic energy and the contacts' elastic energy, J."""
+        v_x, v_y, v_z = self.velocity
+        kinetic = self._p.mass * (v_x * v_x + v_y * v_y + v_z * v_z) / 2
+        return kinetic + sum(touch.energy() for touch in self._near)
+
+    def advance(self, force: Vector) -> Contact | None:
+        """Move one sampling period.
+
+        Parameters
+        ----------
+        force : tuple of float
+            Force of the motors, N.
+
+        Returns
+        -------
+        Contact or None
+            None if nothing was touched.
+        """
+        (x, y, z), (v_x, v_y, v_z) = self.position, self.velocity
+        half = self._period / 2
+        way = 2 * half * math.sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
+        ahead = (x + half * v_x, y + half * v_y, z + half * v_z)
+        self._lay(self._proxy.follow(ahead, MARGIN + way))
+        self._integrate(force)
+        if not self._near:
+            return None
+        for touch in self._near:
+            touch.settle(self.position)
+        return self._contact()
+
+    def _enter(self, scene: Scene) -> None:
+        """Begin at a scene's start."""
+        x, y, z = scene.start
+        self.position: Vector = (x, y, z + self._p.height)
+        self.velocity: Vector = ZERO
+        for each in scene.objects:
+            if each.distance(*self.position) < 0:
+                raise ParameterError(
+                    f"scene {scene.name}: its start, {self._p.height:g} m up, is inside of"
+                    f" {each.name!r}"
+                )
+        self._meet(scene)
+
+    def _meet(self, scene: Scene) -> None:
+        """Stand before a scene of which nothing is touched yet."""
+        self.scene = scene
+        self._proxy = Proxy(scene, self.position)
+        self._touches = [Touch(each, self._p.mass) for each in scene.objects]
+        self._near: list[Touch] = []
+        self._spare = SPARE_ENERGY
+
+    def _lay(self, planes: Sequence[LocalPlane]) -> None:
+        """Put the surfaces of the objects in reach onto planes; leave all others."""
+        near = [self._touches[plane.number] for plane in planes]
+        for touch in self._near:
+            if touch not in near:
+                self._spare += touch.energy()
+                touch.end()
+        for touch, plane in zip(near, planes, strict=True):
+            self._spare -= touch.lay(plane, self.position, self._spare)
+        self._spare = min(self._spare, SPARE_ENERGY)
+        self._near = near
+
+    def _integrate(self, force: Vector) -> None:
+        """Let the forces act for one period."""
+        tool, near = self._p, self._near
+        mass, slow = tool.mass, tool.slip_velocity**2
+        stiffness = sum(touch.object.material.stiffness for touch in near)
+        steps = max(1, math.ceil(self._period * math.sqrt(stiffness / mass) / STEP_ANGLE))
+        step = self._period / steps
+        half, per_mass = step / 2, step / mass
+        a_x, a_y, a_z = force[0] * per_mass, force[1] * per_mass, force[2] * per_mass
+        (x, y, z), (v_x, v_y, v_z) = self.position, self.velocity
+        for _ in range(steps):
+            x, y, z = x + half * v_x, y + half * v_y, z + half * v_z
+            slipping = math.sqrt(v_x * v_x + v_y * v_y + v_z * v_z + slow)
+            joints = tool.viscous_friction + tool.coulomb_friction / slipping
+            # Half of the joints' damping before the other forces and half of it after them: so a
+            # tool that rests on a surface presses with all of the motors' force.
+            kept = math.exp(-joints * per_mass / 2)
+            v_x, v_y, v_z = kept * v_x + a_x, kept * v_y + a_y, kept * v_z + a_z
+            for touch in near:
+                v_x, v_y, v_z = touch.push((x, y, z), (v_x, v_y, v_z), step)
+            v_x, v_y, v_z = kept * v_x, kept * v_y, kept * v_z
+            x, y, z = x + half * v_x, y + half * v_y, z + half * v_z
+        self.position, self.velocity = (x, y, z), (v_x, v_y, v_z)
+
+    def _contact(self) -> Contact | None:
+        """Return the contact of the period that has passed."""
+        touched = [touch for touch in self._near if touch.begun]
+        if not touched:
+            return None
+        touch = max(
+            touched, key=lambda each: (each.impact_speed, along(each.normal, each.impulse))
+        )
+        total_x, total_y, total_z = (
+            sum(parts) / self._period
+            for parts in zip(*(each.impulse for each in touched), strict=True)
+        )
+        (n_x, n_y, n_z), (v_x, v_y, v_z) = touch.normal, self.velocity
+        away = along(touch.normal, self.velocity)
+        velocity = (v_x - away * n_x, v_y - away * n_y, v_z - away * n_z)
+        return Contact(
+            touch.object,
+            touch.normal,
+            touch.depth,
+            (total_x, total_y, total_z),
+            along(touch.normal, touch.impulse) / self._period,
+            velocity,
+            math.hypot(*velocity),
+            touch.impact_speed,
+            touch.sliding,
+        )
+
+
+def along(direction: Vector, vector: Vector) -> float:
+    """Return the part of a vector along a direction."""
+    return direction[0] * vector[0] + direction[1] * vector[1] + direction[2] * vector[2]
