@@ -94,6 +94,8 @@ setup(
         "serial": ["pyserial>=3.5", "cobs>=1.2"],
         # Arms on a CAN bus; pyserial is for adapters that speak slcan.
         "can": ["python-can>=4.3", "pyserial>=3.5"],
+        # A voice coil behind a sound card; needs PortAudio, which only apt has: libportaudio2.
+        "audio": ["sounddevice>=0.4.6"],
         # Two hosts by transport:=zenoh; eclipse-zenoh has no rosdep key. 1.10: datagrams of QUIC.
         "zenoh": ["eclipse-zenoh>=1.10", "cryptography>=41"],
         "test": TEST,

@@ -70,6 +70,7 @@ class DeviceArguments(Checked):
     """Devices, and the recording that they play."""
 
     master: str = parameter(SIMULATED, "master device", choices=tuple(MASTERS))
+    actuator: str = like(nodes.MasterNodeParameters, "actuator_device")
     slave: str = parameter(
         SIMULATED,
         "slave device, or the topics that `ros2 bag play` publishes",
@@ -177,6 +178,7 @@ class IdentifyArguments(SweepParameters, RecordingOptions, LaunchArguments):
     rig: str = like(GraphArguments, "rig")
     grip: str = like(GraphArguments, "grip")
     master: str = like(GraphArguments, "master")
+    actuator: str = like(GraphArguments, "actuator")
     rate: float = like(GraphArguments, "rate")
     latency: int = like(nodes.IdentifierNodeParameters, "latency")
     bag: str = like(GraphArguments, "bag")

@@ -32,6 +32,7 @@ from haptic_accel.core.sampling import HIGHEST_LATENCY, IDENTIFICATION_LATENCY, 
 from haptic_accel.core.topics import ARMS
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES
+from haptic_accel.devices.audio import AUDIO, AudioParameters
 from haptic_accel.links.parameters import LinkNodeParameters
 
 SAFETY = "safety"
@@ -87,6 +88,11 @@ class MasterNodeParameters(DeviceNodeParameters):
     """Parameters of the node `master_device`."""
 
     device: str = parameter("simulated", "driver of the device", choices=tuple(MASTERS))
+    actuator_device: str = parameter(
+        "device",
+        "driver of the actuator: the master device, or a sound card with an amplifier",
+        choices=("device", AUDIO),
+    )
 
 
 @dataclass(frozen=True)
@@ -211,7 +217,10 @@ def _device_parts(devices: Mapping[str, Any], safety: type) -> dict[str, type]:
 NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     "recorder": (RecorderNodeParameters, {}),
     "scope": (ScopeNodeParameters, {}),
-    "master_device": (MasterNodeParameters, _device_parts(MASTERS, MasterSafetyParameters)),
+    "master_device": (
+        MasterNodeParameters,
+        {**_device_parts(MASTERS, MasterSafetyParameters), AUDIO: AudioParameters},
+    ),
     "slave_device": (SlaveNodeParameters, _device_parts(SLAVES, SafetyParameters)),
     "restamper": (RestamperNodeParameters, {}),
     "coupler": (CouplerNodeParameters, {}),

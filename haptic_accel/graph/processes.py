@@ -204,8 +204,8 @@ def _check_given(path: Path, content: Values, set_here: Values) -> None:
 def _or_set(node: str, name: str, value: Any) -> str:
     """Return the advice to set the argument for a node's parameter, if there is one."""
     argument = f"{SCOPE}_{name}" if node == SCOPE else name
-    if name == "device":
-        argument = node.partition("_")[0]
+    if name.endswith("device"):
+        argument = name.rpartition("_")[0] or node.partition("_")[0]
     known = argument in schema(GraphArguments) | schema(IdentifyArguments)
     return f", or set {argument}:={value}" if known else ""
 
@@ -245,7 +245,7 @@ def _own_parameters(arguments: Arguments) -> Values:
     sampled = {"rate": arguments.rate}
     timed = {**sampled, "latency": arguments.latency}
     device: dict[str, Any] = {**timed, "seed": arguments.seed}
-    master = {**device, "device": arguments.master}
+    master = {**device, "device": arguments.master, "actuator_device": arguments.actuator}
     if arguments.grip != names.AVERAGE_GRIP:  # which a file may change
         master[f"{names.SIMULATED}.grip.posture"] = arguments.grip
     recorder = {"bag": _absolute(arguments.bag)}

@@ -202,7 +202,7 @@ class DeviceNode(ManagedNode):
                 self.inbox(arm.actuator_force),
                 p.latency,
                 self._allowed_actuator_force,
-                late_at_device=(lambda: self.device.late) if self._kind.AHEAD else None,
+                late_at_device=(lambda: self.device.late) if self.device.AHEAD else None,
             )
         self._queries = Queries(self, arm)
         self._motions = Motions(self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm)

@@ -1,0 +1,310 @@
+"""Actuator behind a sound card and an amplifier, beside the master's own device."""
+
+from __future__ import annotations
+
+import math
+import time as clocks
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.core.actuator.held_force import HeldForce
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.devices.interface import LATER, Device, DeviceError, Joints, Reading, Sample
+from haptic_accel.devices.simulated import SimulatedDevice
+
+AUDIO = "audio"
+"""Name of the actuator that a sound card drives."""
+
+MISSING_LIBRARY = "audio: needs sounddevice and PortAudio: pip install 'haptic_accel[audio]'"
+
+BLOCKS_AHEAD = 2
+"""Blocks that the card is kept supplied with: it fetches one while the other is a margin."""
+
+SETTLING = 1.0
+"""Time constant with which the card's clock is followed, s: a drift of 1e-4 leaves an error of
+0.1 ms, and the steps of a block's length in what the card tells average out."""
+
+
+@dataclass(frozen=True)
+class AudioParameters(Checked):
+    """Sound card that drives the actuator."""
+
+    device: str = parameter(
+        "", "name of the sound card, as `python -m sounddevice` lists it; empty for the default"
+    )
+    block: int = parameter(
+        64, "samples that the card fetches together; more need more latency", low=8, high=4096
+    )
+    channel: int = parameter(1, "output channel of the actuator; others are silent", "", 1, 64)
+    full_scale: float = parameter(
+        0.0,
+        "actuator force at the card's full scale, negative where wires are swapped, as"
+        " `identify actuator:=audio` measures it; 0 for actuator.peak_force",
+        "N",
+        -1000.0,
+        1000.0,
+    )
+    actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
+
+
+class SoundCard:
+    """Output of a sound card, which no call waits for.
+
+    Without supply it runs dry and is silent: a process that hangs leaves no force.
+
+    Parameters
+    ----------
+    parameters : AudioParameters
+    period : float
+        Interval between two calls of `write` at the most, s.
+
+    Attributes
+    ----------
+    rate : float
+        Samples per second, the card's own.
+    lead : float
+        Time before it sounds at which a sample is given to the card, s.
+    """
+
+    def __init__(self, parameters: AudioParameters, period: float) -> None:
+        try:
+            import sounddevice
+        except (ImportError, OSError):  # the latter without PortAudio
+            raise DeviceError(MISSING_LIBRARY) from None
+        self._library = sounddevice
+        self._parameters = parameters
+        self._period = period
+        self._stream: Any = None
+        self._channels = self._size = 0
+        self.rate = self.lead = math.nan
+        self.name = ""
+
+    def open(self) -> None:
+        """Start the card, silent.
+
+        Raises
+        ------
+        DeviceError
+            There is no such card, or it does not take the block or channel.
+        """
+        p, library = self._parameters, self._library
+        try:
+            found = library.query_devices(p.device or None, "output")
+            self.name, self.rate = found["name"], found["default_samplerate"]
+            # Two where there are two: one channel alone may sound from all of them.
+            self._channels = max(p.channel, min(2, found["max_output_channels"]))
+            self.lead = BLOCKS_AHEAD * p.block / self.rate + self._period
+            self._stream = library.OutputStream(
+                device=found["index"],
+                channels=self._channels,
+                samplerate=self.rate,
+                blocksize=p.block,
+                latency=self.lead + BLOCKS_AHEAD * p.block / self.rate,
+                dtype="float32",
+            )
+            self._stream.start()
+            self._size = self._stream.write_available
+        except (ValueError, library.PortAudioError) as error:
+            reason = str(error).partition("\n")[0]
+            raise DeviceError(f"audio.device = {p.device!r}: {reason}") from None
+
+    @property
+    def room(self) -> int:
+        """Number of samples that it takes now without a wait."""
+        return max(0, int(self._stream.write_available) - self._parameters.block)
+
+    @property
+    def queued(self) -> float:
+        """Time until the next sample given to it will sound, s; 0 for a card without a clock."""
+        return (self._size - int(self._stream.write_available)) / self.rate
+
+    def write(self, samples: FloatArray) -> bool:
+        """Give it samples, 1 at full scale; return whether it had run dry."""
+        frames = np.zeros((len(samples), self._channels), dtype=np.float32)
+        frames[:, self._parameters.channel - 1] = samples
+        try:
+            return bool(self._stream.write(frames))
+        except self._library.PortAudioError as error:
+            raise DeviceError(f"audio: {error}") from None
+
+    def close(self) -> None:
+        """Silence it at once."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.abort(ignore_errors=True)
+            stream.close(ignore_errors=True)
+
+
+class AudioActuator(Device):
+    """Master whose actuator is driven by a sound card; all else is another device's.
+
+    The card is given its samples at each tick, `SoundCard.lead` before they sound: a force that
+    is known by then acts when it is due. A simulated handle feels the force as well; the actuator
+    of another device gets none, as there is but one in a handle.
+
+    Parameters
+    ----------
+    parameters : AudioParameters
+    rate : float
+        Ticks per second.
+    device : Device
+        Master that reads, and moves the arm.
+    latency : int
+        Samples from the one that caused a force to the tick at which it is due.
+    clock : callable
+        Returns the time by the clock of the ticks, s.
+    """
+
+    Parameters = AudioParameters
+    AHEAD = True
+
+    def __init__(
+        self,
+        parameters: AudioParameters,
+        rate: float,
+        device: Device,
+        latency: int,
+        clock: Callable[[], float] = clocks.monotonic,
+    ) -> None:
+        self._card = SoundCard(parameters, 1 / rate)
+        self._parameters = parameters
+        self._full_scale = parameters.full_scale or parameters.actuator.peak_force
+        self._rate = rate
+        self._device = device
+        self._latency = latency
+        self._clock = clock
+        self._force = HeldForce()
+        self._waiting: list[tuple[float, float]] = []
+        self._next = math.nan  # time at which the next sample given to the card sounds
+        self._counts: Counter[str] = Counter(audio_underruns=0, audio_clipped=0)
+        self._late = 0
+
+    def open(self) -> None:
+        """Open device and card, or leave both closed.
+
+        Raises
+        ------
+        ParameterError
+            The latency is too small for the card's block.
+        DeviceError
+            One of them cannot be opened.
+        """
+        with ExitStack() as opened:
+            opened.callback(self.close)
+            self._device.open()
+            self._card.open()
+            # A force is known one sample after its cause at the latest.
+            least = math.ceil(self._card.lead * self._rate) + 1
+            if self._latency < least:
+                raise ParameterError(
+                    f"latency = {self._latency}: must be at least {least} with audio.block ="
+                    f" {self._parameters.block} at the sound card's {self._card.rate:g} Hz"
+                )
+            opened.pop_all()
+
+    def read(self, time: float) -> Reading:
+        """Return the device's sample, and supply the card."""
+        reading = self._device.read(time)
+        if reading is not LATER:
+            while self._waiting and self._waiting[0][0] <= time:
+                self._device.write(time, actuator_force=self._waiting.pop(0)[1])
+        self._supply()
+        return reading
+
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+    ) -> None:
+        """Apply the arm's force, and have the actuator's applied when it is due."""
+        if actuator_force is not None:
+            self._take(time, actuator_force if math.isfinite(actuator_force) else 0.0)
+        if arm_force is not None:
+            self._device.write(time, arm_force=arm_force)
+
+    def _take(self, time: float, force: float) -> None:
+        felt = isinstance(self._device, SimulatedDevice)
+        if time > self._clock():
+            self._late += time < self._next
+            self._force.put(time, force)
+            if felt:
+                self._waiting.append((time, force))
+            return
+        self._force.replace(force)
+        self._waiting.clear()
+        if felt:
+            self._device.write(time, actuator_force=force)
+
+    def _supply(self) -> None:
+        """Give the card the samples that sound within its lead."""
+        now, card = self._clock(), self._card
+        if now > self._next:  # what should have sounded since was not there
+            self._counts["audio_underruns"] += 1
+        if not now <= self._next:
+            self._next = now
+        elif queued := card.queued:
+            self._next += (now + queued - self._next) / (SETTLING * self._rate)
+        count = min(card.room, int((now + card.lead - self._next) * card.rate))
+        if count <= 0:
+            return
+        edges = self._next + np.arange(count + 1) / card.rate
+        samples = self._force.means(edges) / self._full_scale
+        self._counts["audio_clipped"] += int(np.count_nonzero(np.abs(samples) > 1.0))
+        self._next = float(edges[-1])
+        if card.write(np.clip(samples, -1.0, 1.0)):
+            self._counts["audio_underruns"] += 1
+            self._next = math.nan  # supplied anew
+
+    def change(self, parameters: Any) -> None:
+        """Change parameters of the device."""
+        self._device.change(parameters)
+
+    def arm(self) -> bool | None:
+        """Arm the device."""
+        return self._device.arm()
+
+    def joints(self, sample: Sample, force: Vector) -> Joints:
+        """Return the joints of the device."""
+        return self._device.joints(sample, force)
+
+    def close(self) -> None:
+        """Silence the card at once, and close the device."""
+        with ExitStack() as closing:
+            closing.callback(self._device.close)
+            closing.callback(self._card.close)
+
+    @property
+    def remark(self) -> str:
+        """Remark of the device; card, block, lead and calibration."""
+        card, p = self._card, self._parameters
+        calibrated = "" if p.full_scale else ", not calibrated"
+        own = (
+            f"sound card {card.name}, channel {p.channel}, {p.block} samples a block at"
+            f" {card.rate:g} Hz, supplied {card.lead * 1e3:.1f} ms ahead, full scale"
+            f" {self._full_scale:g} N{calibrated}"
+        )
+        return "; ".join(filter(None, (self._device.remark, own)))
+
+    @property
+    def problem(self) -> str:
+        """Problem of the device."""
+        return self._device.problem
+
+    @property
+    def ended(self) -> bool:
+        """True once the device has ended."""
+        return self._device.ended
+
+    @property
+    def late(self) -> int:
+        """Number of forces that came when the card had their samples already."""
+        return self._late
+
+    def status(self) -> dict[str, int]:
+        """Return the counts of the device, of underruns, and of samples beyond full scale."""
+        return {**self._device.status(), **self._counts}

@@ -1,0 +1,221 @@
+"""The actuator behind a sound card, through ALSA's file and null plug-ins."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.devices import Device, DeviceError
+from haptic_accel.devices.audio import AudioActuator, AudioParameters
+from haptic_accel.devices.simulated import SimulatedMaster
+
+try:
+    import sounddevice
+except (ImportError, OSError) as missing:
+    pytest.skip(f"no sound card can be opened: {missing}", allow_module_level=True)
+
+RATE = 1000.0
+PERIOD = 1 / RATE
+LATENCY = 5
+BLOCK = 64
+START = 100.0
+"""Time of the first tick, s."""
+
+CARD = """
+pcm.coil {{ type file  slave.pcm "null"  file "{0}/coil.raw"  format "raw" }}
+pcm.null {{ type null }}
+pcm.default {{ type null }}
+"""
+
+
+@dataclass
+class Bench:
+    """The clock of the ticks, and what the card received."""
+
+    folder: Path
+    now: float = START
+
+    def device(self, latency: int = LATENCY, inner: Device | None = None, **fields: Any) -> Any:
+        parameters = AudioParameters(**{"device": "coil", "block": BLOCK, **fields})
+        inner = inner or SimulatedMaster(MasterRigParameters(), RATE, 0)
+        return AudioActuator(parameters, RATE, inner, latency, lambda: self.now)
+
+    def received(self, channels: int = 2) -> np.ndarray:
+        """Return what came to the card after it was closed, full scale 1."""
+        return np.fromfile(self.folder / "coil.raw", dtype="<f4").reshape(-1, channels)
+
+    def run(self, device: Any, forces: np.ndarray, first: int = 0) -> list[Any]:
+        """Serve ticks as the device node does; a force is due `LATENCY` ticks after its cause."""
+        samples = []
+        for tick, force in enumerate(forces, first):
+            self.now = START + tick * PERIOD
+            samples.append(device.read(self.now))
+            device.write(START + (tick + LATENCY) * PERIOD, actuator_force=float(force))
+        return samples
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    (tmp_path / "asound.conf").write_text(CARD.format(tmp_path))
+    monkeypatch.setenv("ALSA_CONFIG_PATH", str(tmp_path / "asound.conf"))
+    sounddevice._terminate()
+    sounddevice._initialize()
+    yield Bench(tmp_path)
+    monkeypatch.undo()
+    sounddevice._terminate()
+    sounddevice._initialize()
+
+
+def held(forces: np.ndarray, rate: float, count: int) -> np.ndarray:
+    """Return the means of forces held from their due times on, from the first tick."""
+    steps = np.concatenate((np.zeros(LATENCY), forces))
+    impulse = np.concatenate(([0.0], np.cumsum(steps))) * PERIOD
+    edges = np.arange(count + 1) / rate
+    return np.diff(np.interp(edges, np.arange(len(steps) + 1) * PERIOD, impulse)) * rate
+
+
+@pytest.mark.parametrize("channel", [1, 2, 3])
+def test_samples_that_arrive_are_the_forces_that_were_due(bench: Bench, channel: int) -> None:
+    forces = np.random.default_rng(1).uniform(-3.0, 3.0, 300)
+    device = bench.device(channel=channel, full_scale=4.0)
+    device.open()
+    bench.run(device, forces)
+    device.close()
+    received = bench.received(max(2, channel))
+    signal = received[:, channel - 1]
+    # Until the last tick, and ahead of it.
+    assert len(signal) == pytest.approx((300 * PERIOD + 2 * BLOCK / 44100) * 44100, abs=2)
+    assert 4.0 * signal == pytest.approx(held(forces, 44100.0, len(signal)), abs=1e-4)
+    assert not np.delete(received, channel - 1, axis=1).any()
+    assert device.late == 0
+    assert device.status()["audio_underruns"] == device.status()["audio_clipped"] == 0
+
+
+def test_force_that_comes_late_is_counted_and_acts_at_once(bench: Bench) -> None:
+    device = bench.device()
+    device.open()
+    bench.run(device, np.zeros(20))
+    device.write(bench.now + PERIOD, actuator_force=1.0)  # the card has the samples of that time
+    assert device.late == 1
+    bench.run(device, np.full(10, 1.0), first=20)
+    device.close()
+    signal = bench.received()[:, 0]
+    assert signal[round(0.026 * 44100) :].min() > 0.0
+
+
+def test_an_underrun_is_counted_once_and_the_due_times_are_kept(bench: Bench) -> None:
+    device = bench.device(full_scale=4.0)
+    device.open()
+    forces = np.sin(np.arange(200) / 7)
+    bench.run(device, forces[:100])
+    # The machine stands still for 20 ticks, which are read afterwards.
+    bench.now += 20 * PERIOD
+    for tick in range(100, 120):
+        device.read(START + tick * PERIOD)
+    bench.run(device, forces[120:], first=120)
+    device.close()
+    assert device.status()["audio_underruns"] == 1
+    signal, expected = 4.0 * bench.received()[:, 0], held(forces, 44100.0, 10000)
+    # From the due time of the first force thereafter, less the silence that did not sound.
+    missed = round((119 - 99) * PERIOD * 44100 - 2 * BLOCK - 44.1)
+    first = round((120 + LATENCY) * PERIOD * 44100) + 1
+    after = signal[first - missed :]
+    assert np.abs(after - expected[first : first + len(after)]).max() < 0.02
+
+
+def test_stop_discards_what_is_not_due_yet(bench: Bench) -> None:
+    device = bench.device(full_scale=1.0)
+    device.open()
+    bench.run(device, np.ones(50))
+    device.write(bench.now, actuator_force=0.0)
+    supplied = round((49 * PERIOD + 2 * BLOCK / 44100 + PERIOD) * 44100)
+    for tick in range(50, 80):
+        bench.now = START + tick * PERIOD
+        device.read(bench.now)
+    device.close()
+    signal = bench.received()[:, 0]
+    assert signal[supplied - 3] == 1.0
+    assert not signal[supplied + 3 :].any()
+
+
+def test_forces_beyond_full_scale_are_clipped_and_counted(bench: Bench) -> None:
+    device = bench.device(full_scale=-2.0)
+    device.open()
+    bench.run(device, np.full(50, 5.0))
+    device.write(bench.now + LATENCY * PERIOD, actuator_force=math.nan)
+    bench.run(device, np.zeros(10), first=50)
+    device.close()
+    assert bench.received()[:, 0].min() == -1.0
+    assert device.status()["audio_clipped"] > 1000
+
+
+def test_the_simulated_handle_feels_the_force_when_it_is_due(bench: Bench) -> None:
+    forces = np.sin(np.arange(100) / 5)
+    device = bench.device()
+    device.open()
+    played = bench.run(device, forces)
+    device.close()
+    alone = SimulatedMaster(MasterRigParameters(), RATE, 0)
+    alone.open()
+    due = np.concatenate((np.zeros(LATENCY), forces))
+    for tick in range(100):
+        time = START + tick * PERIOD
+        assert alone.read(time) == played[tick]
+        if tick >= LATENCY:
+            alone.write(time, actuator_force=float(due[tick]))
+
+
+@pytest.mark.parametrize(
+    ("block", "latency", "refused"),
+    [
+        (64, 4, "must be at least 5"),
+        (32, 3, "must be at least 4"),
+        (1024, 20, "must be at least 49"),
+    ],
+)
+def test_latency_too_small_for_the_block_is_refused(
+    bench: Bench, block: int, latency: int, refused: str
+) -> None:
+    device = bench.device(latency, block=block)
+    with pytest.raises(ParameterError, match=f"latency = {latency}: {refused} with audio.block"):
+        device.open()
+
+
+def test_what_it_plays_on_is_remarked(bench: Bench) -> None:
+    device = bench.device()
+    device.open()
+    assert "sound card coil, channel 1, 64 samples a block at 44100 Hz" in device.remark
+    assert "3.9 ms ahead, full scale 6.6 N, not calibrated" in device.remark
+    device.close()
+
+
+@pytest.mark.parametrize("fields", [{"device": "nowhere"}, {"block": 4096}])
+def test_card_that_cannot_be_opened_is_refused_in_one_line(bench: Bench, fields: Any) -> None:
+    device = bench.device(**fields)
+    with pytest.raises((DeviceError, ParameterError)) as refused:
+        device.open()
+    assert "\n" not in str(refused.value)
+
+
+def test_without_its_library_it_is_refused_in_one_line() -> None:
+    code = (
+        "import sys; sys.modules['sounddevice'] = None\n"
+        "from haptic_accel.devices import DeviceError\n"
+        "from haptic_accel.devices.audio import AudioParameters, SoundCard\n"
+        "try: SoundCard(AudioParameters(), 1e-3)\n"
+        "except DeviceError as error: print(error)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == (
+        "audio: needs sounddevice and PortAudio: pip install 'haptic_accel[audio]'\n"
+    )
