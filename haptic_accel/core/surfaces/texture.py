@@ -89,14 +89,12 @@ class _Plane:
     def __init__(self, speeds: FloatArray, forces: FloatArray) -> None:
         from scipy.spatial import Delaunay, QhullError
 
-        self._scale = np.array([speeds.max(), forces.max(), 1.0])
+        self._scale = np.array([speeds.max() or 1.0, forces.max() or 1.0, 1.0])
         nodes = np.column_stack([speeds, forces, np.ones(len(speeds))]) / self._scale
         try:
             mesh = Delaunay(nodes[:, :2])
         except (QhullError, ValueError):
-            raise ParameterError(
-                f"nodes = {len(speeds)}: must be three or more, not in line in speed and force"
-            ) from None
+            raise ParameterError("nodes: must not be in line in speed and force") from None
         # Of nodes all but in line, Qhull makes triangles without an area.
         areas = np.abs(np.linalg.det(nodes[mesh.simplices]))
         self.triangles: IntArray = mesh.simplices[areas > 1e-9].astype(np.intp)
@@ -181,6 +179,8 @@ class TextureModel:
         """Check everything."""
         check_positive_rate(self.rate)
         nodes = len(self.speeds)
+        if nodes < 3:
+            raise ParameterError(f"nodes = {nodes}: must be three or more")
         if np.size(self.ma_lsf) == 0:
             object.__setattr__(self, "ma_lsf", np.empty((nodes, 0)))
         if np.size(self.gain) == 0:
@@ -246,7 +246,8 @@ class TextureModel:
     def at_rate(self, rate: float) -> TextureModel:
         """Return the model for another rate in Hz, with the same spectrum where both have one.
 
-        Each node's filter is that of the autocovariance which the spectrum has at the new rate.
+        Each node's filter is autoregressive, with as many coefficients as before, and that of the
+        autocovariance which the spectrum has at the new rate.
         """
         if rate == self.rate:
             return self
@@ -259,7 +260,7 @@ class TextureModel:
             density[known] = self._shape(angles, ma_angles, frequency[known])
             density[~known] = FLOOR * density[known].mean()
             covariance = np.fft.irfft(density * rate / 2)
-            polynomial, variance = levinson(covariance[: len(angles) + 1])
+            polynomial, variance = levinson(covariance[: len(angles) + len(ma_angles) + 1])
             lsf.append(from_polynomial(polynomial))
             deviation.append(math.sqrt(variance))
         return replace(

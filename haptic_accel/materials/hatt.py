@@ -1,0 +1,101 @@
+"""Texture models in the XML of the Penn Haptic Texture Toolkit (Culbertson and others 2014).
+
+Its licence allows non-profit research, and no redistribution: users read files of their own.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.surfaces.texture import Provenance, TextureModel
+
+MILLIMETRE = 1e-3
+"""m."""
+
+UNITS = {"SpeedUnits": "mm/s", "ForceUnits": "N"}
+"""The units of the toolkit's files; its accelerations are in m/s^2."""
+
+PROVENANCE = Provenance(
+    source="Penn Haptic Texture Toolkit",
+    licence="non-profit research only, no redistribution",
+    author="H. Culbertson, J. J. Lopez Delgado, K. J. Kuchenbecker",
+    calibration="m/s^2, as in the file",
+)
+
+
+def read_hatt(path: Path) -> TextureModel:
+    """Read a texture model, autoregressive or with a moving average.
+
+    The triangles of the file are not read: those of the model are the same or better.
+
+    Raises
+    ------
+    ParameterError
+        In one line: the file is not of that form, or its model is not one.
+    OSError
+        The file cannot be read.
+    """
+    try:
+        model_set = ElementTree.fromstring(path.read_bytes())
+    except ElementTree.ParseError as error:
+        raise ParameterError(f"{path}: not XML: {error}") from None
+    try:
+        return _model(model_set, path.stem)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
+
+
+def _model(model_set: ElementTree.Element, name: str) -> TextureModel:
+    if model_set.tag != "modelSet":
+        raise ParameterError(f"{shown(model_set.tag)}: must be a modelSet")
+    for tag, unit in UNITS.items():
+        found = model_set.findtext(tag, unit).strip()
+        if found != unit:
+            raise ParameterError(f"{tag} = {shown(found)}: must be {unit}")
+    nodes = model_set.findall("model")
+    friction = model_set.findtext("mu")
+    return TextureModel(
+        name=model_set.findtext("material", name).strip(),
+        rate=_number(model_set, "SampleRate"),
+        speeds=np.array([_number(node, "speedMod") for node in nodes]) * MILLIMETRE,
+        forces=np.array([_number(node, "forceMod") for node in nodes]),
+        lsf=_rows(nodes, "ARlsf"),
+        deviation=np.sqrt([_number(node, "var", low=0.0) for node in nodes]),
+        ma_lsf=_rows(nodes, "MAlsf"),
+        gain=np.array([_number(node, "gain", default="1") for node in nodes]),
+        coulomb_friction=None if friction is None else _float("mu", friction),
+        provenance=PROVENANCE,
+    )
+
+
+def _rows(nodes: list[ElementTree.Element], tag: str) -> FloatArray:
+    """Return the frequencies that each node has below a tag: none where it is absent."""
+    rows = [[_float(tag, value.text) for value in node.iterfind(f"{tag}/value")] for node in nodes]
+    lengths = sorted({len(row) for row in rows})
+    if len(lengths) > 1:
+        raise ParameterError(f"{tag}: {lengths[0]} to {lengths[-1]} values: must be one order")
+    return np.array(rows, dtype=float)
+
+
+def _number(
+    parent: ElementTree.Element, tag: str, default: str | None = None, low: float = -np.inf
+) -> float:
+    text = parent.findtext(tag, default)
+    if text is None:
+        raise ParameterError(f"{tag}: missing in {parent.tag}")
+    number = _float(tag, text)
+    if number < low:
+        raise ParameterError(f"{tag} = {number:g}: must be at least {low:g}")
+    return number
+
+
+def _float(tag: str, text: str | None) -> float:
+    try:
+        return float(text or "")
+    except ValueError:
+        raise ParameterError(f"{tag} = {shown(repr(text))}: must be a number") from None
