@@ -1,0 +1,561 @@
+"""Texture models from recordings of a tool dragged over a surface.
+
+Recordings are cut into stationary segments by exact dynamic programming with the minimum
+description length of Davis, Lee and Rodriguez-Yam (2006). Segments that lie close together in the
+plane of speed and force share a node of the model (Culbertson, Unwin and Kuchenbecker 2014); how
+many nodes there are, segments that were left out decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_motion
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError, check_positive_rate
+from haptic_accel.core.sampling import BoolArray, IntArray
+from haptic_accel.core.surfaces.line_spectrum import from_polynomial
+from haptic_accel.core.surfaces.texture import Provenance, TextureModel
+
+RENDER_RATE = 1000.0
+"""Sampling rate at which models are fitted, Hz: the servo loop's, and twice the band of touch."""
+
+LOWEST_RATE = 500.0
+"""Lowest sampling rate of a recording, Hz: a model of a lower one lacks most of what is felt."""
+
+BLOCK = 0.025
+"""Duration of the blocks that segments are made of, s."""
+
+SHORTEST, LONGEST = 2, 40
+"""Blocks of a segment: fewer hold too little for a spectrum; more take long to search."""
+
+WIDEST = 0.15
+"""Range of speed and force in a segment, over the largest of all recordings."""
+
+SLOWEST = 5e-3
+"""Speed below which the tool counts as at rest, m/s."""
+
+LIGHTEST = 0.05
+"""Force below which the tool counts as out of contact, N."""
+
+LANDING = 4
+"""Blocks left out where contact begins: a tap's vibration lasts about 0.1 s."""
+
+LARGEST_ORDER = 20
+"""Largest order of a model, as in the Penn Haptic Texture Toolkit."""
+
+PILOT_ORDER = 8
+"""Order with which segments are found, before that of the model is known."""
+
+FLAT = 0.01
+"""Fall of Akaike's criterion per sample that an order must bring: 0.04 dB of prediction error."""
+
+COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+"""Numbers of measured nodes that are compared."""
+
+BAND = (20.0, 450.0)
+"""Band in which spectra are compared, Hz."""
+
+LAGS = 64
+"""Lags of the spectra that are compared; Parzen's window makes their resolution 29 Hz at 1 kHz."""
+
+GRID = 2048
+"""Samples of the discrete Fourier transform of those spectra."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A tool dragged over a surface; all arrays of shape (n,).
+
+    Attributes
+    ----------
+    name : str
+        Name in messages, that of the file.
+    rate : float
+        Samples per second.
+    speed : ndarray
+        Tangential speed, m/s.
+    force : ndarray
+        Normal force, N; positive where the tool presses.
+    acceleration : ndarray
+        Acceleration of the tool along one axis, m/s^2.
+
+    Raises
+    ------
+    ParameterError
+        Arrays of different lengths, values that are not finite, or a rate that is too low.
+    """
+
+    name: str
+    rate: float
+    speed: FloatArray
+    force: FloatArray
+    acceleration: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the recording."""
+        check_positive_rate(self.rate)
+        if self.rate < LOWEST_RATE:
+            raise ParameterError(
+                f"{self.name}: rate = {self.rate:g}: must be at least {LOWEST_RATE:g} Hz"
+            )
+        for what in ("speed", "force", "acceleration"):
+            values = getattr(self, what)
+            if values.shape != (len(self.acceleration),):
+                raise ParameterError(
+                    f"{self.name}: {what}: has shape {values.shape}, must have"
+                    f" ({len(self.acceleration)},)"
+                )
+            if not np.isfinite(values).all():
+                raise ParameterError(f"{self.name}: {what}: must be finite numbers")
+
+    def at_rate(self, rate: float) -> Recording:
+        """Return the recording at a lower rate, without the hand's own motion.
+
+        The acceleration keeps all below half the new rate: a filter's transition band would be
+        a gap in the spectrum, on which an autoregressive model wastes its order.
+        """
+        from scipy import signal
+
+        own = without_hand_motion(self.acceleration, HIGH_PASS_FREQUENCY, self.rate)
+        length = round(len(own) * rate / self.rate)
+        acceleration = np.asarray(signal.resample(own, length)) if rate != self.rate else own
+        old, new = np.arange(len(own)) / self.rate, np.arange(length) / rate
+        speed, force = (np.interp(new, old, each) for each in (self.speed, self.force))
+        return Recording(self.name, rate, speed, force, acceleration)
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch in which a recording is stationary.
+
+    Attributes
+    ----------
+    recording : str
+    begin, end : float
+        Place in the recording, s.
+    speed, force : float
+        Medians, m/s and N.
+    samples : int
+    products : ndarray, shape (LAGS,)
+        Sum of the products of samples that are 0, 1, ... apart, (m/s^2)^2.
+    """
+
+    recording: str
+    begin: float
+    end: float
+    speed: float
+    force: float
+    samples: int
+    products: FloatArray
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A stretch of a recording that is not used: its place in s, and why."""
+
+    recording: str
+    begin: float
+    end: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Segments about a node that had no part in the model they are compared with.
+
+    Attributes
+    ----------
+    speed, force : float
+        Mean of the segments', m/s and N.
+    seconds : float
+        Their duration.
+    frequency : ndarray, shape (k,)
+        Hz.
+    measured, modelled : ndarray, shape (k,)
+        Power spectral densities, (m/s^2)^2/Hz.
+    rms, modelled_rms : float
+        Root mean square of all frequencies, m/s^2.
+    """
+
+    speed: float
+    force: float
+    seconds: float
+    frequency: FloatArray
+    measured: FloatArray
+    modelled: FloatArray
+    rms: float
+    modelled_rms: float
+
+    @property
+    def distance(self) -> float:
+        """Log-spectral distance within `BAND`, dB."""
+        within = _within_band(self.frequency)
+        ratio = self.measured[within] / self.modelled[within]
+        return float(np.sqrt(np.mean((10 * np.log10(ratio)) ** 2)))
+
+
+@dataclass(frozen=True)
+class Built:
+    """A texture model and how it was obtained.
+
+    Attributes
+    ----------
+    model : TextureModel
+    order : int
+    measured : int
+        Number of its nodes that segments were recorded for; these come first.
+    segments : tuple of Segment
+    held_out : tuple of HeldOut
+        Halves of the segments, each compared with a model of the other half.
+    coverage : float
+        Share of the plane, from rest to the largest speed and force, within the segments' hull.
+    refused : tuple of Refusal
+    """
+
+    model: TextureModel
+    order: int
+    measured: int
+    segments: tuple[Segment, ...]
+    held_out: tuple[HeldOut, ...]
+    coverage: float
+    refused: tuple[Refusal, ...]
+
+    @property
+    def distance(self) -> float:
+        """Log-spectral distance of held-out segments, dB, weighted by their duration."""
+        weights = [each.seconds for each in self.held_out]
+        return float(np.average([each.distance for each in self.held_out], weights=weights))
+
+
+def build(name: str, recordings: Sequence[Recording], provenance: Provenance) -> Built:
+    """Build a texture model from recordings.
+
+    Parameters
+    ----------
+    name : str
+        Name of the texture.
+    recordings : sequence of Recording
+    provenance : Provenance
+
+    Raises
+    ------
+    ParameterError
+        The recordings hold fewer than two segments.
+    """
+    rate = min([RENDER_RATE, *(each.rate for each in recordings)])
+    alike = [each.at_rate(rate) for each in recordings]
+    largest = np.max([(each.speed.max(), each.force.max()) for each in alike], axis=0)
+    parts = [part for each in alike for part in _parts(each, largest)]
+    segments = [part for part in parts if isinstance(part, Segment)]
+    refused = [part for part in parts if isinstance(part, Refusal)]
+    if len(segments) < 2:
+        reasons = ", ".join(dict.fromkeys(each.reason for each in refused)) or "too short"
+        raise ParameterError(
+            f"{', '.join(each.name for each in recordings)}: has {len(segments)} segments of"
+            f" contact and motion, must have 2 at least ({reasons})"
+        )
+    order = _order(segments)
+    plane = _Plane(name, rate, order, largest, provenance)
+    halves = segments[::2], segments[1::2]
+    folds = [(halves[0], halves[1]), (halves[1], halves[0])]
+    possible = [count for count in COUNTS if count <= len(halves[1])]
+    count = min(possible, key=lambda n: sum(plane.surprise(own, n, out) for own, out in folds))
+    held_out = [each for own, out in folds for each in plane.compared(own, count, out)]
+    return Built(
+        plane.model(segments, count),
+        order,
+        len(plane.groups(segments, count)),
+        tuple(segments),
+        tuple(held_out),
+        _coverage(segments, largest),
+        tuple(refused),
+    )
+
+
+# Segments
+
+
+def _parts(recording: Recording, largest: FloatArray) -> Iterator[Segment | Refusal]:
+    """Yield the segments of a recording, and what of it is not used."""
+    size = round(BLOCK * recording.rate)
+    count = len(recording.speed) // size
+    medians = np.array(
+        [
+            np.median(each[: count * size].reshape(count, size), axis=1)
+            for each in (recording.speed, recording.force)
+        ]
+    )
+    reasons = _reasons(*medians)
+    for first, last in pairwise(np.flatnonzero(np.diff(reasons, prepend=-1, append=-1)).tolist()):
+        reason = _REASONS[reasons[first]]
+        if not reason and last - first < SHORTEST:
+            reason = f"shorter than {SHORTEST * BLOCK:g} s"
+        if reason:
+            yield Refusal(recording.name, first * BLOCK, last * BLOCK, reason)
+            continue
+        samples = recording.acceleration[first * size : last * size]
+        labels = medians[:, first:last] / largest[:, None]
+        for start, stop in _stationary(samples, size, labels):
+            yield _segment(recording, first + start, first + stop, size)
+
+
+def _segment(recording: Recording, first: int, last: int, size: int) -> Segment:
+    """Return the segment of some blocks."""
+    own = slice(first * size, last * size)
+    speed, force = (float(np.median(each[own])) for each in (recording.speed, recording.force))
+    products = _products(recording.acceleration[own])
+    place = (first * BLOCK, last * BLOCK)
+    return Segment(recording.name, *place, speed, force, (last - first) * size, products)
+
+
+_REASONS = ("", "out of contact", "at rest", "landing")
+
+
+def _reasons(speed: FloatArray, force: FloatArray) -> IntArray:
+    """Return for each block the number in `_REASONS` of why it is not used, 0 if it is."""
+    reasons = np.where(force < LIGHTEST, 1, np.where(speed < SLOWEST, 2, 0))
+    for start in np.flatnonzero((force[:-1] < LIGHTEST) & (force[1:] >= LIGHTEST)) + 1:
+        landing = slice(start, start + LANDING)
+        reasons[landing] = np.where(reasons[landing] == 0, 3, reasons[landing])
+    return reasons
+
+
+def _products(samples: FloatArray) -> FloatArray:
+    """Return the sums of products of samples that are 0 to LAGS - 1 apart."""
+    padded = np.concatenate([samples, np.zeros(LAGS - 1)])
+    return np.asarray(sliding_window_view(padded, LAGS).T @ samples)
+
+
+def _stationary(samples: FloatArray, size: int, labels: FloatArray) -> Iterator[tuple[int, int]]:
+    """Yield the first and the last block, which is excluded, of each stationary segment.
+
+    The least sum of all segments' description lengths, found exactly.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (blocks * size,)
+    size : int
+        Samples of a block.
+    labels : ndarray, shape (2, blocks)
+        Speed and force over their largest values.
+    """
+    count, lags = len(samples) // size, PILOT_ORDER + 1
+    ahead = sliding_window_view(np.concatenate([samples, np.zeros(lags - 1)]), lags)
+    terms = ahead * samples[:, None]
+    total = np.zeros((count + 1, lags))
+    total[1:] = np.cumsum(terms.reshape(count, size, lags).sum(axis=1), axis=0)
+    # Products of a sample before the end of a block with one after it, which no segment that
+    # ends there has.
+    reach = terms.reshape(count, size, lags)[:, size - lags + 1 :]
+    left = np.arange(lags - 1, 0, -1)[:, None]
+    crossing = (reach * (np.arange(lags) >= left)).sum(axis=1)
+    best, begin = np.full(count + 1, np.inf), np.zeros(count + 1, dtype=int)
+    best[0] = 0.0
+    for end in range(SHORTEST, count + 1):
+        starts = np.arange(max(0, end - LONGEST), end - SHORTEST + 1)
+        window = labels[:, starts[0] : end][:, ::-1]
+        high, low = (each.accumulate(window, axis=1) for each in (np.maximum, np.minimum))
+        wide = ((high - low).max(axis=0)[::-1][: len(starts)] > WIDEST) & (end - starts > SHORTEST)
+        products = total[end] - total[starts] - crossing[end - 1]
+        lengths = best[starts] + _description(products, (end - starts) * size, len(samples))
+        lengths[wide] = np.inf
+        place = int(np.argmin(lengths))
+        best[end], begin[end] = lengths[place], starts[place]
+    ends = [count]
+    while ends[-1] > 0:
+        ends.append(int(begin[ends[-1]]))
+    edges = ends[::-1]
+    yield from pairwise(edges)
+
+
+def _description(products: FloatArray, samples: IntArray, total: int) -> FloatArray:
+    """Return the description length of segments in nats, by their products and samples."""
+    _, variances = levinson(products[:, : PILOT_ORDER + 1] / samples[:, None])
+    fit = samples / 2 * np.log(2 * np.pi * variances[:, -1])
+    return np.asarray((PILOT_ORDER + 2) / 2 * np.log(samples) + np.log(total) + fit)
+
+
+def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return prediction polynomials and innovation variances of autocovariances.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (..., p + 1)
+        Biased autocovariances, whose polynomials have all their roots within the unit circle.
+
+    Returns
+    -------
+    polynomial : ndarray, shape (..., p + 1)
+        That of order p, 1 first.
+    variances : ndarray, shape (..., p + 1)
+        Of orders 0 to p.
+    """
+    order = covariance.shape[-1] - 1
+    polynomial = np.zeros(covariance.shape)
+    polynomial[..., 0] = 1.0
+    variances = np.empty(covariance.shape)
+    variances[..., 0] = covariance[..., 0] * (1 + _FLOOR) + np.finfo(float).tiny
+    for n in range(order):
+        error = (polynomial[..., : n + 1] * covariance[..., n + 1 : 0 : -1]).sum(axis=-1)
+        reflection = (-error / variances[..., n])[..., None]
+        before = polynomial[..., : n + 2].copy()
+        polynomial[..., : n + 2] = before + reflection * before[..., ::-1]
+        variances[..., n + 1] = variances[..., n] * (1 - reflection[..., 0] ** 2)
+    return polynomial, variances
+
+
+_FLOOR = 1e-9
+"""White noise that is added to a covariance, over its variance: keeps a pure tone stable."""
+
+
+def _order(segments: Sequence[Segment]) -> int:
+    """Return the order at which Akaike's corrected criterion of all segments becomes flat."""
+    samples = np.array([each.samples for each in segments], dtype=float)
+    products = np.array([each.products[: LARGEST_ORDER + 1] for each in segments])
+    _, variances = levinson(products / samples[:, None])
+    orders = np.arange(LARGEST_ORDER + 1)
+    penalty = 2 * (orders + 1) * samples[:, None] / (samples[:, None] - orders - 2)
+    criterion = (samples[:, None] * np.log(variances) + penalty).sum(axis=0) / samples.sum()
+    flat = np.flatnonzero(criterion[1:] <= criterion[1:].min() + FLAT)
+    return int(flat[0]) + 1
+
+
+# The plane of speed and force
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """What all models of some recordings have in common."""
+
+    name: str
+    rate: float
+    order: int
+    largest: FloatArray
+    provenance: Provenance
+
+    def model(self, segments: Sequence[Segment], count: int) -> TextureModel:
+        """Return a model of some segments with a number of nodes, and others around these."""
+        groups = self.groups(segments, count)
+        labels = np.array([_label(group) for group in groups])
+        covariance = np.array([_covariance(group) for group in groups])[:, : self.order + 1]
+        polynomials, variances = levinson(covariance)
+        lsf = np.array([from_polynomial(each) for each in polynomials])
+        deviation = np.sqrt(variances[:, -1])
+        around = _FRAME * self.largest
+        offsets = (around[:, None] - labels) / self.largest
+        near = np.argmin((offsets**2).sum(axis=-1), axis=1)
+        still = (around == 0).any(axis=1)
+        speeds, forces = np.concatenate([labels, around]).T
+        return TextureModel(
+            self.name,
+            self.rate,
+            speeds,
+            forces,
+            np.concatenate([lsf, lsf[near]]),
+            np.concatenate([deviation, np.where(still, 0.0, deviation[near])]),
+            provenance=self.provenance,
+        )
+
+    def groups(self, segments: Sequence[Segment], count: int) -> list[list[Segment]]:
+        """Return segments that lie close together in the plane, by Ward's criterion."""
+        from scipy.cluster.hierarchy import fcluster, linkage
+
+        if len(segments) == 1:
+            return [list(segments)]
+        places = np.array([(each.speed, each.force) for each in segments]) / self.largest
+        numbers = fcluster(linkage(places, "ward"), count, "maxclust")
+        found = [
+            [s for s, n in zip(segments, numbers, strict=True) if n == k] for k in set(numbers)
+        ]
+        return found
+
+    def surprise(self, known: Sequence[Segment], count: int, held_out: Sequence[Segment]) -> float:
+        """Return Whittle's negative log-likelihood of segments by a model of others, nats."""
+        model = self.model(known, count)
+        total = 0.0
+        for each in held_out:
+            frequency, measured, modelled = _densities([each], model)
+            within = _within_band(frequency)
+            ratio = measured[within] / modelled[within]
+            total += each.samples * float(np.mean(ratio + np.log(modelled[within])))
+        return total
+
+    def compared(
+        self, known: Sequence[Segment], count: int, held_out: Sequence[Segment]
+    ) -> Iterator[HeldOut]:
+        """Yield groups of segments beside the spectra that a model of others has there."""
+        model = self.model(known, count)
+        for group in self.groups(held_out, count):
+            frequency, measured, modelled = _densities(group, model)
+            rms = [float(np.sqrt(each.mean() * self.rate / 2)) for each in (measured, modelled)]
+            seconds = sum(each.samples for each in group) / self.rate
+            yield HeldOut(*_label(group), seconds, frequency, measured, modelled, *rms)
+
+
+_FRAME = np.array([(0, 0), (1, 0), (0, 1), (1, 0.5), (0.5, 1), (1, 1)])
+"""Nodes around the measured ones, over the largest speed and force: silent where one of them is 0,
+like the nearest measured one elsewhere. The circle through the three silent ones holds the whole
+plane, so that they never make a triangle of their own."""
+
+
+def _label(group: Sequence[Segment]) -> tuple[float, float]:
+    """Return the mean speed and force of segments."""
+    weights = [each.samples for each in group]
+    speed, force = np.average(
+        [(each.speed, each.force) for each in group], axis=0, weights=weights
+    )
+    return float(speed), float(force)
+
+
+def _covariance(group: Sequence[Segment]) -> FloatArray:
+    """Return the biased autocovariance of segments."""
+    samples = sum(each.samples for each in group)
+    return np.asarray(np.sum([each.products for each in group], axis=0) / samples)
+
+
+def _densities(
+    group: Sequence[Segment], model: TextureModel
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return frequencies, and the mean power densities that segments have and a model has there.
+
+    Both at the resolution of `LAGS` samples, and the model's as segments of that length show it.
+    """
+    from scipy.signal.windows import parzen
+
+    samples = np.array([each.samples for each in group])
+    frequency = np.asarray(np.fft.rfftfreq(GRID, 1 / model.rate), dtype=np.float64)
+    window = parzen(2 * LAGS - 1)[LAGS - 1 :]
+    own = np.array([model.spectrum(each.speed, each.force, frequency) for each in group])
+    mean = np.average(own, axis=0, weights=samples)
+    shown = np.average(
+        np.maximum(0, 1 - np.arange(LAGS) / samples[:, None]), axis=0, weights=samples
+    )
+    exact = np.fft.irfft(mean * model.rate / 2)[:LAGS]
+
+    def smoothed(covariance: FloatArray) -> FloatArray:
+        covariance = covariance * window
+        padded = np.concatenate([covariance, np.zeros(GRID + 1 - 2 * LAGS), covariance[:0:-1]])
+        return np.asarray(np.fft.rfft(padded).real * 2 / model.rate)
+
+    return frequency, smoothed(_covariance(group)), smoothed(exact * shown)
+
+
+def _within_band(frequency: FloatArray) -> BoolArray:
+    return np.asarray((frequency >= BAND[0]) & (frequency <= BAND[1]))
+
+
+def _coverage(segments: Sequence[Segment], largest: FloatArray) -> float:
+    """Return the area of the segments' hull in the plane, over that up to the largest values."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(np.array([(each.speed, each.force) for each in segments]) / largest)
+    except (QhullError, ValueError):  # fewer than three, or all in line
+        return 0.0
+    return float(hull.volume)

@@ -1,0 +1,180 @@
+"""Texture models built from recordings, against textures that are known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.surfaces.building import Built, Recording, build
+from haptic_accel.core.surfaces.texture import Provenance, TextureModel
+
+RATE = 1000.0
+SPEEDS, FORCES = (0.05, 0.1, 0.15, 0.2), (0.5, 1.0, 2.0)
+BAND = np.linspace(20.0, 450.0, 216)
+REAL = Path("/work/shared/data")
+
+
+def texture(speed: float, force: float) -> tuple[FloatArray, float]:
+    """Return polynomial and innovation of a texture: three resonances that move with speed."""
+    poles = []
+    for frequency, radius in ((60 + 300 * speed, 0.95), (180, 0.9), (330 + 30 * force, 0.85)):
+        pole = radius * np.exp(2j * np.pi * frequency / RATE)
+        poles += [pole, pole.conj()]
+    return np.asarray(np.poly(poles).real), 5 * speed * np.sqrt(force)
+
+
+def true_density(speed: float, force: float) -> FloatArray:
+    polynomial, deviation = texture(speed, force)
+    response = signal.freqz([1.0], polynomial, BAND, fs=RATE)[1]
+    return np.asarray(2 / RATE * deviation**2 * np.abs(response) ** 2)
+
+
+def drag(force: float, seconds: float = 1.5, seed: int = 1) -> Recording:
+    """Return a recording that stands still for half a second, then takes each of the speeds."""
+    random = np.random.default_rng((seed, round(100 * force)))
+    speed = np.repeat([0.0, *SPEEDS], [500, *[round(seconds * RATE)] * len(SPEEDS)])
+    state, parts = np.zeros(6), []
+    for each in (0.0, *SPEEDS):
+        polynomial, deviation = texture(each, force)
+        noise = random.normal(0.0, deviation, int((speed == each).sum()))
+        part, state = signal.lfilter([1.0], polynomial, noise, zi=state)
+        parts.append(part)
+    return Recording(f"{force} N", RATE, speed, np.full(len(speed), force), np.concatenate(parts))
+
+
+@pytest.fixture(scope="module")
+def built() -> Built:
+    return build("known", [drag(force) for force in FORCES], Provenance("simulated"))
+
+
+def distance(measured: FloatArray, model: FloatArray) -> float:
+    return float(np.sqrt(np.mean((10 * np.log10(measured / model)) ** 2)))
+
+
+def test_order_and_spectra_of_a_known_texture_are_recovered(built: Built) -> None:
+    assert built.order == 6
+    assert built.model.lsf.shape[1] == 6
+    for speed in SPEEDS:
+        for force in FORCES:
+            model = built.model.spectrum(speed, force, BAND)
+            assert distance(true_density(speed, force), model) <= 1.5
+
+
+def test_what_is_reported_of_segments_left_out_is_as_near(built: Built) -> None:
+    assert built.distance <= 1.5
+    assert sum(each.seconds for each in built.held_out) == pytest.approx(18.0, abs=0.5)
+    rms = [each.modelled_rms / each.rms for each in built.held_out]
+    # Of 0.75 s of noise that is narrow-band: its RMS has a deviation of 5 % itself.
+    assert np.median(rms) == pytest.approx(1.0, abs=0.05)
+    assert rms == pytest.approx([1.0] * len(rms), abs=0.25)
+
+
+def test_segments_end_where_the_texture_changes(built: Built) -> None:
+    changes = {0.5 + 1.5 * n for n in range(5)}
+    edges = {each.begin for each in built.segments} | {each.end for each in built.segments}
+    assert all(min(abs(change - edge) for edge in edges) <= 0.05 for change in changes)
+
+
+def test_only_what_was_measured_is_covered_and_standing_still_is_refused(built: Built) -> None:
+    assert built.coverage == pytest.approx(0.75 * 0.75, abs=0.02)
+    assert [(each.begin, each.end, each.reason) for each in built.refused] == [
+        (0.0, 0.5, "at rest")
+    ] * 3
+
+
+def test_a_model_is_silent_without_speed_or_force(built: Built) -> None:
+    model = built.model
+    still = (model.speeds == 0) | (model.forces == 0)
+    assert still.sum() == 3
+    assert not model.deviation[still].any()
+    assert model.deviation[~still].all()
+    assert model.spectrum(0.0, 1.0, BAND).max() == 0.0
+    assert model.spectrum(0.1, 0.0, BAND).max() == 0.0
+    # What is neither is never silent: no triangle of silent nodes alone.
+    assert not still[model.triangles].all(axis=1).any()
+
+
+def test_a_faster_recording_gives_the_same_texture_at_the_rate_of_the_servo_loop() -> None:
+    slow = [drag(1.0, 1.0)]
+    fast = [
+        Recording(
+            each.name,
+            4 * RATE,
+            np.repeat(each.speed, 4),
+            np.repeat(each.force, 4),
+            np.asarray(signal.resample(each.acceleration, 4 * len(each.acceleration))),
+        )
+        for each in slow
+    ]
+    one, other = (build("known", each, Provenance()).model for each in (slow, fast))
+    assert other.rate == RATE
+    spectra = [each.spectrum(0.1, 1.0, BAND) for each in (one, other)]
+    assert distance(*spectra) < 0.5
+
+
+def test_contact_that_just_began_is_left_to_the_tap() -> None:
+    recording = drag(1.0)
+    force = np.where(np.arange(len(recording.force)) < 1000, 0.0, 1.0)
+    found = build(
+        "known",
+        [Recording("up", RATE, recording.speed, force, recording.acceleration)],
+        Provenance(),
+    )
+    reasons = [(each.reason, each.begin, each.end) for each in found.refused]
+    assert reasons == [("out of contact", 0.0, 1.0), ("landing", 1.0, 1.1)]
+
+
+def test_a_recording_without_contact_is_refused_with_the_reason() -> None:
+    recording = Recording("up.csv", RATE, *np.full((3, 1000), [[0.1], [0.0], [1.0]]))
+    with pytest.raises(ParameterError, match=r"^up\.csv: has 0 segments .* \(out of contact\)$"):
+        build("known", [recording], Provenance())
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"rate": 100.0}, "drag.csv: rate = 100: must be at least 500 Hz"),
+        ({"speed": np.zeros(3)}, "drag.csv: speed: has shape"),
+        ({"force": np.full(9, np.nan)}, "drag.csv: force: must be finite"),
+    ],
+)
+def test_a_wrong_recording_is_refused(changed: dict[str, object], says: str) -> None:
+    values = {name: np.zeros(9) for name in ("speed", "force", "acceleration")}
+    with pytest.raises(ParameterError, match=says):
+        Recording(**{"name": "drag.csv", "rate": RATE, **values, **changed})  # type: ignore[arg-type]
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="recordings of real surfaces are not here")
+@pytest.mark.parametrize("surface", ["wood", "leather"])
+@pytest.mark.parametrize("half", [0, 1])
+def test_a_half_of_a_real_recording_predicts_the_other(surface: str, half: int) -> None:
+    # Their rate is not stated: 10 kHz is assumed. Halves are of alternate tenths of a second.
+    columns = np.loadtxt(REAL / f"{surface}.csv", delimiter=",", skiprows=1, usecols=(0, 1, 2)).T
+    pieces = np.split(columns, np.arange(1000, columns.shape[1], 1000), axis=1)
+    known, held_out = (
+        [Recording(surface, 1e4, each[0] / 1000, each[1], each[2]) for each in pieces[start::2]]
+        for start in (half, 1 - half)
+    )
+    model = build(surface, known, Provenance()).model
+    found = np.array(
+        [held_out_spectra(each, model) for each in held_out if len(each.speed) == 1000]
+    )
+    _, measured, modelled = found.mean(axis=0)
+    assert distance(measured, modelled) <= 3.0
+
+
+def held_out_spectra(
+    recording: Recording, model: TextureModel
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return frequencies within the band, and densities by Welch's method of both."""
+    real = signal.decimate(signal.detrend(recording.acceleration), 10, ftype="fir")
+    frequency, density = signal.welch(real, RATE, nperseg=50)
+    within = (frequency >= 20) & (frequency <= 450)
+    places = zip(recording.speed[::200].tolist(), recording.force[::200].tolist(), strict=True)
+    modelled = np.mean([model.spectrum(*each, frequency) for each in places], axis=0)
+    return frequency[within], density[within], modelled[within]
