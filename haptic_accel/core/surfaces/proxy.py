@@ -84,8 +84,8 @@ class Proxy:
             for plane, distance in near:
                 n_x, n_y, n_z = plane.normal
                 approach = -(n_x * d_x + n_y * d_y + n_z * d_z)
-                if approach > distance > 0:
-                    share = min(share, distance / approach)
+                if approach > max(distance, 0.0):
+                    share = min(share, max(distance, 0.0) / approach)
             length = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
             if share * length > clearance:
                 share = clearance / length

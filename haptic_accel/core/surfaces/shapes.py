@@ -72,7 +72,7 @@ class Sphere(Convex):
 
     def normal(self, x: float, y: float, z: float) -> Vector:
         """Return the direction away from the centre; upwards at the centre."""
-        return _unit(x, y, z)
+        return unit(x, y, z)
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3), m."""
@@ -104,7 +104,7 @@ class Box(Convex):
             a, b, c = float(a == deepest), float(a < b == deepest), float(a < c > b)
         else:
             a, b, c = max(a, 0.0), max(b, 0.0), max(c, 0.0)
-        return _unit(math.copysign(a, x), math.copysign(b, y), math.copysign(c, z))
+        return unit(math.copysign(a, x), math.copysign(b, y), math.copysign(c, z))
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3), m."""
@@ -135,7 +135,7 @@ class Cylinder(Convex):
             aside, above = aside / to_rim, above / to_rim
         else:
             aside, above = float(aside > above), float(aside <= above)
-        n_x, n_y, _ = _unit(x, y, 0.0) if x or y else (1.0, 0.0, 0.0)
+        n_x, n_y, _ = unit(x, y, 0.0) if x or y else (1.0, 0.0, 0.0)
         return aside * n_x, aside * n_y, math.copysign(above, z)
 
     def distances(self, points: FloatArray) -> FloatArray:
@@ -150,7 +150,7 @@ def _outside_corner(beyond: FloatArray) -> FloatArray:
     return np.asarray(outside + np.minimum(beyond.max(axis=1), 0))
 
 
-def _unit(x: float, y: float, z: float) -> Vector:
+def unit(x: float, y: float, z: float) -> Vector:
     """Return a direction with length 1; upwards for none."""
     length = math.sqrt(x * x + y * y + z * z)
     return (x / length, y / length, z / length) if length else UP

@@ -1,0 +1,227 @@
+"""Shapes given by samples: height fields, and grids of distances, such as of meshes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+import numpy as np
+
+from haptic_accel.core.model import ZERO, FloatArray, Vector
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.surfaces.shapes import unit
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField:
+    """All that is below heights over a grid around the origin, which go on beyond its border.
+
+    Between samples heights are bilinear.
+
+    Attributes
+    ----------
+    heights : ndarray, shape (n, m)
+        Heights in m, by place along x and y; at least two along each.
+    spacing : float
+        Distance between two samples, m.
+    """
+
+    heights: FloatArray
+    spacing: float
+    _corner: tuple[float, float] = field(init=False, repr=False)
+    _rows: list[list[float]] = field(init=False, repr=False)
+    _scale: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the samples.
+
+        Raises
+        ------
+        ParameterError
+            Not a table of finite numbers, or a spacing not above 0.
+        """
+        _check("heights", self.heights, self.spacing, axes=2)
+        steepest = _slopes(self.heights, self.spacing).max()
+        object.__setattr__(self, "_rows", self.heights.tolist())
+        n, m = self.heights.shape
+        corner = (-(n - 1) * self.spacing / 2, -(m - 1) * self.spacing / 2)
+        object.__setattr__(self, "_corner", corner)
+        # The distance is no less than the height times the cosine of the steepest slope.
+        object.__setattr__(self, "_scale", 1 / math.hypot(1, steepest))
+
+    @property
+    def stride(self) -> float:
+        """Half of the spacing, m."""
+        return self.spacing / 2
+
+    def distance(self, x: float, y: float, z: float) -> float:
+        """Return the signed distance of a point, m, or less where slopes differ."""
+        (a, b), (c, d), u, v = self._cell(x, y)
+        return (z - (1 - u) * ((1 - v) * a + v * b) - u * ((1 - v) * c + v * d)) * self._scale
+
+    def normal(self, x: float, y: float, z: float) -> Vector:
+        """Return the normal of the surface below a point."""
+        (a, b), (c, d), u, v = self._cell(x, y)
+        return unit(
+            ((1 - v) * (a - c) + v * (b - d)) / self.spacing,
+            ((1 - u) * (a - b) + u * (c - d)) / self.spacing,
+            1.0,
+        )
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return the signed distances of points of shape (n, 3), m."""
+        places = (points[:, :2] - self._corner) / self.spacing
+        return (points[:, 2] - _interpolated(self.heights, places)) * self._scale
+
+    def _cell(self, x: float, y: float) -> tuple[Sequence[float], Sequence[float], float, float]:
+        """Return the heights around a place, two before it along x and two behind, and shares."""
+        row, u = _interval((x - self._corner[0]) / self.spacing, len(self._rows))
+        column, v = _interval((y - self._corner[1]) / self.spacing, len(self._rows[0]))
+        before, behind = self._rows[row], self._rows[row + 1]
+        return before[column : column + 2], behind[column : column + 2], u, v
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceGrid:
+    """A solid by its signed distances on a grid, trilinear between them.
+
+    Parts thinner than two spacings are lost.
+
+    Attributes
+    ----------
+    grid : ndarray, shape (n, m, k)
+        Signed distances in m, by place along x, y and z; at least two along each.
+    spacing : float
+        Distance between two samples, m.
+    corner : tuple of float
+        Place of the first sample, m.
+    """
+
+    grid: FloatArray
+    spacing: float
+    corner: Vector = ZERO
+    _flat: Sequence[float] = field(init=False, repr=False)
+    _scale: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the samples.
+
+        Raises
+        ------
+        ParameterError
+            Not a table of finite numbers, a spacing not above 0, or a solid that reaches the
+            border.
+        """
+        _check("distances", self.grid, self.spacing, axes=3)
+        inner = self.grid[1:-1, 1:-1, 1:-1]
+        if (self.grid <= 0).sum() != (inner <= 0).sum():
+            raise ParameterError("distances: must be above 0 m at the border of the grid")
+        # Python's floats without a copy.
+        flat = np.ascontiguousarray(self.grid, dtype=float).ravel()
+        object.__setattr__(self, "_flat", cast(Sequence[float], flat.data))
+        # Interpolated distances may be steeper than distances are. Inside it does not matter.
+        outside = _largest_of_cells(self.grid) > 0
+        steepest = _slopes(self.grid, self.spacing)[outside].max()
+        object.__setattr__(self, "_scale", 1 / max(1.0, float(steepest)))
+
+    @property
+    def stride(self) -> float:
+        """Half of the spacing, m."""
+        return self.spacing / 2
+
+    def distance(self, x: float, y: float, z: float) -> float:
+        """Return the signed distance of a point, m, or less where the grid is steep."""
+        value, _, outside = self._look(x, y, z)
+        if outside == ZERO:
+            return value * self._scale
+        # The solid is in the grid: the way to it is no shorter than over the nearest place there.
+        return math.hypot(value * self._scale, *outside)
+
+    def normal(self, x: float, y: float, z: float) -> Vector:
+        """Return the direction in which the distance grows."""
+        value, (g_x, g_y, g_z), (o_x, o_y, o_z) = self._look(x, y, z)
+        if o_x or o_y or o_z:
+            g_x, g_y, g_z = value * g_x + o_x, value * g_y + o_y, value * g_z + o_z
+        return unit(g_x, g_y, g_z)
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return the signed distances of points of shape (n, 3), m."""
+        places = (points - self.corner) / self.spacing
+        last = np.array(self.grid.shape) - 1
+        outside = np.linalg.norm(places - places.clip(0, last), axis=1) * self.spacing
+        values = _interpolated(self.grid, places) * self._scale
+        return np.where(outside > 0, np.hypot(values, outside), values)
+
+    def _look(self, x: float, y: float, z: float) -> tuple[float, Vector, Vector]:
+        """Return value and gradient at the nearest place in the grid, and the way from there."""
+        step, (c_x, c_y, c_z), (n, m, k) = self.spacing, self.corner, self.grid.shape
+        a, b, c = (x - c_x) / step, (y - c_y) / step, (z - c_z) / step
+        (i, u), (j, v), (h, w) = _interval(a, n), _interval(b, m), _interval(c, k)
+        outside = ((a - i - u) * step, (b - j - v) * step, (c - h - w) * step)
+        f, at = self._flat, (i * m + j) * k + h
+        # Along z, then y, then x.
+        rows = (at, at + k, at + m * k, at + m * k + k)
+        p, q, r, s = ((1 - w) * f[row] + w * f[row + 1] for row in rows)
+        p_z, q_z, r_z, s_z = (f[row + 1] - f[row] for row in rows)
+        low, high = (1 - v) * p + v * q, (1 - v) * r + v * s
+        gradient = (
+            (high - low) / step,
+            ((1 - u) * (q - p) + u * (s - r)) / step,
+            ((1 - u) * ((1 - v) * p_z + v * q_z) + u * ((1 - v) * r_z + v * s_z)) / step,
+        )
+        return (1 - u) * low + u * high, gradient, outside
+
+
+def _check(name: str, samples: FloatArray, spacing: float, axes: int) -> None:
+    """Refuse what is no table of finite numbers, or a spacing not above 0."""
+    if samples.ndim != axes or min(samples.shape) < 2:
+        raise ParameterError(
+            f"{name}: shape {samples.shape}: must have {axes} axes with at least 2 samples each"
+        )
+    if not np.all(np.isfinite(samples)):
+        raise ParameterError(f"{name}: must be finite numbers")
+    if not (math.isfinite(spacing) and spacing > 0):
+        raise ParameterError(f"spacing = {spacing}: must be above 0 m")
+
+
+def _slopes(samples: FloatArray, spacing: float) -> FloatArray:
+    """Return a bound of the gradient between samples for each cell."""
+    squares: FloatArray = np.zeros(())
+    for axis in range(samples.ndim):
+        steps = np.abs(np.diff(samples, axis=axis)) / spacing
+        squares = squares + _largest_of_cells(steps, besides=axis) ** 2
+    return np.asarray(np.sqrt(squares))
+
+
+def _largest_of_cells(values: FloatArray, besides: int = -1) -> FloatArray:
+    """Return the largest value of each cell's corners, along all axes but one."""
+    for axis in set(range(values.ndim)) - {besides}:
+        along = values.swapaxes(0, axis)
+        values = np.maximum(along[1:], along[:-1]).swapaxes(0, axis)
+    return values
+
+
+def _interval(place: float, samples: int) -> tuple[int, float]:
+    """Return the sample before a place in units of the spacing, and the share of the next."""
+    if place <= 0:
+        return 0, 0.0
+    if place >= samples - 1:
+        return samples - 2, 1.0
+    before = int(place)
+    return before, place - before
+
+
+def _interpolated(samples: FloatArray, places: FloatArray) -> FloatArray:
+    """Return values between samples, at places of shape (n, axes) in units of the spacing."""
+    last = np.array(samples.shape) - 1
+    places = places.clip(0, last)
+    before = np.minimum(places.astype(int), last - 1)
+    shares = places - before
+    found = np.zeros(len(places))
+    for corner in itertools.product((0, 1), repeat=samples.ndim):
+        weight = np.where(corner, shares, 1 - shares).prod(axis=1)
+        found += weight * samples[tuple((before + corner).T)]
+    return found
