@@ -23,7 +23,7 @@ from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, BoolArray, sampling_rate
 from haptic_accel.core.trial import RigParameters
-from haptic_accel.graph.arguments import PLAYED_TOPICS, RECORDING, REPLAY, SIMULATED
+from haptic_accel.graph.arguments import PLAYED_TOPICS, POINTER, RECORDING, REPLAY, SIMULATED
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import rig_parameters
 
@@ -316,7 +316,7 @@ def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list
         if parameters:
             around, options = node_parameters("compensator", nodes["compensator"])
             corner, actuator = around.high_pass_frequency, options[ACTUATOR]
-        if arguments.get("master") == SIMULATED:
+        if arguments.get("master") in (SIMULATED, POINTER):
             rig = rig_parameters({name: _mapping(parameters.get(name)) for name in _RIG})
     except ParameterError as error:
         problems.append(f"its parameters are not ours ({error}): defaults stand for them")

@@ -13,10 +13,11 @@ from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 from haptic_accel.devices.playback import ReplayMaster, ReplaySlave
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
-from haptic_accel.devices.simulated import SimulatedMaster, SimulatedSlave
+from haptic_accel.devices.simulated import PointerMaster, SimulatedMaster, SimulatedSlave
 
 MASTERS: dict[str, type[Device]] = {
     "simulated": SimulatedMaster,
+    "pointer": PointerMaster,
     "replay": ReplayMaster,
     "can": CanMaster,
     "serial": SerialMaster,

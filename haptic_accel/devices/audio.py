@@ -264,6 +264,10 @@ class AudioActuator(Device):
         """Change parameters of the device."""
         self._device.change(parameters)
 
+    def point(self, position: Vector) -> None:
+        """Lead the hand of the master."""
+        self._device.point(position)
+
     def arm(self) -> bool | None:
         """Arm the device."""
         return self._device.arm()

@@ -65,6 +65,12 @@ class Device(ABC):
     CHANGEABLE: ClassVar[tuple[str, ...]] = ()
     """Dotted names of the parameters that `change` accepts."""
 
+    PARAMETERS_OF: ClassVar[str] = ""
+    """Name of the device whose parameters it has, too; empty for its own."""
+
+    POINTED: ClassVar[bool] = False
+    """True if it has a simulated hand that `point` leads."""
+
     @abstractmethod
     def __init__(self, parameters: Any, rate: float, seed: int) -> None: ...
 
@@ -140,6 +146,10 @@ class Device(ABC):
             They cannot be changed now; nothing has changed.
         """
         raise NotImplementedError(f"{type(self).__name__} names no CHANGEABLE parameter")
+
+    def point(self, position: Vector) -> None:
+        """Lead the simulated hand to a position in the arm's base frame, m."""
+        raise NotImplementedError(f"{type(self).__name__} has no hand to lead")
 
     def arm(self) -> bool | None:
         """Allow forces again after the device itself refused them; `problem` shows the result.

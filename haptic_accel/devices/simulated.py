@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.resampling import crossfaded
+from haptic_accel.core.rig.guided_hand import GuidedHand
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
@@ -70,6 +71,21 @@ class SimulatedMaster(SimulatedDevice):
     def change(self, parameters: MasterRigParameters) -> None:
         """Change the user's grip of the handle."""
         self._rig.hold(parameters.grip)
+
+
+class PointerMaster(SimulatedMaster):
+    """The simulated master whose hand is led by points in place of its script."""
+
+    PARAMETERS_OF = "simulated"
+    POINTED = True
+
+    def __init__(self, parameters: MasterRigParameters, rate: float, seed: int) -> None:
+        self._hand = GuidedHand(parameters.exploration.height)
+        self._rig = MasterRig(parameters, rate, seed, self._hand)
+
+    def point(self, position: Vector) -> None:
+        """Lead the hand along x and z, within its workspace."""
+        self._hand.point(position[0], position[2])
 
 
 @dataclass(frozen=True)

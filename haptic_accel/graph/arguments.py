@@ -27,6 +27,9 @@ REPLAY = "replay"
 SIMULATED = "simulated"
 """Name of the devices of the virtual rig."""
 
+POINTER = "pointer"
+"""Name of the simulated master whose hand the live page leads."""
+
 RECORDING = "recording"
 """Name of the surface that plays a recorded acceleration."""
 

@@ -211,7 +211,8 @@ def _kinds(classes: Mapping[str, Any]) -> dict[str, type]:
 
 def _device_parts(devices: Mapping[str, Any], safety: type) -> dict[str, type]:
     """Return the parameters of a device node's parts, by name."""
-    return {**_kinds(devices), SAFETY: safety, POSITION_SERVO: PositionServoParameters}
+    own = {name: kind for name, kind in devices.items() if not kind.PARAMETERS_OF}
+    return {**_kinds(own), SAFETY: safety, POSITION_SERVO: PositionServoParameters}
 
 
 NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {

@@ -178,7 +178,7 @@ def graph_parameters(arguments: Arguments) -> Values:
             values[executable] |= content[executable]
     for executable, own in set_here.items():
         values[executable] |= own
-    if arguments.master == names.SIMULATED:
+    if arguments.master in (names.SIMULATED, names.POINTER):
         # A simulated handle needs no bench to measure its sensor on.
         _, devices = node_parameters("master_device", values["master_device"])
         sensor = asdict(devices[names.SIMULATED].accelerometer)

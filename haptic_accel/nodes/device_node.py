@@ -165,10 +165,15 @@ class DeviceNode(ManagedNode):
     def __init__(self, executable: str, devices: dict[str, type[Device]], arm: ArmTopics) -> None:
         super().__init__(
             executable,
-            [f"{name}.{field}" for name, kind in devices.items() for field in kind.CHANGEABLE],
+            [
+                f"{kind.PARAMETERS_OF or name}.{field}"
+                for name, kind in devices.items()
+                for field in kind.CHANGEABLE
+            ],
         )
         p = self.parameters
         self._kind = devices[p.device]
+        self._options_name = self._kind.PARAMETERS_OF or p.device
         self.device = self._build_device()
         self.safety = SafetyLayer(self.options[SAFETY], p.rate)
         self._lead = wake_time()
@@ -204,6 +209,7 @@ class DeviceNode(ManagedNode):
                 self._allowed_actuator_force,
                 late_at_device=(lambda: self.device.late) if self.device.AHEAD else None,
             )
+        self._points = self.inbox(topics.HAND_SET_POINT) if self._kind.POINTED else None
         self._queries = Queries(self, arm)
         self._motions = Motions(self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm)
         self._operating = OperatingState(self, arm, self.safety, self._fault, self._arm_again)
@@ -269,10 +275,10 @@ class DeviceNode(ManagedNode):
 
     def change(self, values: dict[str, Any]) -> None:
         """Change parameters of the running device."""
-        name = self.parameters.device
+        name = self._options_name
         for changed in values:
             if not changed.startswith(f"{name}."):
-                raise ParameterError(f"{changed}: the device is {name}")
+                raise ParameterError(f"{changed}: the device is {self.parameters.device}")
         known = {
             key: self.get_parameter(key).value for key in schema(self._kind.Parameters, f"{name}.")
         }
@@ -359,7 +365,7 @@ class DeviceNode(ManagedNode):
 
     def _build_device(self) -> Device:
         p = self.parameters
-        return self._kind(self.options[p.device], p.rate, p.seed)
+        return self._kind(self.options[self._options_name], p.rate, p.seed)
 
     def _autostart(self) -> None:
         """Configure and activate, or raise the reason why not."""
@@ -507,6 +513,9 @@ class DeviceNode(ManagedNode):
         """Take the commands that have come."""
         if self._motions.expected:
             self._take_motions()
+        if self._points:
+            for _, position in self._points.take_vectors()[-1:]:
+                self.device.point(position)
         for name, commands in self._commands.items():
             for stamp, force in commands.inbox.take_vectors():
                 stamp = stamp or self._unstamped(name)

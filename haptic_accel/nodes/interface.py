@@ -276,11 +276,16 @@ class GraphNode(SupervisedNode):
         """Subscribe to a signal; the callback gets stamps, system time in ns, and vectors."""
         return self._listen(topic, unpack_stamped_vector, lambda taken: callback(*taken))
 
-    def inbox(self, topic: Topic) -> Inbox:
-        """Subscribe to a topic whose messages are taken when they are needed."""
-        subscription = self.subscribe_raw(topic, _ignore)
+    def inbox(self, topic: Topic, depth: int = DEPTH) -> Inbox:
+        """Subscribe to a topic whose messages are taken when they are needed, the last `depth`."""
+        subscription = self.subscribe_raw(topic, _ignore, depth)
         self._inboxes.add(subscription)
         return Inbox(subscription, partial(self.refuse, topic))
+
+    def leave(self, inbox: Inbox) -> None:
+        """Unsubscribe an inbox."""
+        self._inboxes.discard(inbox.subscription)
+        self.destroy_subscription(inbox.subscription)
 
     def requests(self, kind: Any, name: str) -> Requests:
         """Offer a service whose requests are taken when there is time for them."""
@@ -331,7 +336,9 @@ class GraphNode(SupervisedNode):
         """Create a topic's publisher."""
         return self.create_publisher(message_type(topic), topic.name, offered_quality(topic))
 
-    def subscribe_raw(self, topic: Topic, callback: Callable[[bytes], None]) -> Subscription:
+    def subscribe_raw(
+        self, topic: Topic, callback: Callable[[bytes], None], depth: int = DEPTH
+    ) -> Subscription:
         """Subscribe to a topic's messages as they are serialised."""
         # A stop that is published without being kept is heard by another subscription: no warning.
         events = SubscriptionEventCallbacks(use_default_callbacks=not topic.latched)
@@ -339,7 +346,7 @@ class GraphNode(SupervisedNode):
             message_type(topic),
             topic.name,
             callback,
-            quality(topic),
+            quality(topic, depth),
             event_callbacks=events,
             raw=True,
         )

@@ -26,7 +26,9 @@ from haptic_accel.nodes.graph_requests import POSTURE
 from haptic_accel.nodes.interface import DEPTH, GraphNode, quality
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import Commands, choices
+from haptic_accel.nodes.scope_scene import ScopeScene
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
+from haptic_accel.scope.frames import SCENE
 from haptic_accel.scope.node_reports import NodeReport, NodeReports, expected_nodes
 from haptic_accel.scope.server import ScopeServer
 from haptic_accel.scope.windows import GraphSettings, Windows
@@ -47,8 +49,8 @@ WANTED = {
         if name in ("controller", "high_pass_frequency", "latency")
         or name.startswith(f"{ACTUATOR}.")
     ),
-    "slave_device": (f"{SURFACE}name",),
-    "master_device": (POSTURE,),
+    "slave_device": ("device", f"{SURFACE}name"),
+    "master_device": ("device", POSTURE),
 }
 """Parameters of other nodes that are shown, or needed to show something."""
 
@@ -124,6 +126,12 @@ class Scope(GraphNode):
             name: RemoteParameters(self, name, wanted, self._update_settings)
             for name, wanted in WANTED.items()
         }
+        self._scene = ScopeScene(
+            self,
+            self.windows.places,
+            lambda: self._remotes["master_device"].values,
+            lambda: self._remotes["slave_device"].values,
+        )
         self._signals: dict[str, Subscription] = {}
         self._reported = (time.monotonic(), 0, 0)
         self._commands = Commands(self, self._stopped) if p.control else None
@@ -158,6 +166,14 @@ class Scope(GraphNode):
         """Return what the page can choose from."""
         return choices()
 
+    def scene(self) -> dict[str, Any]:
+        """Return what the tool can touch."""
+        return self._scene.drawing()
+
+    def lead(self, x: float, z: float) -> str:
+        """Lead the simulated hand to a point, m; return why not, in one line, or nothing."""
+        return self._scene.lead(x, z)
+
     def state(self) -> dict[str, Any]:
         """Return the graph's state for the page; called on the server's thread."""
         now = time.monotonic()
@@ -171,6 +187,8 @@ class Scope(GraphNode):
             "controller": values["compensator"].get("controller"),
             "surface": values["slave_device"].get(f"{SURFACE}name"),
             "grip": values["master_device"].get(POSTURE),
+            "scene": self._scene.name,
+            "led": self._scene.is_led,
             "engaged": {"true": True, "false": False}.get(coupler.get("engaged", "")),
             "stop": {"asked": self._stop_asked, **self._stopped},
             "actuator": {
@@ -207,6 +225,7 @@ class Scope(GraphNode):
             "arm_force": (topics.SLAVE_ARM_FORCE, windows.arm_force.put),
             "position": (topics.SLAVE_POSITION, windows.position.put),
         }
+        self._scene.show(SCENE in shown)
         for name in self._signals.keys() - shown:
             self.destroy_subscription(self._signals.pop(name))
         for name in (sources.keys() & shown) - self._signals.keys():
@@ -241,6 +260,7 @@ class Scope(GraphNode):
 
     def _update_settings(self) -> None:
         """Take the compensator's description of the actuator; the defaults while there is none."""
+        self._scene.update()
         values = self._remotes["compensator"].values
         known = {name: value for name, value in values.items() if value is not None}
         settings = GraphSettings()

@@ -4,20 +4,23 @@ A frame of samples: kind, number of samples of each trace (uint32 each), padding
 8, origin in s since 1970 (float64), then for each trace the times after the origin in s and the
 values (float32 each). A frame of plots: kind, number of points of the spectra, number of points
 of the cloud (uint32 each), then frequency, desired and actual of the spectra, desired and actual
-of the cloud (float32 each).
+of the cloud (float32 each). A frame of places: kind (uint32), then x and z of each of `PLACES`
+(float32, NaN for unknown).
 """
 
 from __future__ import annotations
 
+import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from haptic_accel.core.model import Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope.windows import LONGEST_WINDOW, Metrics, Ring, Windows
 
-SAMPLES, PLOTS = 1, 2
+SAMPLES, PLOTS, PLACED = 1, 2, 3
 """Kinds of frames."""
 
 ALWAYS = ("desired", "actual", "force", "travel")
@@ -28,6 +31,15 @@ CHOSEN = ("arm_force", "position")
 
 TRACES = (*ALWAYS, *CHOSEN)
 """Signals of a frame of samples, in this order."""
+
+SCENE = "scene"
+"""Name by which a page asks for the frames of places."""
+
+ON_DEMAND = (*CHOSEN, SCENE)
+"""What a page may ask for."""
+
+PLACES = ("tool", "tool_velocity", "handle", "contact_force")
+"""Vectors of a frame of places: m, m/s, m, N; those of the tool in the slave's base frame."""
 
 _SAMPLES_HEADER = struct.Struct("<7I4xd")
 _PLOTS_HEADER = struct.Struct("<3I")
@@ -55,7 +67,7 @@ class Cursor:
         self.shown = frozenset(ALWAYS)
 
     def choose(self, names: Iterable[str]) -> None:
-        """Send these of `CHOSEN` too, from their next sample on, and no others."""
+        """Send these of `ON_DEMAND` too, from their next sample on, and no others."""
         self.shown = frozenset((*ALWAYS, *names))
 
     def frame(self) -> bytes | None:
@@ -89,6 +101,13 @@ def plots_frame(metrics: Metrics) -> bytes:
     cloud = (metrics.desired, metrics.actual)
     header = _PLOTS_HEADER.pack(PLOTS, len(lines[0]) if lines else 0, len(metrics.desired))
     return b"".join([header, *map(_float32, (*lines, *cloud))])
+
+
+def places_frame(places: Mapping[str, Vector]) -> bytes:
+    """Return the latest vectors of `PLACES` as bytes."""
+    unknown = (math.nan,) * 3
+    found = [places.get(name, unknown) for name in PLACES]
+    return struct.pack("<I8f", PLACED, *(v for x, _, z in found for v in (x, z)))
 
 
 def _float32(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> bytes:

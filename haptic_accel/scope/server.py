@@ -7,6 +7,7 @@ import gc
 import hashlib
 import json
 import logging
+import math
 import os
 import re
 import socket
@@ -23,7 +24,7 @@ from aiohttp.typedefs import Handler
 
 from haptic_accel.pages import asset, template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
-from haptic_accel.scope.frames import CHOSEN, Cursor, plots_frame
+from haptic_accel.scope.frames import ON_DEMAND, SCENE, Cursor, places_frame, plots_frame
 from haptic_accel.scope.windows import Windows
 
 FRAME_RATE = 60.0
@@ -78,6 +79,10 @@ _HALF_ESCAPE = re.compile("%(?![0-9A-Fa-f]{2})")
 
 _LOG = logging.getLogger(__name__)
 
+LEAD_TIME = 1.0
+"""Time without a point after which another page may lead the hand, s; a page that leads sends one
+for each picture."""
+
 READ_ONLY = "this scope is read-only: it was started without control"
 
 
@@ -105,6 +110,12 @@ class Source(Protocol):
 
     def state(self) -> dict[str, Any]:
         """Return the state of the graph, ready for JSON."""
+
+    def scene(self) -> dict[str, Any]:
+        """Return what the tool can touch, ready for JSON."""
+
+    def lead(self, x: float, z: float) -> str:
+        """Lead the simulated hand to a point, m; return why not, in one line, or nothing."""
 
 
 Act = Callable[[str, Any], Awaitable[str]]
@@ -158,6 +169,7 @@ class ScopeServer:
         self._version = hashlib.sha256(b"".join(b for b, _ in self._pages.values())).hexdigest()
         self._clients: dict[web.WebSocketResponse, Cursor] = {}
         self._silent: dict[asyncio.BaseProtocol, asyncio.TimerHandle] = {}
+        self._leader: tuple[web.WebSocketResponse | None, float] = None, 0.0
         self._update: tuple[str, bytes] = ("", b"")
         self._updated = float("-inf")
         self._thread: threading.Thread | None = None
@@ -209,6 +221,7 @@ class ScopeServer:
         application = web.Application(middlewares=[self._guard], client_max_size=LONGEST_COMMAND)
         for path in self._pages:
             application.router.add_get(path, self._page)
+        application.router.add_get("/scene", self._scene)
         application.router.add_get("/live", self._live)
         application.router.add_post("/command", self._command)
         # Signals are handled by the node; requests are few and not logged.
@@ -302,6 +315,9 @@ class ScopeServer:
         content, kind = self._pages[request.path]
         return web.Response(body=content, content_type=kind, charset="utf-8")
 
+    async def _scene(self, request: web.Request) -> web.Response:
+        return web.json_response(self._source.scene())
+
     async def _command(self, request: web.Request) -> web.Response:
         """Carry out one command: a JSON object with an action, and a value if it needs one."""
         if self._act is None:
@@ -333,15 +349,34 @@ class ScopeServer:
         sending = asyncio.create_task(self._send(page, cursor))
         try:
             async for message in page:  # ends when the page disconnects
-                names = _parsed(message.data)
-                if not (isinstance(names, list) and all(name in CHOSEN for name in names)):
+                asked = _parsed(message.data)
+                if isinstance(asked, list) and all(name in ON_DEMAND for name in asked):
+                    cursor.choose(asked)
+                elif isinstance(asked, dict) and _is_point(asked.get("point", ())):
+                    if refusal := self._lead(page, asked["point"]):
+                        await page.send_json({"refused": refusal})
+                else:
                     await page.close(code=WSCloseCode.UNSUPPORTED_DATA)
                     break
-                cursor.choose(names)
         finally:
+            self._lead(page, None)
             sending.cancel()
             del self._clients[page]
         return page
+
+    def _lead(self, page: web.WebSocketResponse, point: list[float] | None) -> str:
+        """Lead the hand for a page, or let go; return why it may not, or nothing."""
+        now = asyncio.get_running_loop().time()
+        leader, until = self._leader
+        if leader not in (None, page) and now < until:
+            return "hand: another page leads it" if point else ""
+        if not point:
+            self._leader = None, now
+            return ""
+        refusal = self._source.lead(*point)
+        if not refusal:
+            self._leader = page, now + LEAD_TIME
+        return refusal
 
     async def _send(self, page: web.WebSocketResponse, cursor: Cursor) -> None:
         """Send what is new, no more often than a screen shows it.
@@ -350,12 +385,16 @@ class ScopeServer:
         nothing queues up, and it continues with the newest samples.
         """
         loop = asyncio.get_running_loop()
-        sent = float("-inf")
+        sent, placed = float("-inf"), b""
         try:
             while not page.closed:
                 due = loop.time() + 1 / FRAME_RATE
                 if (frame := cursor.frame()) is not None:
                     await self._give(page, frame)
+                if SCENE in cursor.shown:
+                    before, placed = placed, places_frame(self._source.windows.places)
+                    if placed != before:
+                        await self._give(page, placed)
                 self._refresh(loop.time())
                 if self._updated > sent:
                     sent = self._updated
@@ -407,6 +446,15 @@ def _parsed(text: Any) -> Any:
         return None
 
 
+def _is_point(value: Any) -> bool:
+    """Return true for x and z of a point, or None."""
+    return value is None or (
+        isinstance(value, list)
+        and len(value) == 2
+        and all(isinstance(each, int | float) and math.isfinite(each) for each in value)
+    )
+
+
 def _pages(choices: Mapping[str, list[str]], *, control: bool) -> dict[str, tuple[bytes, str]]:
     """Return content and type of every page and asset by its path."""
     page = template("scope.html.j2").render(control=control, choices=choices)
@@ -414,6 +462,7 @@ def _pages(choices: Mapping[str, list[str]], *, control: bool) -> dict[str, tupl
     return {
         "/": (page.encode(), "text/html"),
         "/scope.css": ("\n".join(styles).encode(), "text/css"),
+        "/scene.js": (asset("scene.js").encode(), "text/javascript"),
         "/scope.js": (asset("scope.js").encode(), "text/javascript"),
         "/uPlot.js": (asset("uPlot.iife.min.js").encode(), "text/javascript"),
     }

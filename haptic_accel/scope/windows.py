@@ -12,7 +12,7 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control import filters
 from haptic_accel.core.evaluation.metrics import Spectra, evaluate, spectra
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, IntArray, half_period, places
 
 LONGEST_WINDOW = 5.0
@@ -178,6 +178,8 @@ class Windows:
     actual, travel : Ring
         Signals derived by `advance`: handle acceleration without gravity and hand motion
         (m/s^2), and position of the actuator's moving mass between its stops (m).
+    places : dict
+        Latest vectors of `frames.PLACES`, if a page asks for them.
     settings : GraphSettings
         Settings of the graph; may be replaced by another thread at any time.
     """
@@ -186,6 +188,7 @@ class Windows:
         self.desired, self.handle, self.force, self.age = Ring(), Ring(), Ring(), Ring()
         self.actual, self.travel = Ring(), Ring()
         self.arm_force, self.position = Ring(), Ring()
+        self.places: dict[str, Vector] = {}
         self.settings = GraphSettings()
         self._derivation: Derivation | None = None
         self._derived = 0

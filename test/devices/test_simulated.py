@@ -20,6 +20,7 @@ from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
 from haptic_accel.devices.simulated import (
+    PointerMaster,
     RecordingParameters,
     SimulatedMaster,
     SimulatedSlave,
@@ -339,3 +340,30 @@ def test_a_device_opened_again_goes_on() -> None:
     device.open()
     device.write(100.0, arm_force=(0.0, 0.0, -1.0))
     assert device.read(100.02).position[2] < before[2]
+
+
+# Leading the hand
+
+
+def test_a_pointer_leads_the_hand_of_the_simulated_master() -> None:
+    device = opened(PointerMaster)
+    device.write(0.0, arm_force=(0.0, 0.0, 0.0))
+    resting = read(device, 1, 200)[-1].position
+    assert resting == pytest.approx((0.0, 0.0, 0.01), abs=1e-4)
+    for index in range(200, 800):
+        device.point((0.03, 0.0, -0.005))
+        device.write(index * PERIOD, arm_force=(0.0, 0.0, 0.0))
+    assert device.read(800 * PERIOD).position == pytest.approx((0.03, 0.0, -0.005), abs=1e-4)
+
+
+def test_a_hand_that_was_led_rests_where_it_began_once_let_go() -> None:
+    device = opened(PointerMaster)
+    device.write(0.0, arm_force=(0.0, 0.0, 0.0))
+    device.point((0.05, 0.0, 0.0))
+    assert read(device, 1, 150)[-1].position[0] > 0
+    assert read(device, 150, 600)[-1].position == pytest.approx((0.0, 0.0, 0.01), abs=1e-4)
+
+
+def test_other_devices_have_no_hand_to_lead() -> None:
+    with pytest.raises(NotImplementedError, match="SimulatedMaster has no hand to lead"):
+        opened(SimulatedMaster).point((0.0, 0.0, 0.0))

@@ -42,6 +42,8 @@ class Source:
     def __init__(self) -> None:
         self.windows = Windows()
         self.count = 0
+        self.led: list[tuple[float, float]] = []
+        self.refusal = ""
 
     def choices(self) -> dict[str, list[str]]:
         return {
@@ -53,6 +55,13 @@ class Source:
 
     def state(self) -> dict[str, Any]:
         return {"nodes": []}
+
+    def scene(self) -> dict[str, Any]:
+        return {"outlines": {"wood": [[[-0.1, 0.0], [0.1, 0.0]]]}}
+
+    def lead(self, x: float, z: float) -> str:
+        self.led.append((x, z))
+        return self.refusal
 
     def feed(self, samples: int) -> None:
         for _ in range(samples):
@@ -525,8 +534,74 @@ def test_a_page_asks_for_further_signals(started: Started) -> None:
     wait_until(lambda: server.shown == set(), "nothing is shown to nobody")
 
 
+async def refused(live: aiohttp.ClientWebSocketResponse) -> str:
+    """Return the reason that a page is given next."""
+    while True:
+        message = await live.receive(20)
+        if message.type is aiohttp.WSMsgType.TEXT and "refused" in message.data:
+            return str(json.loads(message.data)["refused"])
+
+
+def test_one_page_at_a_time_leads_the_hand(started: Started, source: Source) -> None:
+    _, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as other:
+            async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as first:
+                await first.send_json({"point": [0.01, -0.002]})
+                await asyncio.to_thread(wait_until, lambda: bool(source.led), "led")
+                await other.send_json({"point": [0.0, 0.0]})
+                assert await refused(other) == "hand: another page leads it"
+                await other.send_json({"point": None})
+                await first.send_json({"point": [0.02, 0]})
+            # The first has left.
+            await asyncio.to_thread(wait_until, lambda: len(source.led) == 2, "led again")
+            await other.send_json({"point": [0.03, 0.0]})
+            await asyncio.to_thread(wait_until, lambda: len(source.led) == 3, "led by the other")
+            source.refusal = "hand: must be led otherwise"
+            await other.send_json({"point": [0.0, 0.0]})
+            assert await refused(other) == source.refusal
+
+    visit(use)
+    assert source.led[:3] == [(0.01, -0.002), (0.02, 0), (0.03, 0.0)]
+
+
+def test_the_scene_is_served_and_places_to_who_asks(started: Started, source: Source) -> None:
+    _, url = started()
+    source.windows.places = {"tool": (0.01, 0.0, -0.002), "handle": (0.0, 0.0, 0.01)}
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        answer = await session.get(url.with_path("/scene"))
+        assert await answer.json() == source.scene()
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+            await live.send_json(["scene"])
+            while True:
+                message = await live.receive(20)
+                if message.type is aiohttp.WSMsgType.BINARY and message.data[0] == 3:
+                    break
+            places = np.frombuffer(message.data[4:], "<f4")
+            assert places[:2] == pytest.approx([0.01, -0.002])
+            assert np.isnan(places[2:4]).all()
+
+    visit(use)
+
+
 @pytest.mark.parametrize(
-    "sent", ["", "{}", '["travels"]', "[[]]", '"position"', "[" * 4000, b"\xff"]
+    "sent",
+    [
+        '{"point": 1}',
+        '{"point": [1]}',
+        '{"point": [NaN, 0]}',
+        '{"point": [1e999, 0]}',
+        '{"point": ["x", 0]}',
+        "",
+        "{}",
+        '["travels"]',
+        "[[]]",
+        '"position"',
+        "[" * 4000,
+        b"\xff",
+    ],
 )
 def test_a_page_that_asks_for_anything_else_is_disconnected(
     started: Started, caplog: pytest.LogCaptureFixture, sent: str | bytes

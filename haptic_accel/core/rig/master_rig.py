@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -79,6 +80,13 @@ class MasterRigParameters:
     exploration: ExplorationParameters = field(default_factory=ExplorationParameters)
 
 
+class Hand(Protocol):
+    """The user's hand: where it wants the handle to be."""
+
+    def at(self, time: float) -> tuple[float, float, float, float]:
+        """Return x, z in m and their velocities in m/s at a time in s; at 0, at rest."""
+
+
 class MasterRig:
     """Eq. (1) and (2) of the paper along the actuator's axis (z), a mass along x.
 
@@ -96,6 +104,8 @@ class MasterRig:
         Samples per second at which it is read.
     seed : int
         Seed of the accelerometer's noise and of the user's grip.
+    hand : Hand, optional
+        Hand in place of the scripted one.
 
     Attributes
     ----------
@@ -103,7 +113,13 @@ class MasterRig:
         Handle with this user's grip.
     """
 
-    def __init__(self, parameters: MasterRigParameters, rate: float, seed: int = 0) -> None:
+    def __init__(
+        self,
+        parameters: MasterRigParameters,
+        rate: float,
+        seed: int = 0,
+        hand: Hand | None = None,
+    ) -> None:
         self._p = parameters
         self._seed = seed
         self.handle = held(parameters.handle, parameters.grip, seed)
@@ -111,7 +127,7 @@ class MasterRig:
         self._stall = round(LONGEST_ADVANCE / self._step)
         self._longest = min(round(1.0 / rate / self._step), round(TABLE_STEP / self._step))
         self._build_mechanics()
-        self._exploration = Exploration(parameters.exploration)
+        self._leading = hand or Exploration(parameters.exploration)
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
         self._converter = Quantizer(parameters.actuator.peak_force, parameters.drive.bits)
         self._delay = round(parameters.drive.delay / self._step)
@@ -294,7 +310,7 @@ class MasterRig:
 
     def _hand(self, now: int) -> tuple[float, float, float, float]:
         steps = 0 if self._explored_since is None else now - self._explored_since
-        return self._exploration.at(steps * self._step)
+        return self._leading.at(steps * self._step)
 
     def _stop_force(self, offset: float, slip: float) -> float:
         """Force of a travel stop on the actuator's mass, N; zero in free travel."""

@@ -5,6 +5,7 @@
 (() => {
   const SAMPLES = 1;
   const PLOTS = 2;
+  const PLACED = 3;
   const TRACES = ["desired", "actual", "force", "travel", "arm_force", "position"];
   const ON_DEMAND = ["arm_force", "position"]; // traces that are sent only if they are asked for
   const REMEMBERED = "haptic_accel scope: signals"; // name under which the browser keeps the choice
@@ -158,7 +159,7 @@
 
   function colours() {
     const style = getComputedStyle(document.documentElement);
-    const names = [...TRACES, "quiet", "grid"];
+    const names = [...TRACES, "quiet", "grid", "still-fill"];
     return Object.fromEntries(names.map((n) => [n, style.getPropertyValue(`--${n}`).trim()]));
   }
 
@@ -623,6 +624,11 @@
   let version = null;
 
   function showState(received) {
+    if (received.refused) {
+      hapticScene.letGo();
+      tell(received.refused, "error");
+      return;
+    }
     if (version !== null && version !== received.version) {
       location.reload(); // another scope, with other controls
       return;
@@ -639,6 +645,7 @@
     byId("assumed").hidden = !state.limits.assumed;
     showNodes(state.nodes);
     showRecorder(state.nodes, state.recorder);
+    hapticScene.show(state);
     for (const action of ["controller", "surface", "grip"]) showChoice(action, state[action]);
     showChoice("engage", state.engaged);
     showStop(state.stop, state.engaged, state.nodes, state.metrics);
@@ -658,6 +665,7 @@
     counters.bytes += buffer.byteLength;
     if (kind === SAMPLES) takeSamples(buffer);
     else if (kind === PLOTS) takePlots(buffer);
+    else if (kind === PLACED) hapticScene.take(buffer);
   }
 
   function takeSamples(buffer) {
@@ -697,9 +705,13 @@
   let retry = FIRST_RETRY;
   let socket = null;
 
+  function send(value) {
+    if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(value));
+  }
+
   function askForSignals() {
-    if (socket?.readyState !== WebSocket.OPEN) return;
-    socket.send(JSON.stringify(ON_DEMAND.filter((name) => chosen.has(name))));
+    const scene = hapticScene.inSight ? ["scene"] : [];
+    send([...ON_DEMAND.filter((name) => chosen.has(name)), ...scene]);
   }
 
   function connect() {
@@ -805,6 +817,7 @@
     if (calm.matches && moment - drawnAt < CALM) return;
     if (clock.offset === null) return;
     drawnAt = moment;
+    hapticScene.draw();
     if (held === null) {
       for (const strip of strips) strip.draw();
       drawGauges();
@@ -830,9 +843,10 @@
   showSignals();
   dark.addEventListener("change", () => {
     colour = colours();
-    for (const one of [...strips.map((strip) => strip.plot), spectraPlot, cloudPlot]) one.redraw();
+    for (const one of [...strips.map((strip) => strip.plot), spectraPlot, cloudPlot, hapticScene]) one.redraw();
   });
   setInterval(describe, DESCRIBE);
+  hapticScene.start({ send, ask: askForSignals, plot, axis, clipped, colour: () => colour });
   if (control) listenToControls();
   connect();
   requestAnimationFrame(draw);
