@@ -463,6 +463,7 @@ def _pages(choices: Mapping[str, list[str]], *, control: bool) -> dict[str, tupl
         "/": (page.encode(), "text/html"),
         "/scope.css": ("\n".join(styles).encode(), "text/css"),
         "/scene.js": (asset("scene.js").encode(), "text/javascript"),
+        "/sound.js": (asset("sound.js").encode(), "text/javascript"),
         "/scope.js": (asset("scope.js").encode(), "text/javascript"),
         "/uPlot.js": (asset("uPlot.iife.min.js").encode(), "text/javascript"),
     }

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from bagging import BagContent, of_trial, write_bag
+from browsing import chromium
 from haptic_accel.analysis import load
 from haptic_accel.analysis.page import write_page
 from haptic_accel.core import topics
@@ -22,16 +22,9 @@ from haptic_accel.core.trial import Trial
 from running import Command
 from verbs import refusal, status_of
 
-CHROMIUM = Path("/usr/bin/chromium")
-FLAGS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
 RATE = 1000.0
 GAINS = {"none": 0.0, "constant": 0.6, "inverse": 0.9}
 
@@ -226,21 +219,9 @@ def test_of_bags_of_which_nothing_can_be_said_the_status_is_one(
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    required = os.environ.get("HAPTIC_ACCEL_BROWSER") == "required"
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        if required:
-            raise
-        pytest.skip("playwright is not installed")
-    if not CHROMIUM.exists():
-        assert not required, f"{CHROMIUM} is missing"
-        pytest.skip(f"{CHROMIUM} is missing")
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=str(CHROMIUM), args=list(FLAGS))
+def browser() -> Iterator[Browser]:
+    with chromium() as opened:
         yield opened
-        opened.close()
 
 
 PLOTS = ("time", "error", "cloud", "spectra", "coherence", "force", "travel")
@@ -256,7 +237,7 @@ INK = """id => {
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_page_draws_and_answers(report: Path, browser: Any, scheme: str) -> None:
+def test_the_page_draws_and_answers(report: Path, browser: Browser, scheme: str) -> None:
     page = browser.new_page(color_scheme=scheme)
     complaints: list[str] = []
     requests: list[str] = []
@@ -303,7 +284,7 @@ def test_the_page_draws_and_answers(report: Path, browser: Any, scheme: str) -> 
     page.close()
 
 
-def test_the_page_fits_a_telephone(report: Path, browser: Any) -> None:
+def test_the_page_fits_a_telephone(report: Path, browser: Browser) -> None:
     page = browser.new_page(viewport={"width": 360, "height": 740})
     page.goto((report / "index.html").as_uri())
     page.wait_for_selector("html[data-drawn='7']")

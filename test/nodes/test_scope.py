@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import signal
 import socket
 from collections.abc import Iterator
@@ -15,6 +13,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 
+from browsing import chromium
 from haptic_accel.core.process import REALTIME
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from running import Command, reserved_domain, use_domain, wait_until
@@ -25,19 +24,6 @@ if TYPE_CHECKING:
     from observing import Observer
 
 pytestmark = pytest.mark.live
-
-BROWSER = "HAPTIC_ACCEL_BROWSER"
-"""Environment variable that makes a missing browser a failure: required."""
-
-FLAGS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
 
 
 def free_port() -> int:
@@ -93,20 +79,8 @@ class Shared:
 
 @pytest.fixture(scope="module")
 def page() -> Iterator[Page]:
-    chromium = shutil.which("chromium")
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        chromium = None
-    if chromium is None:
-        reason = "no Chromium or no playwright"
-        if os.environ.get(BROWSER) == "required":
-            pytest.fail(reason)
-        pytest.skip(reason)
-    with sync_playwright() as player:
-        browser = player.chromium.launch(executable_path=chromium, args=list(FLAGS))
+    with chromium() as browser:
         yield browser.new_page(viewport={"width": 1280, "height": 900})
-        browser.close()
 
 
 @pytest.fixture(scope="module")

@@ -161,7 +161,7 @@ def test_everything_the_page_needs_comes_from_here(started: Started) -> None:
 
     async def use(session: aiohttp.ClientSession) -> list[tuple[str, int, str]]:
         found = []
-        for path in ("/scope.js", "/scope.css", "/uPlot.js"):
+        for path in ("/scope.js", "/sound.js", "/scope.css", "/uPlot.js"):
             async with session.get(url.with_path(path)) as answer:
                 found.append((answer.content_type, answer.status, await answer.text()))
         return found
@@ -261,7 +261,7 @@ def test_a_token_is_asked_for_everywhere_and_moves_into_a_cookie(started: Starte
     _, printed = started(acting, host="0.0.0.0", token=TOKEN)
     assert printed.query["token"] == TOKEN
     bare = URL.build(scheme="http", host="127.0.0.1", port=printed.port or 0, path="/")
-    for path in ("/", "/scope.js", "/scope.css", "/uPlot.js"):
+    for path in ("/", "/scope.js", "/sound.js", "/scope.css", "/uPlot.js"):
         assert get(bare.with_path(path)).status == 403
     assert get(bare.with_query(token="wrong")).status == 403
     assert get(bare, Cookie=f"haptic_accel_scope_{bare.port}=wrong").status == 403

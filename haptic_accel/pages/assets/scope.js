@@ -681,7 +681,9 @@
     };
     TRACES.forEach((name, index) => {
       const offsets = block(counts[index]);
-      traces[name].push(origin, offsets, block(counts[index]));
+      const values = block(counts[index]);
+      traces[name].push(origin, offsets, values);
+      hapticSound.take(name, origin, offsets, values, state?.metrics.rate);
     });
     clock.meet(Math.max(traces.desired.newest, traces.actual.newest));
   }

@@ -1,0 +1,46 @@
+"""A browser for the tests of pages."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+BROWSER = "HAPTIC_ACCEL_BROWSER"
+"""Environment variable that makes a missing browser a failure: required."""
+
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """Start Chromium; skip the test where it or its driver is missing."""
+    program = shutil.which("chromium")
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        program = None
+    if program is None:
+        reason = "no Chromium or no playwright"
+        if os.environ.get(BROWSER) == "required":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    with sync_playwright() as player:
+        browser = player.chromium.launch(executable_path=program, args=list(FLAGS))
+        yield browser
+        browser.close()

@@ -1,0 +1,199 @@
+"""The page's sound in a real browser, without a graph: what is played, and from when on."""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from browsing import chromium
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.scope.access import Access
+from haptic_accel.scope.server import ScopeServer
+from haptic_accel.scope.windows import Windows
+from running import wait_until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+RATE = 1000
+FRAME = 1 / 60
+"""Interval between frames, s."""
+
+RESERVE = 0.01
+"""Least that is left to play when samples come evenly, s."""
+
+FILTER = 4
+"""Samples by which the interpolation delays."""
+
+
+class Tones:
+    """Signals without a graph: a tone of desired acceleration, and another of the actual."""
+
+    def __init__(self) -> None:
+        self.windows = Windows()
+        self.amplitude = 3.0
+        self.playing = True
+        self._thread = threading.Thread(target=self._play)
+        self._thread.start()
+
+    def choices(self) -> dict[str, list[str]]:
+        return {"controller": ["none"], "surface": ["text"], "grip": ["hook"], "record": ["start"]}
+
+    def state(self) -> dict[str, Any]:
+        return {
+            "nodes": [{"name": "recorder", "state": "OK", "message": ""}],
+            "recorder": {},
+            "controller": None,
+            "surface": None,
+            "grip": None,
+            "engaged": None,
+            "stop": {"asked": False},
+            "actuator": {"age_us": None, "due": None, "missed": None},
+            "limits": {"force": 1.0, "travel": 1e-3, "assumed": True},
+        }
+
+    def _play(self) -> None:
+        start = time.time_ns()
+        count = 0
+        while self.playing:
+            while count < (time.time_ns() - start) * RATE // NANOSECONDS:
+                stamp = start + count * NANOSECONDS // RATE
+                for ring, frequency in ((self.windows.desired, 80), (self.windows.handle, 200)):
+                    phase = 2 * np.pi * frequency * count / RATE
+                    ring.put(stamp, self.amplitude * np.sin(phase))
+                count += 1
+            time.sleep(0.005)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def tones() -> Iterator[Tones]:
+    made = Tones()
+    yield made
+    made.playing = False
+
+
+@pytest.fixture(scope="module")
+def page(browser: Browser, tones: Tones) -> Iterator[Page]:
+    server = ScopeServer(tones, Access("127.0.0.1"), "127.0.0.1", 0)
+    opened = browser.new_page()
+    complaints: list[str] = []
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.goto(server.start())
+    yield opened
+    opened.close()
+    server.stop()
+    assert complaints == []
+
+
+OFFLINE = """async ([arrivals, rate, contextRate, seconds]) => {
+  const context = new OfflineAudioContext(1, Math.ceil(seconds * contextRate), contextRate);
+  const stream = new hapticSound.Stream(context, context.destination);
+  const delays = [];
+  for (const [at, first, end] of arrivals) {
+    const numbers = Array.from({ length: end - first }, (_, i) => first + i);
+    context.suspend(at).then(() => {
+      const values = numbers.map((n) => Math.sin((2 * Math.PI * 100 * n) / rate));
+      stream.take(numbers.map((n) => 1.8e9 + n / rate), Float32Array.from(values), rate);
+      delays.push(stream.delay);
+      context.resume();
+    });
+  }
+  const sound = (await context.startRendering()).getChannelData(0);
+  const start = Array.from(sound.subarray(0, 2 * contextRate));
+  return { sound: start, delays, underruns: stream.underruns };
+}"""
+
+
+def played(
+    page: Page, arrivals: list[float], rate: int = 1000, context_rate: int = 48000
+) -> tuple[Any, Any, int]:
+    """Return what is played of a tone of 100 Hz, at most 2 s, with delays (s) and underruns.
+
+    At each arrival come all samples so far.
+    """
+    counts = [int(at * rate) for at in [arrivals[0] - FRAME, *arrivals]]
+    frames = [[at, *pair] for at, pair in zip(arrivals, pairwise(counts), strict=True)]
+    found = page.evaluate(OFFLINE, [frames, rate, context_rate, arrivals[-1] + FRAME])
+    return np.array(found["sound"]), np.array(found["delays"]), found["underruns"]
+
+
+@pytest.mark.parametrize(("rate", "context_rate"), [(1000, 44100), (10000, 48000)])
+def test_a_tone_that_comes_in_frames_is_played_as_one_tone(
+    page: Page, rate: int, context_rate: int
+) -> None:
+    arrivals = [FRAME * (k + 1) for k in range(110)]
+    sound, delays, underruns = played(page, arrivals, rate, context_rate)
+    assert underruns == 0
+    # What waits: a frame, the reserve and the filter's samples; the browser works in blocks.
+    assert max(delays) < FRAME + RESERVE + FILTER / rate + 3 * 128 / context_rate
+    inner = sound[context_rate // 2 : -context_rate // 2]
+    power = np.abs(np.fft.rfft(inner * np.blackman(len(inner)))) ** 2
+    is_tone = np.abs(np.fft.rfftfreq(len(inner), 1 / context_rate) - 100) < 5
+    assert power[~is_tone].sum() < 1e-5 * power.sum()
+    assert np.std(inner) == pytest.approx(1 / np.sqrt(2), rel=0.02)
+
+
+def test_late_samples_are_heard_softly_and_waited_for_until_they_come_evenly(page: Page) -> None:
+    arrivals = [at for k in range(840) if not 0.9 < (at := FRAME * (k + 1)) < 0.96]
+    sound, delays, underruns = played(page, arrivals)
+    assert underruns == 1
+    before, after, end = (delays[np.array(arrivals) < moment][-1] for moment in (0.9, 9, 14))
+    late = 0.06 - RESERVE  # what the reserve did not cover
+    assert after - before == pytest.approx(late, abs=0.01)
+    assert end - before == pytest.approx(0, abs=0.02)
+    # No step is much larger than the tone's own.
+    assert np.abs(np.diff(sound)).max() < 1.5 * 2 * np.pi * 100 / 48000
+
+
+LISTEN = """() => {
+  const { context, output } = hapticSound;
+  const analyser = new AnalyserNode(context, { fftSize: 8192, smoothingTimeConstant: 0 });
+  output.connect(analyser);
+  const levels = new Float32Array(analyser.frequencyBinCount);
+  window.heard = () => {
+    analyser.getFloatFrequencyData(levels);
+    const peak = levels.indexOf(Math.max(...levels));
+    return [(peak * context.sampleRate) / analyser.fftSize, levels[peak]];
+  };
+}"""
+
+
+def test_what_is_chosen_is_heard_while_there_is_contact(page: Page, tones: Tones) -> None:
+    def heard(low: float, high: float, loud: bool = True) -> bool:
+        frequency, level = page.evaluate("heard()")
+        return (low < frequency < high and level > -60) if loud else level < -90
+
+    def wait(*wanted: Any) -> None:
+        wait_until(lambda: heard(*wanted), f"{wanted}: {page.evaluate('heard()')}")
+
+    page.locator("#sound-on").click()
+    page.evaluate(LISTEN)
+    wait(190, 210)
+    page.locator("[data-sound=desired]").click()
+    wait(70, 90)
+    tones.amplitude = 0.0
+    wait(0, 0, False)
+    tones.amplitude = 3.0
+    wait(70, 90)
+    page.locator("#sound-mute").click()
+    wait(0, 0, False)
+    page.locator("#sound-mute").click()
+    wait(70, 90)
+    shown = page.locator("#sound-delay")
+    pattern = r"delay: buffer \d+ ms, output \d+ ms; underruns: \d+"
+    wait_until(lambda: bool(re.fullmatch(pattern, shown.inner_text())), "the delay is shown")
+    page.locator("#sound-on").click()
+    wait_until(lambda: shown.inner_text() == "off", "off")
