@@ -19,7 +19,7 @@ from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, check_positive_rate
 from haptic_accel.core.sampling import BoolArray, IntArray
-from haptic_accel.core.surfaces.line_spectrum import from_polynomial
+from haptic_accel.core.surfaces.line_spectrum import from_polynomial, levinson
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 
 RENDER_RATE = 1000.0
@@ -379,39 +379,6 @@ def _description(products: FloatArray, samples: IntArray, total: int) -> FloatAr
     _, variances = levinson(products[:, : PILOT_ORDER + 1] / samples[:, None])
     fit = samples / 2 * np.log(2 * np.pi * variances[:, -1])
     return np.asarray((PILOT_ORDER + 2) / 2 * np.log(samples) + np.log(total) + fit)
-
-
-def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return prediction polynomials and innovation variances of autocovariances.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (..., p + 1)
-        Biased autocovariances, whose polynomials have all their roots within the unit circle.
-
-    Returns
-    -------
-    polynomial : ndarray, shape (..., p + 1)
-        That of order p, 1 first.
-    variances : ndarray, shape (..., p + 1)
-        Of orders 0 to p.
-    """
-    order = covariance.shape[-1] - 1
-    polynomial = np.zeros(covariance.shape)
-    polynomial[..., 0] = 1.0
-    variances = np.empty(covariance.shape)
-    variances[..., 0] = covariance[..., 0] * (1 + _FLOOR) + np.finfo(float).tiny
-    for n in range(order):
-        error = (polynomial[..., : n + 1] * covariance[..., n + 1 : 0 : -1]).sum(axis=-1)
-        reflection = (-error / variances[..., n])[..., None]
-        before = polynomial[..., : n + 2].copy()
-        polynomial[..., : n + 2] = before + reflection * before[..., ::-1]
-        variances[..., n + 1] = variances[..., n] * (1 - reflection[..., 0] ** 2)
-    return polynomial, variances
-
-
-_FLOOR = 1e-9
-"""White noise that is added to a covariance, over its variance: keeps a pure tone stable."""
 
 
 def _order(segments: Sequence[Segment]) -> int:

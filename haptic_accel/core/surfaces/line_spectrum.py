@@ -91,25 +91,33 @@ def is_ordered(lsf: FloatArray) -> bool:
     return bool(np.all(np.diff(np.concatenate([ends, lsf, ends + np.pi], axis=-1)) > 0))
 
 
-def levinson(autocovariance: FloatArray) -> tuple[FloatArray, float]:
-    """Return the prediction polynomial of an autocovariance, and the variance of its error.
+def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return prediction polynomials and innovation variances of autocovariances.
 
     Parameters
     ----------
-    autocovariance : ndarray, shape (p + 1,)
-        At lags 0 to p, of a process that is not predictable exactly.
+    covariance : ndarray, shape (..., p + 1)
+        At lags 0 to p; of a signal of finite length, the biased ones.
 
     Returns
     -------
-    polynomial : ndarray, shape (p + 1,)
-        1, a_1 ... a_p; its roots are inside the unit circle.
-    variance : float
-        In the unit of the autocovariance.
+    polynomial : ndarray, shape (..., p + 1)
+        That of order p, 1 first; its roots are inside the unit circle.
+    variances : ndarray, shape (..., p + 1)
+        Of orders 0 to p.
     """
-    polynomial, variance = np.ones(1), float(autocovariance[0])
-    for lag in range(1, len(autocovariance)):
-        reflection = -float(polynomial @ autocovariance[lag:0:-1]) / variance
-        polynomial = np.append(polynomial, 0.0)
-        polynomial = polynomial + reflection * polynomial[::-1]
-        variance *= 1 - reflection**2
-    return polynomial, variance
+    polynomial = np.zeros(covariance.shape)
+    polynomial[..., 0] = 1.0
+    variances = np.empty(covariance.shape)
+    variances[..., 0] = covariance[..., 0] * (1 + _FLOOR) + np.finfo(float).tiny
+    for n in range(covariance.shape[-1] - 1):
+        error = (polynomial[..., : n + 1] * covariance[..., n + 1 : 0 : -1]).sum(axis=-1)
+        reflection = (-error / variances[..., n])[..., None]
+        before = polynomial[..., : n + 2].copy()
+        polynomial[..., : n + 2] = before + reflection * before[..., ::-1]
+        variances[..., n + 1] = variances[..., n] * (1 - reflection[..., 0] ** 2)
+    return polynomial, variances
+
+
+_FLOOR = 1e-9
+"""White noise that is added to a covariance, over its variance: keeps a pure tone stable."""

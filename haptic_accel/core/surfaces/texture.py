@@ -15,19 +15,17 @@ from operator import mul
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from haptic_accel.core.control.filters import SampleFilter
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, check_positive_rate
+from haptic_accel.core.sampling import IntArray
 from haptic_accel.core.surfaces.line_spectrum import (
     from_polynomial,
     is_ordered,
     levinson,
     to_polynomial,
 )
-
-IntArray = npt.NDArray[np.intp]
 
 SPEED_CORNER = 20.0
 """Corner of the second-order low-pass of the speed, Hz (Culbertson and others 2014)."""
@@ -97,7 +95,7 @@ class _Plane:
             raise ParameterError("nodes: must not be in line in speed and force") from None
         # Of nodes all but in line, Qhull makes triangles without an area.
         areas = np.abs(np.linalg.det(nodes[mesh.simplices]))
-        self.triangles: IntArray = mesh.simplices[areas > 1e-9].astype(np.intp)
+        self.triangles: IntArray = mesh.simplices[areas > 1e-9]
         self._affine = np.linalg.inv(nodes[self.triangles].transpose(0, 2, 1)) / self._scale
         self._starts = nodes[mesh.convex_hull[:, 0], :2]
         self._edges = nodes[mesh.convex_hull[:, 1], :2] - self._starts
@@ -254,20 +252,17 @@ class TextureModel:
         check_positive_rate(rate)
         frequency = np.linspace(0.0, rate / 2, SPECTRUM_POINTS + 1)
         known = frequency <= self.rate / 2
-        lsf, deviation = [], []
-        for angles, ma_angles in zip(self.lsf, self.ma_lsf, strict=True):
-            density = np.zeros(len(frequency))
-            density[known] = self._shape(angles, ma_angles, frequency[known])
-            density[~known] = FLOOR * density[known].mean()
-            covariance = np.fft.irfft(density * rate / 2)
-            polynomial, variance = levinson(covariance[: len(angles) + len(ma_angles) + 1])
-            lsf.append(from_polynomial(polynomial))
-            deviation.append(math.sqrt(variance))
+        density = np.empty((len(self.speeds), len(frequency)))
+        for row, angles, ma_angles in zip(density, self.lsf, self.ma_lsf, strict=True):
+            row[known] = self._shape(angles, ma_angles, frequency[known])
+            row[~known] = FLOOR * row[known].mean()
+        order = self.lsf.shape[1] + self.ma_lsf.shape[1]
+        polynomials, variances = levinson(np.fft.irfft(density * rate / 2)[:, : order + 1])
         return replace(
             self,
             rate=rate,
-            lsf=np.array(lsf),
-            deviation=self.deviation * self.gain * deviation,
+            lsf=np.array([from_polynomial(each) for each in polynomials]),
+            deviation=self.deviation * self.gain * np.sqrt(variances[:, -1]),
             ma_lsf=_empty(),
             gain=_empty(),
         )
@@ -313,11 +308,18 @@ class Texture:
     ----------
     saturated : int
         Samples that were at the limit.
+
+    Raises
+    ------
+    ParameterError
+        The rate is too low.
     """
 
     def __init__(self, model: TextureModel, rate: float, seed: int, limit: float = LIMIT) -> None:
         from scipy import signal
 
+        if not rate > 2 * SPEED_CORNER:
+            raise ParameterError(f"rate = {rate:g}: must be above {2 * SPEED_CORNER:g} Hz")
         model = model.at_rate(rate)
         self._limit = limit
         self._speed = SampleFilter(signal.butter(2, SPEED_CORNER, fs=rate, output="sos"))

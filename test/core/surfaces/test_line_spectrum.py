@@ -49,6 +49,7 @@ def test_levinson_finds_the_filter_of_an_autocovariance() -> None:
     polynomial = np.array([1.0, -1.2, 0.72])
     response = lfilter([2.0], polynomial, np.eye(1, 500)[0])
     covariance = np.array([response[lag:] @ response[: 500 - lag] for lag in range(5)])
-    found, variance = levinson(covariance)
-    assert found == pytest.approx([*polynomial, 0.0, 0.0], abs=1e-9)
-    assert variance == pytest.approx(4.0)
+    (found, white), variances = levinson(np.array([covariance, np.eye(1, 5)[0]]))
+    assert found == pytest.approx([*polynomial, 0.0, 0.0], abs=1e-6)
+    assert variances[0, [0, 2, 4]] == pytest.approx([covariance[0], 4.0, 4.0])
+    assert white.tolist() == [1.0, 0.0, 0.0, 0.0, 0.0]

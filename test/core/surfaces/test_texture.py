@@ -183,3 +183,5 @@ def test_the_same_rate_is_the_same_model() -> None:
     assert known.at_rate(1000.0) is known
     with pytest.raises(ParameterError, match="rate = -1"):
         known.at_rate(-1.0)
+    with pytest.raises(ParameterError, match="rate = 40: must be above 40 Hz"):
+        Texture(known, 40, seed=1)
