@@ -26,6 +26,9 @@ COLUMNS = ("acceleration", "accel", "acc", "a")
 FULL_SCALE = 5 * 9.80665
 """Acceleration at full scale of integer samples, m/s^2: the +-5 g of the paper's ADXL320J."""
 
+UNCALIBRATED = "calibration = nothing: must be the acceleration at full scale, m/s^2"
+"""What is asked for where a file's values are relative."""
+
 SHORTEST = 1.0
 """Minimum duration of a recording, s."""
 
@@ -81,9 +84,40 @@ def read_recording(
         allowed. A recording shorter than `SHORTEST` is refused, as are NaN and infinity.
     """
     rate = resampling.checked_rate("rate", rate)
+    name = shown(os.fspath(path))
+    samples, recording_rate = read_samples(path, recording_rate, column, full_scale)
+    seconds = len(samples) / recording_rate
+    if seconds * rate > resampling.MOST_SAMPLES:
+        raise ParameterError(
+            f"{name}: {seconds:.3g} s are {seconds * rate:.3g} samples at {rate:g} Hz, "
+            f"must be at most {resampling.MOST_SAMPLES}"
+        )
+    return resampling.resampled(samples, recording_rate, rate)
+
+
+def read_samples(
+    path: str | os.PathLike[str],
+    recording_rate: float,
+    column: str | None = None,
+    full_scale: float | None = None,
+) -> tuple[FloatArray, float]:
+    """Read a recorded acceleration as it is, see `read_recording`.
+
+    Returns
+    -------
+    samples : ndarray, shape (n,)
+        Acceleration, m/s^2.
+    rate : float
+        Samples per second.
+
+    Raises
+    ------
+    ParameterError
+        As `read_recording`; integer samples without `full_scale` are refused, too.
+    """
     if recording_rate != 0.0:
         recording_rate = resampling.checked_rate("recording_rate", recording_rate)
-    if not 0.0 < full_scale <= LARGEST:
+    if full_scale is not None and not 0.0 < full_scale <= LARGEST:
         raise ParameterError(f"full_scale = {full_scale}: must be above 0 to {LARGEST:g} m/s^2")
     name = shown(os.fspath(path))
     start = _start(name, path)
@@ -109,12 +143,11 @@ def read_recording(
             f"{name}: {len(samples)} samples at {recording_rate:g} Hz last {seconds:.3g} s, "
             f"must be at least {SHORTEST:g} s"
         )
-    if max(len(samples), seconds * rate) > resampling.MOST_SAMPLES:
+    if len(samples) > resampling.MOST_SAMPLES:
         raise ParameterError(
-            f"{name}: {seconds:.3g} s are {seconds * rate:.3g} samples at {rate:g} Hz, "
-            f"must be at most {resampling.MOST_SAMPLES}"
+            f"{name}: {len(samples)} samples: must be at most {resampling.MOST_SAMPLES}"
         )
-    return resampling.resampled(samples, recording_rate, rate)
+    return samples, recording_rate
 
 
 def _start(name: str, path: str | os.PathLike[str]) -> bytes:
@@ -241,13 +274,15 @@ def _decode_wav(
 
 
 def _acceleration(
-    name: str, channels: npt.NDArray[Any], channel: str, full_scale: float
+    name: str, channels: npt.NDArray[Any], channel: str, full_scale: float | None
 ) -> FloatArray:
     """Return the acceleration in one channel of a WAV file, m/s^2."""
     numbers = [str(number + 1) for number in range(channels.shape[1])]
     samples = channels[:, numbers.index(_found(name, "channel", (channel,), numbers))]
     acceleration = samples.astype(np.float64)
     if samples.dtype.kind != "f":
+        if full_scale is None:
+            raise ParameterError(f"{name}: {UNCALIBRATED}")
         half = 2.0 ** (8 * samples.dtype.itemsize - 1)
         # WAV files hold 8 bits and fewer as offset binary.
         acceleration -= half if samples.dtype.kind == "u" else 0.0

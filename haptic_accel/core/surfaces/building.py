@@ -414,7 +414,7 @@ class _Plane:
         polynomials, variances = levinson(covariance)
         lsf = np.array([from_polynomial(each) for each in polynomials])
         deviation = np.sqrt(variances[:, -1])
-        around = _FRAME * self.largest
+        around = FRAME * self.largest
         offsets = (around[:, None] - labels) / self.largest
         near = np.argmin((offsets**2).sum(axis=-1), axis=1)
         still = (around == 0).any(axis=1)
@@ -465,7 +465,7 @@ class _Plane:
             yield HeldOut(*_label(group), seconds, frequency, measured, modelled, *rms)
 
 
-_FRAME = np.array([(0, 0), (1, 0), (0, 1), (1, 0.5), (0.5, 1), (1, 1)])
+FRAME = np.array([(0, 0), (1, 0), (0, 1), (1, 0.5), (0.5, 1), (1, 1)])
 """Nodes around the measured ones, over the largest speed and force: silent where one of them is 0,
 like the nearest measured one elsewhere. The circle through the three silent ones holds the whole
 plane, so that they never make a triangle of their own."""

@@ -1,0 +1,185 @@
+"""Texture models from the files of other programs.
+
+Of a recording, a filter or a pattern the spectrum is kept: it becomes a texture that is the same
+at all speeds and forces, but for its strength.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_motion
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError, Specification, checked, shown
+from haptic_accel.core.resampling import HIGHEST_RATE, LOWEST_RATE
+from haptic_accel.core.surfaces.building import FRAME, LARGEST_ORDER, RENDER_RATE
+from haptic_accel.core.surfaces.line_spectrum import from_polynomial, levinson
+from haptic_accel.core.surfaces.texture import Provenance, TextureModel
+from haptic_accel.materials.hatt import read_hatt
+from haptic_accel.materials.patterns import JsonValue, read_json, read_pattern
+from haptic_accel.materials.recordings import LARGEST, UNCALIBRATED, read_samples
+
+REFERENCE = np.array([0.08, 1.0])
+"""Speed, m/s, and force, N, from which a texture is as strong as in a file that states neither:
+those of an ordinary stroke."""
+
+PATTERN_RATE = 2000.0
+"""Sampling rate of patterns, Hz: more than six times their highest frequency."""
+
+FLOOR = 1e-6
+"""Power density over its mean, below which a spectrum is not followed: 60 dB."""
+
+MOST_COEFFICIENTS = 1000
+"""Coefficients of a filter."""
+
+_RATE = Specification("sampling rate", "Hz", LOWEST_RATE, HIGHEST_RATE)
+_COEFFICIENT = Specification("coefficient of a filter")
+
+
+def import_texture(
+    path: Path, rate: float = 0.0, calibration: float | None = None
+) -> TextureModel:
+    """Make a texture model of another program's file.
+
+    Parameters
+    ----------
+    path : Path
+        By its suffix: ``.xml`` of the Penn Haptic Texture Toolkit; ``.wav`` or ``.csv``, an
+        acceleration; ``.npz`` with data, sample_rate and channel_names; ``.json``, a filter of
+        white noise of deviation 1 with sample_rate, b and a; ``.ahap`` or ``.haptic``, a pattern.
+    rate : float
+        Samples per second of a CSV file.
+    calibration : float, optional
+        Acceleration in m/s^2 of a value of 1, or of a whole number's full scale. A pattern and a
+        WAV file of whole numbers need it; CSV and XML files have units.
+
+    Raises
+    ------
+    ParameterError
+        In one line: the file and what is wrong with it, or the calibration that it needs.
+    """
+    read = _READERS.get(path.suffix.lower())
+    if read is None:
+        raise ParameterError(f"{path}: must be one of *{', *'.join(_READERS)}")
+    if calibration is not None:
+        wanted = Specification("calibration", "m/s^2", 0.0, LARGEST, above=True)
+        checked("calibration", calibration, 1.0, wanted)
+        if read in (_from_hatt, _from_csv):
+            raise ParameterError(f"calibration = {calibration:g}: {path} has units: leave it out")
+    try:
+        return read(path, rate, calibration)
+    except OSError as error:
+        raise ParameterError(f"{path}: must be a readable file: {error.strerror}") from None
+
+
+def _from_hatt(path: Path, _rate: float, _calibration: float | None) -> TextureModel:
+    return read_hatt(path)
+
+
+def _from_csv(path: Path, rate: float, _calibration: float | None) -> TextureModel:
+    samples, rate = read_samples(path, rate)
+    return _from_signals(path, samples[np.newaxis], rate, None)
+
+
+def _from_wav(path: Path, _rate: float, calibration: float | None) -> TextureModel:
+    samples, rate = read_samples(path, 0.0, full_scale=calibration)
+    return _from_signals(path, samples[np.newaxis], rate, calibration)
+
+
+def _from_pattern(path: Path, _rate: float, calibration: float | None) -> TextureModel:
+    if calibration is None:
+        raise ParameterError(f"{path}: {UNCALIBRATED}")
+    wave = calibration * read_pattern(path, PATTERN_RATE)
+    return _from_signals(path, wave[np.newaxis], PATTERN_RATE, calibration)
+
+
+def _from_npz(path: Path, _rate: float, calibration: float | None) -> TextureModel:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            data = np.atleast_2d(np.asarray(file["data"], dtype=np.float64))
+            rate = checked("sample_rate", file["sample_rate"].item(), 1.0, _RATE)
+            names = [str(name) for name in file["channel_names"]]
+    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise ParameterError(
+            f"{path}: must hold numbers data, sample_rate and channel_names: {shown(str(error))}"
+        ) from None
+    if data.shape[1] == len(names) != data.shape[0]:
+        data = data.T
+    if data.ndim != 2 or len(data) != len(names) or not np.isfinite(data).all():
+        raise ParameterError(
+            f"{path}: data of shape {data.shape}: must be finite, one row per channel_names,"
+            f" {len(names)}"
+        )
+    own = [index for index, name in enumerate(names) if "acc" in name.lower()]
+    signals = (calibration or 1.0) * data[own or range(len(names))]
+    return _from_signals(path, signals, rate, calibration)
+
+
+def _from_signals(
+    path: Path, signals: FloatArray, rate: float, calibration: float | None
+) -> TextureModel:
+    """Return the texture of signals of shape (axes, n), whose powers add (DFT321)."""
+    own = [without_hand_motion(each, HIGH_PASS_FREQUENCY, rate) for each in signals]
+    length = signals.shape[1]
+    power = sum(np.abs(np.fft.rfft(each, 2 * length)) ** 2 for each in own)
+    return _texture(path, path.stem, power * 2 / (rate * length), rate, calibration)
+
+
+def _from_filter(path: Path, _rate: float, calibration: float | None) -> TextureModel:
+    file = JsonValue(str(path), read_json(path))
+    rate = file.number("sample_rate", _RATE)
+    b, a = (_coefficients(path, file, name) for name in ("b", "a"))
+    if not a[0] or np.any(np.abs(np.roots(a)) >= 1):
+        raise ParameterError(f"{path}: a: must have its roots inside the unit circle")
+    delay = np.exp(-1j * np.linspace(0.0, np.pi, 4097))
+    response = (calibration or 1.0) * np.polyval(b[::-1], delay) / np.polyval(a[::-1], delay)
+    name = file.word("name") if "name" in file else path.stem
+    return _texture(path, name, np.abs(response) ** 2 * 2 / rate, rate, calibration)
+
+
+def _coefficients(path: Path, file: JsonValue, name: str) -> FloatArray:
+    found = np.array([each.as_number(_COEFFICIENT) for each in file.at(name).items()])
+    if not 1 <= len(found) <= MOST_COEFFICIENTS or not found.any():
+        raise ParameterError(
+            f"{path}: {name}: must be 1 to {MOST_COEFFICIENTS} coefficients that are not all 0"
+        )
+    return found
+
+
+def _texture(
+    path: Path, name: str, density: FloatArray, rate: float, calibration: float | None
+) -> TextureModel:
+    """Return the texture of a power density, (m/s^2)^2/Hz, from 0 to half a rate."""
+    lower = min(rate, RENDER_RATE)
+    kept = density[: round((len(density) - 1) * lower / rate) + 1]
+    if not kept.any():
+        raise ParameterError(f"{path}: is silent from {HIGH_PASS_FREQUENCY:g} to {lower / 2:g} Hz")
+    followed = np.maximum(kept, FLOOR * kept.mean())
+    covariance = np.fft.irfft(followed * lower / 2)
+    polynomial, variance = levinson(covariance[: LARGEST_ORDER + 1])
+    speeds, forces = (FRAME * REFERENCE).T
+    scale = "m/s^2, as in the file" if calibration is None else f"{calibration:g} m/s^2 at 1"
+    return TextureModel(
+        name,
+        lower,
+        speeds,
+        forces,
+        lsf=np.tile(from_polynomial(polynomial), (len(FRAME), 1)),
+        deviation=np.where(FRAME.all(axis=1), np.sqrt(variance), 0.0),
+        provenance=Provenance(source=path.name, calibration=scale),
+    )
+
+
+_READERS: dict[str, Callable[[Path, float, float | None], TextureModel]] = {
+    ".xml": _from_hatt,
+    ".wav": _from_wav,
+    ".csv": _from_csv,
+    ".npz": _from_npz,
+    ".json": _from_filter,
+    ".ahap": _from_pattern,
+    ".haptic": _from_pattern,
+}

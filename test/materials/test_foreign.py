@@ -1,0 +1,191 @@
+"""Textures from other programs' files: their spectrum in m/s^2, and what each file must have."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import signal
+from scipy.io import wavfile
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.surfaces.texture import Texture, TextureModel
+from haptic_accel.materials.foreign import REFERENCE, import_texture
+
+SPEED, FORCE = (float(value) for value in REFERENCE)
+BAND = np.linspace(40.0, 450.0, 200)
+
+# Resonances at 120 and 300 Hz of a filter at 1 kHz.
+RESONANCES = np.array([0.95 * np.exp(2j * np.pi * 0.12), 0.9 * np.exp(2j * np.pi * 0.3)])
+A = np.poly(np.concatenate([RESONANCES, RESONANCES.conj()])).real
+
+
+def noise(rate: float, seconds: float = 30.0, seed: int = 3) -> FloatArray:
+    """Return white noise through the filter, at a rate that is a multiple of 1 kHz."""
+    white = np.random.default_rng(seed).standard_normal(round(seconds * 1000))
+    wave = np.asarray(signal.lfilter([0.5], A, white))
+    return np.asarray(signal.resample(wave, round(len(wave) * rate / 1000)))
+
+
+def level(density: FloatArray) -> FloatArray:
+    return 10 * np.log10(density)
+
+
+def theory(scale: float = 1.0) -> FloatArray:
+    """Return the one-sided power density of the filter's output, (m/s^2)^2/Hz."""
+    _, response = signal.freqz([0.5 * scale], A, BAND, fs=1000.0)
+    return np.asarray(np.abs(response) ** 2 * 2 / 1000.0)
+
+
+def distance(model: TextureModel, density: FloatArray) -> float:
+    """Return the log-spectral distance within the band, dB."""
+    own = model.spectrum(SPEED, FORCE, BAND)
+    return float(np.sqrt(np.mean((level(own) - level(density)) ** 2)))
+
+
+def write_filter(path: Path, **changed: Any) -> Path:
+    content = {"name": "oak", "method": "lpc", "sample_rate": 1000.0, "b": [0.5], "a": A.tolist()}
+    path.write_text(json.dumps({**content, **changed}))
+    return path
+
+
+def test_a_filter_is_taken_exactly(tmp_path: Path) -> None:
+    model = import_texture(write_filter(tmp_path / "f.json"))
+    assert (model.name, model.rate) == ("oak", 1000.0)
+    assert model.provenance.source == "f.json"
+    assert distance(model, theory()) < 0.01
+    louder = import_texture(tmp_path / "f.json", calibration=3.0)
+    assert distance(louder, theory(3.0)) < 0.01
+    assert louder.provenance.calibration == "3 m/s^2 at 1"
+
+
+def test_a_filter_with_zeros_is_followed(tmp_path: Path) -> None:
+    b = np.poly([0.8 * np.exp(1j), 0.8 * np.exp(-1j), 1.2]).real
+    model = import_texture(write_filter(tmp_path / "f.json", b=b.tolist()))
+    _, response = signal.freqz(b, A, BAND, fs=1000.0)
+    assert distance(model, np.abs(response) ** 2 * 2 / 1000.0) < 0.3
+
+
+@pytest.mark.parametrize("rate", [1000.0, 8000.0])
+def test_a_csv_file_has_its_spectrum_in_metres(tmp_path: Path, rate: float) -> None:
+    path = tmp_path / "drag.csv"
+    rows = "\n".join(f"{value:.6g}" for value in noise(rate))
+    path.write_text(f"acceleration\n{rows}\n")
+    model = import_texture(path, rate=rate)
+    assert model.rate == 1000.0
+    assert distance(model, theory()) < 1.0
+
+
+def test_a_wav_file_is_calibrated(tmp_path: Path) -> None:
+    wave = noise(8000.0)
+    path = tmp_path / "drag.wav"
+    wavfile.write(path, 8000, np.int16(wave / np.abs(wave).max() * 30000))
+    with pytest.raises(ParameterError, match=rf"^{path}: calibration = nothing: .*m/s\^2"):
+        import_texture(path)
+    full_scale = np.abs(wave).max() * 32768 / 30000
+    assert distance(import_texture(path, calibration=float(full_scale)), theory()) < 1.0
+    wavfile.write(path, 8000, wave.astype(np.float32))
+    assert distance(import_texture(path), theory()) < 1.0
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_axes_of_an_npz_file_add(tmp_path: Path, turned: bool) -> None:
+    axes = np.array([0.6 * noise(2000.0, seed=1), 0.8 * noise(2000.0, seed=2)])
+    data = np.vstack([axes, 100 + np.zeros(axes.shape[1])])
+    path = tmp_path / "drag.npz"
+    names = np.array(["acc_x", "acc_y", "force"])
+    np.savez(path, data=data.T if turned else data, sample_rate=2000, channel_names=names)
+    assert distance(import_texture(path), theory()) < 1.0
+
+
+def test_a_pattern_becomes_a_texture_of_its_frequency_and_strength(tmp_path: Path) -> None:
+    parameters = [{"ParameterID": "HapticSharpness", "ParameterValue": 1.0}]
+    event = {"Time": 0.0, "EventType": "HapticContinuous", "EventDuration": 1.0}
+    pattern = [{"Event": {**event, "EventParameters": parameters}}]
+    path = tmp_path / "buzz.ahap"
+    path.write_text(json.dumps({"Pattern": pattern}))
+    with pytest.raises(ParameterError, match="calibration = nothing"):
+        import_texture(path)
+    model = import_texture(path, calibration=4.0)
+    frequency = np.linspace(1.0, 499.0, 5000)
+    density = model.spectrum(SPEED, FORCE, frequency)
+    assert frequency[np.argmax(density)] == pytest.approx(300.0, abs=2.0)
+    power = float(density.mean()) * 500.0
+    assert np.sqrt(power) == pytest.approx(4.0 / np.sqrt(2), rel=0.05)
+
+
+def test_the_texture_grows_with_speed_and_force_to_its_own_strength(tmp_path: Path) -> None:
+    model = import_texture(write_filter(tmp_path / "f.json"))
+    levels = {
+        (speed, force): float(np.sqrt(np.mean(model.spectrum(speed, force, BAND))))
+        for speed in (0.0, 0.5 * SPEED, SPEED, 3 * SPEED)
+        for force in (0.0, 0.5 * FORCE, FORCE, 3 * FORCE)
+    }
+    full = float(np.sqrt(np.mean(theory())))
+    assert levels[SPEED, FORCE] == pytest.approx(full, rel=1e-3)
+    assert levels[3 * SPEED, 3 * FORCE] == pytest.approx(full, rel=1e-3)
+    assert 0 < levels[0.5 * SPEED, 0.5 * FORCE] < full
+    assert levels[0.0, FORCE] == levels[SPEED, 0.0] == 0.0
+    texture = Texture(model, 1000.0, seed=1)
+    samples = texture.block(np.full(20000, SPEED), np.full(20000, FORCE))
+    power = float(np.var(signal.lfilter([0.5], A, np.eye(1, 4000)[0]))) * 4000
+    assert np.std(samples[1000:]) == pytest.approx(np.sqrt(power), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"a": [1.0, -1.01]}, "a: must have its roots inside the unit circle"),
+        ({"a": [0.0, 1.0]}, "a: must have its roots"),
+        ({"b": []}, "b: must be 1 to"),
+        ({"b": [0.0]}, "b: .*not all 0"),
+        ({"b": "x"}, "b = 'x': must be a list"),
+        ({"b": [None]}, r"b\[0\] = None: must be a finite number"),
+        ({"sample_rate": 1}, "sample_rate = 1: must be from 10"),
+    ],
+)
+def test_a_wrong_filter_is_refused(tmp_path: Path, changed: dict[str, Any], words: str) -> None:
+    path = write_filter(tmp_path / "f.json", **changed)
+    with pytest.raises(ParameterError, match=rf"^{path}: {words}"):
+        import_texture(path)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({}, "must hold numbers data, sample_rate and channel_names"),
+        (
+            {"data": np.ones((3, 9)), "sample_rate": 1000, "channel_names": ["x"]},
+            r"shape \(3, 9\)",
+        ),
+        ({"data": np.ones(9), "sample_rate": 0, "channel_names": ["x"]}, "sample_rate = 0"),
+        ({"data": np.zeros(99), "sample_rate": 1000, "channel_names": ["x"]}, "is silent"),
+    ],
+)
+def test_a_wrong_npz_is_refused(tmp_path: Path, arrays: dict[str, Any], words: str) -> None:
+    path = tmp_path / "wrong.npz"
+    np.savez(path, **arrays)
+    with pytest.raises(ParameterError, match=rf"^{path}: .*{words}"):
+        import_texture(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "calibration", "words"),
+    [
+        ("a.mp3", None, r"a.mp3: must be one of \*.xml, "),
+        ("a.csv", 2.0, "calibration = 2: .*a.csv has units: leave it out"),
+        ("a.wav", 0.0, "calibration = 0.0: must be above 0"),
+        ("a.xml", None, "No such file"),
+        ("a.npz", None, "No such file"),
+        ("a.json", None, "No such file"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    tmp_path: Path, name: str, calibration: float | None, words: str
+) -> None:
+    with pytest.raises(ParameterError, match=words):
+        import_texture(tmp_path / name, calibration=calibration)
