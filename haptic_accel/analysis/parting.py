@@ -19,7 +19,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.sampling import NANOSECONDS, on_grid, places
-from haptic_accel.graph.arguments import SIMULATED, GraphArguments
+from haptic_accel.graph.arguments import GraphArguments, check_lockstep
 from haptic_accel.graph.lockstep import lockstep_trial
 
 CAUSES = {
@@ -117,12 +117,10 @@ def _arguments(bag: Bag) -> GraphArguments:
     if not isinstance(known, Mapping) or "latency" not in known:
         raise ParameterError(f"{bag.path}: does not state the arguments of its graph")
     arguments = GraphArguments(**{k: v for k, v in known.items() if k in schema(GraphArguments)})
-    for arm in ("master", "slave"):
-        if getattr(arguments, arm) != SIMULATED:
-            raise ParameterError(
-                f"{bag.path}: {arm} = {getattr(arguments, arm)!r}: must be {SIMULATED} to be"
-                " compared with lockstep"
-            )
+    try:
+        check_lockstep(arguments, "to be compared with lockstep")
+    except ParameterError as error:
+        raise ParameterError(f"{bag.path}: {error}") from None
     if arguments.latency == 0:
         raise ParameterError(f"{bag.path}: latency = 0: forces have no due time")
     return arguments

@@ -23,7 +23,15 @@ from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, BoolArray, sampling_rate
 from haptic_accel.core.trial import RigParameters
-from haptic_accel.graph.arguments import PLAYED_TOPICS, POINTER, RECORDING, REPLAY, SIMULATED
+from haptic_accel.graph.arguments import (
+    PLAYED_TOPICS,
+    POINTER,
+    RECORDING,
+    REPLAY,
+    SCENE,
+    SIMULATED,
+    VIRTUAL,
+)
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import rig_parameters
 
@@ -60,6 +68,7 @@ _CONDITIONS = {
     ("compensator", "controller"): "controller",
     ("master_device", "simulated.grip.posture"): "grip",
     ("slave_device", f"{_SURFACE}name"): "surface",
+    ("slave_device", SCENE): "surface",
 }
 """Fields of `Condition` by node and parameter."""
 
@@ -354,6 +363,8 @@ def surface_of(recorded: Bag) -> str:
         return f"replay of {Path(str(arguments.get('replay', ''))).stem}"
     if arguments.get("slave") == PLAYED_TOPICS:
         return "played topics"
+    if arguments.get("slave") == VIRTUAL:
+        return Path(str(slave.get(SCENE, arguments.get("scene", UNKNOWN)))).stem
     if asked == RECORDING:
         return RECORDING
     return str(slave.get(f"{_SURFACE}name") or Path(asked).stem or UNKNOWN)
@@ -412,7 +423,8 @@ def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, Condition]]:
 def _changed(before: Condition, change: Change, known: _Known) -> Condition:
     """Return the condition after a parameter got a value."""
     if field := _CONDITIONS.get((change.node, change.parameter)):
-        return replace(before, **{field: str(change.value)})
+        value = str(change.value)
+        return replace(before, **{field: Path(value).stem if change.parameter == SCENE else value})
     value = known.slave.get(change.parameter, change.value)
     is_other = change.node == "slave_device" and change.parameter.startswith(_SURFACE)
     # Where a surface is replaced as a whole, its name is known and the other fields add nothing.

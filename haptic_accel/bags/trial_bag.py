@@ -18,17 +18,19 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
 from haptic_accel.core.trial import Trial
 
+_TOPICS = (*topics.SIGNALS, topics.CONTACT_FORCE)
+
 _FIELDS = ("tool_acceleration", "desired_acceleration", "handle_acceleration", "actuator_force")
 """Fields of a trial that hold `ANALYSED`, in its order."""
 
 
 def trial_vectors(trial: Trial) -> dict[Topic, FloatArray]:
-    """Return the signals of a trial by topic, in the order of `SIGNALS`, each of shape (n, 3)."""
+    """Return the signals of a trial by topic, each of shape (n, 3), those of `SIGNALS` first."""
     found = dict(trial.arms)
     for topic, name in zip(topics.ANALYSED, _FIELDS, strict=True):
         found[topic.name] = np.zeros((len(trial.time), 3))
         found[topic.name][:, ACTUATOR_AXIS] = getattr(trial, name)
-    return {topic: found[topic.name] for topic in topics.SIGNALS if topic.name in found}
+    return {topic: found[topic.name] for topic in _TOPICS if topic.name in found}
 
 
 def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) -> None:

@@ -36,8 +36,10 @@ from haptic_accel.core.topics import ANALYSED
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import (
     SIMULATED,
+    VIRTUAL,
     GraphArguments,
     check_both_arms,
+    check_lockstep,
     parse_arguments,
 )
 from haptic_accel.graph.claims import sole_graph
@@ -166,7 +168,9 @@ def experiment(
     plan = [
         replace(arguments, surface=surface, controller=controller, seed=arguments.seed + seed)
         for seed in range(seeds)
-        for surface in ([arguments.surface] if "surface" in given else SURFACES)
+        for surface in (
+            [arguments.surface] if "surface" in given or arguments.slave == VIRTUAL else SURFACES
+        )
         for controller in ([arguments.controller] if "controller" in given else controllers)
     ]
     for planned in plan:
@@ -198,9 +202,8 @@ def _checked(
         )
     if seeds > 1 and not lockstep:
         raise ParameterError(f"seeds = {seeds}: more than one only with --lockstep")
-    for arm, device in (("master", arguments.master), ("slave", arguments.slave)):
-        if lockstep and device != SIMULATED:
-            raise ParameterError(f"{arm} = {device!r}: must be {SIMULATED} with --lockstep")
+    if lockstep:
+        check_lockstep(arguments, "with --lockstep")
     for key in given:
         if key in ("bag", "record"):
             raise ParameterError(f"{key}: not for an experiment, which records in its folder")
@@ -223,7 +226,7 @@ def _bags(plan: Sequence[GraphArguments], folder: Path) -> dict[Path, GraphArgum
     several = plan[0].seed != plan[-1].seed
     return {
         folder
-        / f"{Path(each.surface).stem}_{each.controller}{f'_seed{each.seed}' * several}": each
+        / f"{Path(each.touched).stem}_{each.controller}{f'_seed{each.seed}' * several}": each
         for each in plan
     }
 
@@ -254,7 +257,7 @@ def _run(
         with progress:
             for (bag, arguments), error in zip(bags.items(), errors, strict=True):
                 done[bag] = arguments
-                name = f"{Path(arguments.surface).stem} / {arguments.controller}"
+                name = f"{Path(arguments.touched).stem} / {arguments.controller}"
                 line = f"{len(done)} of {len(bags)}: {name} / seed {arguments.seed}:"
                 progress.console.print(f"{line} {number(error, 1)} %", highlight=False)
                 progress.update(bar, completed=len(done))
@@ -372,7 +375,9 @@ def _described(channel: ChannelParameters | None) -> dict[str, str]:
 def _in_lockstep(done: Mapping[Path, GraphArguments], jobs: int) -> dict[Path, float]:
     """Return the errors of the same conditions in lockstep, %, by bag; none with real devices."""
     simulated = {
-        bag: given for bag, given in done.items() if given.master == given.slave == SIMULATED
+        bag: given
+        for bag, given in done.items()
+        if given.master == SIMULATED and given.slave in (SIMULATED, VIRTUAL)
     }
     with stop_on_signal() as stop:
         errors = side_by_side(_lockstep_error, list(simulated.values()), jobs, stop)

@@ -73,6 +73,7 @@ ACTUATOR_FORCE = Topic("master/handle/servo_cf", _WRENCH, HANDLE_FRAME, "slave")
 HAND_SET_POINT = Topic("master/hand/setpoint_cp", _POSE, MASTER_FRAME, "master")
 MASTER_WORK = Topic("master/work", _VECTOR, MASTER_FRAME, "master")
 SLAVE_WORK = Topic("slave/work", _VECTOR, SLAVE_FRAME, "slave")
+CONTACT_FORCE = Topic("slave/contact_force", _WRENCH, SLAVE_FRAME, "slave")
 SLAVE_POSITION = Topic("slave/measured_cp", _POSE, SLAVE_FRAME, "slave")
 SLAVE_VELOCITY = Topic("slave/measured_cv", _TWIST, SLAVE_FRAME, "slave")
 SLAVE_ARM_FORCE = Topic("slave/servo_cf", _WRENCH, SLAVE_FRAME, "master")
@@ -116,6 +117,9 @@ SIGNALS = (
 )
 """The sampled topics, each a stamped vector."""
 
+ASKED = (MASTER_WORK, SLAVE_WORK, CONTACT_FORCE)
+"""Sampled topics that are published only while somebody subscribes."""
+
 ANALYSED = (TOOL_ACCELERATION, DESIRED_ACCELERATION, HANDLE_ACCELERATION, ACTUATOR_FORCE)
 """Signals that are analysed, along the actuator's axis."""
 
@@ -130,6 +134,9 @@ class ArmTopics:
         Signals that it publishes.
     arm_force, actuator_force : Topic
         Signals that it applies; an arm without an actuator has no `actuator_force`.
+    contact_force : Topic
+        Force of the surface on the tool, N, as far as it is known and while somebody subscribes;
+        an arm without a tool has none.
     stopped : Topic
         State that it publishes: whether it follows an emergency stop.
     work : Topic
@@ -143,6 +150,7 @@ class ArmTopics:
     stopped: Topic
     work: Topic
     actuator_force: Topic | None = None
+    contact_force: Topic | None = None
 
     def beside(
         self, name: str, kind: str, *, reliable: bool = True, latched: bool = False
@@ -168,6 +176,7 @@ SLAVE = ArmTopics(
     SLAVE_ARM_FORCE,
     SLAVE_STOPPED,
     SLAVE_WORK,
+    contact_force=CONTACT_FORCE,
 )
 
 SLAVE_SIGNALS = (TOOL_ACCELERATION, SLAVE_POSITION, SLAVE_VELOCITY)

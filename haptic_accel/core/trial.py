@@ -33,6 +33,8 @@ from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters
 from haptic_accel.core.sampling import LATENCY, check_latency
+from haptic_accel.core.surfaces.scene import Scene
+from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
 from haptic_accel.core.track import ReplayRig, Track
 from haptic_accel.core.two_hosts import Crossed, TwoHosts
 
@@ -52,7 +54,7 @@ LOOK = 0.05
 
 @dataclass(frozen=True)
 class RigParameters:
-    """Both sides of the virtual rig and what couples them.
+    """Both sides of the virtual rig and what couples them; `virtual` is the slave in a scene.
 
     The halves of the passive coupling take the place of the paper's where they are given.
     """
@@ -61,6 +63,7 @@ class RigParameters:
     slave: SlaveRigParameters = field(default_factory=SlaveRigParameters)
     coupling: CouplingParameters = field(default_factory=CouplingParameters)
     halves: PassiveParameters | None = None
+    virtual: VirtualRigParameters = field(default_factory=VirtualRigParameters)
 
     def coupled(self, rate: float, latency: int) -> PositionPositionCoupling | PassivePair:
         """Return the coupling of arms on one host."""
@@ -134,8 +137,8 @@ class Trial:
     warnings : tuple of (float, str)
         Warnings of the compensator, and the time of each, s; an empty one is their end.
     arms : dict of ndarray, shape (n, 3)
-        Positions (m), velocities (m/s) and motor forces (N) of both arms, by the name of their
-        topic; empty where they are not known.
+        Positions (m), velocities (m/s) and motor forces (N) of both arms, and the force of a
+        scene on the tool, by the name of their topic; empty where they are not known.
     crossing : Crossing or None
         What a network between the arms did. The tool's acceleration is then that of the time that
         was played, as the slave measured it, and the desired one what a compensator without a
@@ -215,6 +218,7 @@ def run_trial(
     seed: int = 0,
     recording: FloatArray | None = None,
     replayed: Track | None = None,
+    scene: Scene | None = None,
     compensation: CompensationParameters | None = None,
     controllers: Mapping[str, Checked] | None = None,
     grips: Sequence[GripChange] = (),
@@ -250,6 +254,8 @@ def run_trial(
     replayed : Track, optional
         Tool acceleration and motion at `rate` in place of the simulated slave, played from the
         sample after the first force; until then the slave waits at its beginning.
+    scene : Scene, optional
+        Scene that the virtual slave touches in place of the simulated one's surface.
     compensation : CompensationParameters, optional
         Parameters of high-pass and sensor range; `controller` takes the place of its own.
     controllers : mapping, optional
@@ -282,11 +288,13 @@ def run_trial(
         raise ParameterError(f"duration = {duration}: must hold at least one sample")
     rig = rig or RigParameters()
     around = replace(compensation or CompensationParameters(), controller=controller)
-    slave = (
-        SlaveRig(rig.slave, rate, seed, recording, physics_step)
-        if replayed is None
-        else ReplayRig(replayed)
-    )
+    slave: Rig
+    if replayed is not None:
+        slave = ReplayRig(replayed)
+    elif scene is not None:
+        slave = VirtualRig(rig.virtual, scene, rate, seed)
+    else:
+        slave = SlaveRig(rig.slave, rate, seed, recording, physics_step)
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
     arms = (
@@ -306,8 +314,9 @@ def run_trial(
     )
     signals, vectors, crossings = zip(*samples, strict=True)
     tool, desired, handle, force = np.array(signals).T.copy()
-    by_topic = dict(zip(_ARMS, np.array(vectors, dtype=float).swapaxes(0, 1), strict=True))
-    surface, corner = rig.slave.surface.name, around.high_pass_frequency
+    by_topic = dict(zip(_arms(slave), np.array(vectors, dtype=float).swapaxes(0, 1), strict=True))
+    surface = scene.name if scene else rig.slave.surface.name
+    corner = around.high_pass_frequency
     crossing = None
     if channel is not None:
         crossing, tool = _crossed(crossings, tool, rate)
@@ -356,6 +365,11 @@ _ARMS = [
 ]
 
 
+def _arms(slave: Rig) -> list[str]:
+    """Return the names of the vectors of both arms."""
+    return [*_ARMS, *([topics.CONTACT_FORCE.name] if isinstance(slave, VirtualRig) else [])]
+
+
 def _samples(
     master: MasterRig,
     slave: Rig,
@@ -379,6 +393,7 @@ def _samples(
             master.change_grip(grips.popleft()[1])
         slave.advance(time)
         handle, tool = master.measure(), slave.measure()
+        contact = (slave.contact_force,) if isinstance(slave, VirtualRig) else ()
         crossed = arms.sample(time, handle, tool)
         on_master, on_slave, played = crossed[:3]
         if before is None:  # the rig was at rest
@@ -401,7 +416,7 @@ def _samples(
                 warnings.append((time, words))
         yield (
             (tool.acceleration, desired, handle.acceleration, force),
-            (*handle[:2], on_master, *tool[:2], on_slave),
+            (*handle[:2], on_master, *tool[:2], on_slave, *contact),
             crossed,
         )
 

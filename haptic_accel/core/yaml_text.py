@@ -103,3 +103,28 @@ def _check(text: str) -> None:
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > DEEPEST:
             raise ValueError(f"it is nested deeper than {DEEPEST} levels")
+
+
+def lines_of(text: str) -> dict[tuple[str, ...], int]:
+    r"""Return the line of each value of a YAML text that `load_yaml` takes, from 1, by its keys.
+
+    Examples
+    --------
+    >>> lines_of("wood:\n  stiffness: 1")
+    {(): 1, ('wood',): 1, ('wood', 'stiffness'): 2}
+    """
+    lines: dict[tuple[str, ...], int] = {(): 1}
+
+    def visit(node: Any, keys: tuple[str, ...]) -> None:
+        if isinstance(node, yaml.MappingNode):
+            for key, value in node.value:
+                inner = (*keys, str(key.value))
+                lines[inner] = key.start_mark.line + 1
+                visit(value, inner)
+        elif isinstance(node, yaml.SequenceNode):
+            for index, value in enumerate(node.value):
+                lines[(*keys, str(index))] = value.start_mark.line + 1
+                visit(value, (*keys, str(index)))
+
+    visit(yaml.compose(text, _Loader), ())
+    return lines

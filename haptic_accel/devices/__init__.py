@@ -14,6 +14,7 @@ from haptic_accel.devices.interface import Device, DeviceError, Sample
 from haptic_accel.devices.playback import ReplayMaster, ReplaySlave
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
 from haptic_accel.devices.simulated import PointerMaster, SimulatedMaster, SimulatedSlave
+from haptic_accel.devices.virtual import VirtualSlave
 
 MASTERS: dict[str, type[Device]] = {
     "simulated": SimulatedMaster,
@@ -27,6 +28,7 @@ MASTERS: dict[str, type[Device]] = {
 }
 SLAVES: dict[str, type[Device]] = {
     "simulated": SimulatedSlave,
+    "virtual": VirtualSlave,
     "replay": ReplaySlave,
     "can": CanSlave,
     "serial": SerialSlave,

@@ -177,6 +177,11 @@ class Device(ABC):
         return Joints(("x", "y", "z"), sample.position, sample.velocity, force)
 
     @property
+    def contact_force(self) -> Vector | None:
+        """Force of the surface on the tool at the last sample, N; None where it is not known."""
+        return None
+
+    @property
     def remark(self) -> str:
         """Remark for the log once it is open; empty for none."""
         return ""

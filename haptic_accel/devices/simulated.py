@@ -121,6 +121,11 @@ class SimulatedSlave(SimulatedDevice):
     def __init__(self, parameters: SimulatedSlaveParameters, rate: float, seed: int) -> None:
         self._rig = SlaveRig(parameters, rate, seed, played(parameters.recording, rate))
 
+    @property
+    def contact_force(self) -> Vector:
+        """Force of the surface on the tool at the last sample, N."""
+        return self._rig.contact_force
+
     def change(self, parameters: SimulatedSlaveParameters) -> None:
         """Put another surface under the tip.
 

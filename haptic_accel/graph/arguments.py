@@ -39,6 +39,12 @@ ZENOH = "zenoh"
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
 """Severities of messages in ROS 2."""
 
+VIRTUAL = "virtual"
+"""Name of the slave device whose tool touches a scene."""
+
+SCENE = f"{VIRTUAL}.scene"
+"""Parameter of `slave_device`: file of the scene."""
+
 PLAYED_TOPICS = "topics"
 """Name for the topics that `ros2 bag play` publishes in place of a slave device."""
 
@@ -55,6 +61,9 @@ class ConditionArguments(Checked):
     surface: str = parameter(
         "plywood",
         "surface under the simulated slave: plywood, text, vinyl, recording, or a .yaml file",
+    )
+    scene: str = parameter(
+        "workshop", "scene that the tool of slave:=virtual touches: workshop, or a .yaml file"
     )
     recording: str = parameter(
         "", "CSV or WAV file of a tool acceleration in m/s^2, with surface:=recording"
@@ -172,6 +181,17 @@ class GraphArguments(
 ):
     """Arguments of the graph."""
 
+    def __post_init__(self) -> None:
+        """Check all fields, and that there is no scene without a tool in it."""
+        super().__post_init__()
+        if self.slave != VIRTUAL and self.scene != schema(ConditionArguments)["scene"][0]:
+            raise ParameterError(f"scene = {self.scene!r}: must come with slave:={VIRTUAL}")
+
+    @property
+    def touched(self) -> str:
+        """Surface or scene under the slave's tool, by name or file."""
+        return self.scene if self.slave == VIRTUAL else self.surface
+
 
 @dataclass(frozen=True)
 class IdentifyArguments(SweepParameters, RecordingOptions, LaunchArguments):
@@ -191,6 +211,19 @@ class IdentifyArguments(SweepParameters, RecordingOptions, LaunchArguments):
     def sweep(self) -> SweepParameters:
         """The excitation alone."""
         return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
+
+
+def check_lockstep(arguments: GraphArguments, where: str) -> None:
+    """Refuse a device that does not run in lockstep.
+
+    Raises
+    ------
+    ParameterError
+        Naming the device, what is allowed, and where: the end of the sentence.
+    """
+    for arm, allowed in (("master", [SIMULATED]), ("slave", [SIMULATED, VIRTUAL])):
+        if (device := getattr(arguments, arm)) not in allowed:
+            raise ParameterError(f"{arm} = {device!r}: must be {' or '.join(allowed)} {where}")
 
 
 def check_both_arms(arguments: GraphArguments) -> None:

@@ -15,9 +15,10 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.track import Track
 from haptic_accel.core.trial import GripChange, Trial, run_trial
 from haptic_accel.devices.simulated import played
-from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.arguments import SCENE, VIRTUAL, GraphArguments
 from haptic_accel.graph.node_parameters import PASSIVE, node_parameters
 from haptic_accel.graph.processes import RECORDER, graph, graph_parameters, rig_parameters
+from haptic_accel.materials.scenes import read_scene
 
 
 def lockstep_trial(
@@ -54,6 +55,9 @@ def lockstep_trial(
         values[node] |= own
     rig = rig_parameters(values)
     around, controllers = node_parameters("compensator", values["compensator"])
+    scene = None
+    if arguments.slave == VIRTUAL and track is None:
+        scene = read_scene(Path(values["slave_device"][SCENE]))
     if track is None:
         duration = arguments.duration
         if recording is None:
@@ -69,6 +73,7 @@ def lockstep_trial(
         seed=arguments.seed,
         recording=recording,
         replayed=track,
+        scene=scene,
         compensation=around,
         controllers=controllers,
         grips=grips,

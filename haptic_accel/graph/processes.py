@@ -17,6 +17,7 @@ from haptic_accel.core.folders import config_folder, preset_file
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS
+from haptic_accel.core.topics import CONTACT_FORCE
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.devices.simulated import played
@@ -106,6 +107,8 @@ def graph(arguments: GraphArguments) -> list[Process]:
     _check_side(arguments)
     _check_recording(arguments, options["slave_device"])
     _check_replay(arguments, options)
+    if arguments.slave == names.VIRTUAL:
+        _build(arguments, "slave", options)
     if arguments.record:
         _check_bag(arguments)
     return _processes(arguments, values, composed=arguments.composed, respawn=arguments.respawn)
@@ -222,7 +225,9 @@ def rig_parameters(values: Values) -> RigParameters:
     _, slaves = node_parameters("slave_device", values["slave_device"])
     coupling, _ = node_parameters("coupler", values["coupler"])
     halves = coupling if coupling.coupling == PASSIVE else None
-    return RigParameters(masters["simulated"], slaves["simulated"], coupling, halves)
+    return RigParameters(
+        *(masters["simulated"], slaves["simulated"], coupling, halves, slaves["virtual"])
+    )
 
 
 def _files(arguments: Arguments) -> list[Path]:
@@ -261,6 +266,9 @@ def _own_parameters(arguments: Arguments) -> Values:
     if arguments.surface == names.RECORDING:
         recording = {"file": _absolute(arguments.recording), **source}
         slave |= {f"simulated.recording.{name}": value for name, value in recording.items()}
+    if arguments.slave == names.VIRTUAL:
+        slave[names.SCENE] = str(preset_file("scene", arguments.scene))
+        recorder["topics"] = ",".join(filter(None, (arguments.topics, CONTACT_FORCE.name)))
     if arguments.replay:
         replay = {"file": _absolute(arguments.replay), **source}
         replay |= {
@@ -327,10 +335,16 @@ def _check_replay(arguments: GraphArguments, options: Values) -> None:
         )
     if arguments.composed and arguments.slave == names.PLAYED_TOPICS:
         raise ParameterError(f"composed = true: not with slave:={names.PLAYED_TOPICS}")
-    for arm, devices in (("master", MASTERS), ("slave", SLAVES)):
+    for arm in ("master", "slave"):
         if getattr(arguments, arm) == names.REPLAY:
-            parameters = options[f"{arm}_device"][names.REPLAY]
-            devices[names.REPLAY](parameters, arguments.rate, arguments.seed)
+            _build(arguments, arm, options)
+
+
+def _build(arguments: GraphArguments, arm: str, options: Values) -> None:
+    """Build an arm's device once, so that it refuses what it cannot be built with."""
+    name = getattr(arguments, arm)
+    kind = (MASTERS if arm == "master" else SLAVES)[name]
+    kind(options[f"{arm}_device"][name], arguments.rate, arguments.seed)
 
 
 def _check_bag(arguments: Arguments) -> None:

@@ -195,8 +195,9 @@ class DeviceNode(ManagedNode):
         self._send_velocity = self.sender(arm.velocity).send
         self._send_acceleration = self.sender(arm.acceleration).send
         self._work_sender = self.sender(arm.work)
-        self._work_asked = False
+        self._work_asked = self._contact_asked = False
         self._work = ArmWork()
+        self._contact_sender = self.sender(arm.contact_force) if arm.contact_force else None
         self._publish_stopped = self.publisher(arm.stopped).publish
         self._joint_states = JointStates(self, arm.position, p.rate)
         self._commands = {
@@ -482,6 +483,8 @@ class DeviceNode(ManagedNode):
                 work = self._work.until(moment / NANOSECONDS, sample.position)
                 if self._work_asked:
                     self._work_sender.send(stamp, work)
+                if self._contact_asked:
+                    self._publish_contact(stamp)
                 if self._motions.servo.set_point:
                     self._hold(tick, stamp, sample)
         return acceleration
@@ -500,6 +503,11 @@ class DeviceNode(ManagedNode):
                 self._motions.servo.set_point,
                 self.device.joints,
             )
+
+    def _publish_contact(self, stamp: int) -> None:
+        force = self.device.contact_force
+        if self._contact_sender and force is not None:
+            self._contact_sender.send(stamp, force)
 
     def _hold(self, tick: int, stamp: int, sample: Sample) -> None:
         """Command the force that a sample causes while a position is commanded."""
@@ -669,6 +677,7 @@ class DeviceNode(ManagedNode):
         for look in (self._motions.look, self._queries.look, self._operating.report):
             look()
         self._work_asked = self._work_sender.listeners > 0
+        self._contact_asked = bool(self._contact_sender and self._contact_sender.listeners)
         for name, commands in self._commands.items():
             inboxes = [commands.inbox, *([self._motions.positions] if name == ARM else [])]
             self.safety.note_senders(name.replace("_", " "), self.rivals(*inboxes))

@@ -10,10 +10,12 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
+from haptic_accel.core.folders import preset_file
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import EMERGENCY_STOP
-from haptic_accel.graph.arguments import RECORDING, SIMULATED
+from haptic_accel.graph.arguments import RECORDING, SCENE, SIMULATED
 from haptic_accel.graph.files import surface_parameters
+from haptic_accel.materials.scenes import read_scene
 
 DEVICES = ("slave_device", "master_device")
 """Nodes that can be armed; the one that the user holds comes last."""
@@ -105,6 +107,19 @@ def set_surface(name: str) -> GraphRequest:
     if name == RECORDING:
         raise ParameterError(f"surface = '{RECORDING}': must be chosen when the graph starts")
     return set_parameters("slave_device", surface_parameters(name))
+
+
+def set_scene(name: str) -> GraphRequest:
+    """Put another scene, by name or file, under the virtual slave's tool.
+
+    Raises
+    ------
+    ParameterError
+        There is no such scene, or its file is wrong.
+    """
+    file = preset_file("scene", name)
+    read_scene(file)
+    return set_parameters("slave_device", {SCENE: str(file)})
 
 
 def set_grip(posture: str) -> GraphRequest:

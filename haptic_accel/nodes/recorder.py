@@ -23,6 +23,7 @@ from haptic_accel.core.cdr import (
 )
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import (
+    ASKED,
     DIAGNOSTICS,
     EMERGENCY_STOP,
     SIGNALS,
@@ -109,7 +110,8 @@ class Recorder(GraphNode):
         self._settled: set[str] = set()
         self._sources: list[tuple[Inbox, Put, Callable[[bytes], object]]] = []
         self._taken = 0.0
-        for topic in (*TOPICS, PARAMETER_EVENTS, LOGS, *TRANSITIONS):
+        asked = (topic for topic in ASKED if topic.name in p.named_topics)
+        for topic in (*TOPICS, *asked, PARAMETER_EVENTS, LOGS, *TRANSITIONS):
             self._record_own(topic)
         session = self._session
         for action in (session.start, session.pause, session.split, session.stop):

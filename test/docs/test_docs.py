@@ -14,7 +14,7 @@ import pytest
 from matplotlib import pyplot
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop
-from haptic_accel.core.topics import JOINT_STATES, MASTER_WORK, SLAVE_WORK, TOPICS
+from haptic_accel.core.topics import ASKED, HAND_SET_POINT, JOINT_STATES, TOPICS
 
 SOURCE = Path(__file__).resolve().parents[2]
 DOCS = sorted((SOURCE / "docs").glob("*.md"))
@@ -80,7 +80,7 @@ def test_the_table_of_topics_is_that_of_the_code() -> None:
         for names, kind in [re.match(r"\| (.*?) \| `(.*?)`", line).groups()]  # type: ignore[union-attr]
         for name in re.findall(r"`([^`]+)`", names)
     }
-    topics = (*TOPICS, JOINT_STATES, MASTER_WORK, SLAVE_WORK)
+    topics = (*TOPICS, JOINT_STATES, HAND_SET_POINT, *ASKED)
     assert listed == {(topic.name, topic.type, topic.latched) for topic in topics}
 
 

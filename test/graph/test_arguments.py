@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -54,3 +55,12 @@ def test_any_value_of_a_number_is_read_or_refused_by_name(key: str, value: str) 
         assert key in str(error)
     else:
         assert getattr(arguments, key) == float(value)
+
+
+def test_a_scene_needs_a_tool_in_it() -> None:
+    with pytest.raises(
+        ParameterError, match=r"scene = 'mine\.yaml': must come with slave:=virtual"
+    ):
+        parse_arguments(["scene:=mine.yaml"])
+    assert parse_arguments(["slave:=virtual", "scene:=mine.yaml"]).touched == "mine.yaml"
+    assert parse_arguments(["surface:=text"]).touched == "text"

@@ -110,10 +110,14 @@ class SlaveRig:
         self._put_back()
 
     @property
-    def contact_force(self) -> float:
-        """Normal force of the surface on the tip, N."""
-        normal, _ = self._tip(self._x, self._z - self._lift, self._v_x, self._v_z, 0.0, 0.0)[2:]
-        return normal
+    def contact_force(self) -> Vector:
+        """Force of the surface on the tip, N."""
+        motion = self._v_x, self._v_z, 0.0, 0.0
+        x, z, *_ = self._tip(self._x, self._z - self._lift, *motion)
+        # High above the surface only the joints' friction is left.
+        free_x, free_z, *_ = self._tip(self._x, 1.0, *motion)
+        mass = self._p.tool.mass
+        return mass * (x - free_x), 0.0, mass * (z - free_z)
 
     def advance(self, time: float) -> None:
         """Let physics run until a time in s; a time that has passed changes nothing."""

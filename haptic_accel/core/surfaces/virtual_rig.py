@@ -1,0 +1,176 @@
+"""The virtual slave: a tool that touches a scene, and the acceleration that this would give it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from haptic_accel.core.model import ZERO, Sample, Vector
+from haptic_accel.core.rig.holding import Holding
+from haptic_accel.core.rig.instruments import ArmParameters
+from haptic_accel.core.rig.interface import LONGEST_ADVANCE
+from haptic_accel.core.rig.slave_rig import ToolParameters
+from haptic_accel.core.surfaces.contact import Contact
+from haptic_accel.core.surfaces.material import Material
+from haptic_accel.core.surfaces.scene import Scene
+from haptic_accel.core.surfaces.taps import Tap
+from haptic_accel.core.surfaces.texture import Texture
+from haptic_accel.core.surfaces.tool import VirtualTool
+
+RINGING = 0.25
+"""Time in s for which a texture rings down after the contact; then it is not computed."""
+
+_WHOLE = 1e-3
+"""Part of a period by which a sample's time may be early: clocks have finite steps."""
+
+
+@dataclass(frozen=True)
+class VirtualRigParameters:
+    """Tool and arm of the virtual slave."""
+
+    tool: ToolParameters = field(default_factory=ToolParameters)
+    arm: ArmParameters = field(default_factory=ArmParameters)
+
+
+class Vibration:
+    """Acceleration of a tool on one material: the texture while it slides, taps where it hits.
+
+    Parameters
+    ----------
+    material : Material
+    rate : float
+        Samples per second.
+    seed : int
+        Seed of the texture.
+    """
+
+    def __init__(self, material: Material, rate: float, seed: int) -> None:
+        self._texture = Texture(material.texture, rate, seed) if material.texture else None
+        self._tap = Tap(material.tap, rate) if material.tap else None
+        self._ringing = math.ceil(RINGING * rate)
+        self._left = 0  # samples until it is silent
+
+    @property
+    def saturated(self) -> int:
+        """Number of samples at the texture's limit."""
+        return self._texture.saturated if self._texture else 0
+
+    @property
+    def silent(self) -> bool:
+        """True if the tool has left it, and nothing rings any more."""
+        return not self._left
+
+    def sample(self, contact: Contact | None) -> float:
+        """Return the acceleration of one sample, m/s^2; without a contact it rings down."""
+        if contact:
+            self._left = self._ringing
+            if self._tap and contact.impact_speed:
+                self._tap.strike(contact.impact_speed)
+        elif self.silent:
+            return 0.0
+        else:
+            self._left -= 1
+        speed, force = (contact.speed, contact.normal_force) if contact else (0.0, 0.0)
+        texture = self._texture.sample(speed, force) if self._texture else 0.0
+        if not self._tap:
+            return texture
+        return self._tap.sample() + self._tap.texture_share * texture
+
+
+class VirtualRig:
+    """A tool in a scene, moved by the arm's motors.
+
+    Its acceleration is that of textures and taps of the materials it touches: the one that it
+    leaves rings down while the next one begins. It stands still until the arm receives its first
+    force, and is put back to where it began when it has been let go.
+
+    Parameters
+    ----------
+    parameters : VirtualRigParameters
+    scene : Scene
+    rate : float
+        Samples per second at which it is read.
+    seed : int
+        Seed of the textures.
+
+    Attributes
+    ----------
+    contact : Contact or None
+        Contact at the last sample.
+    """
+
+    def __init__(
+        self, parameters: VirtualRigParameters, scene: Scene, rate: float, seed: int = 0
+    ) -> None:
+        self._arm = parameters.arm
+        self._rate, self._seed = rate, seed
+        self._tool = VirtualTool(parameters.tool, scene, rate)
+        self._vibrations: dict[Material, Vibration] = {}
+        self._most = math.ceil(LONGEST_ADVANCE * rate)
+        self._holding = Holding()
+        self._now = 0  # samples
+        self._started = False
+        self._force = ZERO
+        self._acceleration = 0.0
+        self.contact: Contact | None = None
+        self.change_scene(scene)
+
+    @property
+    def contact_force(self) -> Vector:
+        """Force of the scene on the tool, N."""
+        return self.contact.force if self.contact else ZERO
+
+    def advance(self, time: float) -> None:
+        """Let all samples until a time in s pass; a time that has passed changes nothing."""
+        passed = math.floor(time * self._rate + _WHOLE) - self._now
+        if passed <= 0:
+            return
+        self._now += passed
+        if self._started:
+            for _ in range(min(passed, self._most)):
+                self._sample()
+            if self._holding.ends(passed / self._rate):
+                self._tool.put_back()
+
+    def measure(self) -> Sample:
+        """Return the present readings of the encoders, and the acceleration."""
+        x, y, z = map(self._arm.encoded, self._tool.position)
+        return Sample((x, y, z), self._tool.velocity, self._acceleration)
+
+    def apply_arm_force(self, force: Vector) -> None:
+        """Set the force of the arm's motors, N, each axis up to their limit."""
+        self._started = True
+        x, y, z = map(self._arm.motor_force, force)
+        self._force = x, y, z
+        self._holding.command(free=not (x or y or z))
+
+    def apply_actuator_force(self, force: float) -> None:
+        """Do nothing: the slave's tool has no actuator."""
+
+    def change_scene(self, scene: Scene) -> None:
+        """Put another scene under the tool, without a jump of force; what rings goes on."""
+        if scene is not self._tool.scene:
+            self._tool.change_scene(scene)
+        vibrations = {m: v for m, v in self._vibrations.items() if not v.silent}
+        for each in scene.objects:
+            if each.material not in vibrations:
+                vibrations[each.material] = Vibration(each.material, self._rate, self._seed)
+        self._vibrations = vibrations
+
+    def release(self) -> None:
+        """Take the motors' force off."""
+        self._force = ZERO
+        self._holding.command(free=True)
+
+    def status(self) -> dict[str, int]:
+        """Return the count of samples at the limit of a texture."""
+        return {"texture_saturated": sum(each.saturated for each in self._vibrations.values())}
+
+    def _sample(self) -> None:
+        """Let one sampling period pass."""
+        contact = self.contact = self._tool.advance(self._force)
+        touched = contact.object.material if contact else None
+        self._acceleration = sum(
+            vibration.sample(contact if material is touched else None)
+            for material, vibration in self._vibrations.items()
+        )

@@ -1,0 +1,96 @@
+"""Scenes as YAML files: materials, and the objects that are made of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from haptic_accel.core.folders import preset_file
+from haptic_accel.core.parameters import ParameterError, Specification, own_schema
+from haptic_accel.core.surfaces.material import Material
+from haptic_accel.core.surfaces.scene import Scene, SceneObject
+from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Sphere
+from haptic_accel.core.surfaces.taps import Mode, TapModel
+from haptic_accel.core.surfaces.texture import TextureModel
+from haptic_accel.materials.sections import Section, read_sections
+from haptic_accel.materials.texture_files import read_texture
+
+SHAPES: Mapping[str, Any] = {"plane": Plane, "sphere": Sphere, "box": Box, "cylinder": Cylinder}
+"""Shapes by their names in a file."""
+
+PLACE = Specification("place in the arm's base frame", "m", -10.0, 10.0)
+ANGLE = Specification("roll, pitch and yaw", "rad", -2 * math.pi, 2 * math.pi)
+
+_PLACED = ("shape", "material", "position", "rotation")
+"""Keys of an object beside those of its shape."""
+
+
+def read_scene(path: Path) -> Scene:
+    """Read a scene, with the textures that it names.
+
+    Parameters
+    ----------
+    path : Path
+        YAML file; its name is the scene's.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, or a value is not allowed: names the file, the line, the value and what
+        is allowed.
+    """
+    file = read_sections(path)
+    file.check_keys("start", "materials", "objects")
+    materials = {name: _material(name, each) for name, each in file.inner("materials").sections()}
+    objects = [_object(name, each, materials) for name, each in file.inner("objects").sections()]
+    if not objects:
+        file.refuse("objects: must be one at least", "objects")
+    return Scene(tuple(objects), file.vector("start", PLACE), path.stem)
+
+
+def _material(name: str, section: Section) -> Material:
+    section.check_keys(*own_schema(Material), "texture", "tap")
+    return section.build(Material, name=name, texture=_texture(section), tap=_tap(section))
+
+
+def _texture(section: Section) -> TextureModel | None:
+    """Return the model of a texture by its name, or in a file beside the scene's."""
+    if "texture" not in section.values:
+        return None
+    name = section.value("texture", "", Specification("texture"))
+    try:
+        return read_texture(preset_file("texture", name, section.path.parent))
+    except ParameterError as error:
+        section.refuse(str(error), "texture")
+
+
+def _tap(section: Section) -> TapModel | None:
+    """Return a tap of the modes that are listed."""
+    if "tap" not in section.values:
+        return None
+    listed = section.items("tap")
+    for each in listed:
+        each.check_keys(*own_schema(Mode))
+    modes = tuple(each.build(Mode) for each in listed)
+    try:
+        return TapModel(modes)
+    except ParameterError as error:
+        section.refuse(str(error), "tap")
+
+
+def _object(name: str, section: Section, materials: Mapping[str, Material]) -> SceneObject:
+    kind = section.choice("shape", SHAPES)
+    section.check_keys(*_PLACED, *own_schema(kind))
+    return SceneObject(
+        name,
+        section.build(kind),
+        section.choice("material", materials),
+        section.vector("position", PLACE),
+        section.vector("rotation", ANGLE),
+    )

@@ -1,0 +1,129 @@
+"""Tests of the virtual slave: a tool in a scene."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.rig.holding import PUT_BACK_AFTER
+from haptic_accel.core.rig.slave_rig import ToolParameters
+from haptic_accel.core.surfaces.material import Material
+from haptic_accel.core.surfaces.scene import Scene, SceneObject
+from haptic_accel.core.surfaces.shapes import Plane
+from haptic_accel.core.surfaces.taps import Mode, TapModel
+from haptic_accel.core.surfaces.texture import TextureModel
+from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
+
+RATE = 1000.0
+WHITE = TextureModel(
+    "white",
+    RATE,
+    speeds=np.array([0.0, 0.5, 0.0, 0.5]),
+    forces=np.array([0.0, 0.0, 5.0, 5.0]),
+    lsf=np.tile(math.pi * np.array([1.0, 2.0]) / 3, (4, 1)),  # those of A(z) = 1
+    deviation=np.array([0.0, 0.0, 0.0, 2.0]),
+)
+MODE = Mode(150.0, 90.0, 100.0)
+TAP = TapModel((MODE,))
+
+
+def scene(texture: TextureModel | None = None, tap: TapModel | None = None) -> Scene:
+    return Scene((SceneObject("bench", Plane(), Material("wood", texture=texture, tap=tap)),))
+
+
+def run(rig: VirtualRig, force: Vector, seconds: float, since: float = 0.0) -> FloatArray:
+    """Hold a force; return the acceleration of each sample, m/s^2."""
+    found = []
+    rig.apply_arm_force(force)
+    for index in range(1, round(seconds * RATE) + 1):
+        rig.advance(since + index / RATE)
+        found.append(rig.measure().acceleration)
+    return np.array(found)
+
+
+def touching(texture: TextureModel | None = None, tap: TapModel | None = None) -> VirtualRig:
+    parameters = VirtualRigParameters(ToolParameters(height=0.0005, coulomb_friction=0.0))
+    return VirtualRig(parameters, scene(texture, tap), RATE, seed=1)
+
+
+def test_a_tool_stands_still_until_its_first_force() -> None:
+    rig = touching(WHITE, TAP)
+    rig.advance(1.0)
+    assert rig.measure() == ((0.0, 0.0, pytest.approx(0.0005, abs=30e-6)), (0.0, 0.0, 0.0), 0.0)
+
+
+def test_a_tool_that_rests_is_pressed_back_as_it_presses() -> None:
+    rig = touching()
+    run(rig, (0.0, 0.0, -1.5), 1.0)
+    assert rig.contact is not None
+    assert rig.contact.object.name == "bench"
+    assert rig.contact_force == pytest.approx((0.0, 0.0, 1.5), abs=1e-3)
+
+
+def test_the_sample_of_the_contact_has_the_beginning_of_the_tap() -> None:
+    rig = touching(tap=TAP)
+    onset, speed, found = None, 0.0, []
+    rig.apply_arm_force((0.0, 0.0, -1.0))
+    for index in range(1, 200):
+        rig.advance(index / RATE)
+        found.append(rig.measure().acceleration)
+        if onset is None and rig.contact:
+            onset, speed = index - 1, rig.contact.impact_speed
+    assert onset is not None
+    assert not any(found[:onset])
+    time = np.arange(1, 21) / RATE
+    ringing = MODE.amplitude * speed * np.exp(-90.0 * time) * np.sin(2 * np.pi * 150.0 * time)
+    assert found[onset : onset + 20] == pytest.approx(ringing)
+
+
+def test_a_texture_is_felt_while_the_tool_slides_and_rings_down_in_the_air() -> None:
+    rig = touching(WHITE)
+    still = run(rig, (0.0, 0.0, -2.0), 0.2)
+    sliding = run(rig, (2.0, 0.0, -2.0), 1.0, since=0.2)
+    assert not np.any(still)
+    assert np.std(sliding[-500:]) > 0.1
+    lifted = run(rig, (0.0, 0.0, 3.0), 0.3, since=1.2)
+    assert rig.contact is None
+    assert rig.contact_force == (0.0, 0.0, 0.0)
+    assert np.std(lifted[-100:]) < 1e-6
+
+
+def test_the_same_seed_gives_the_same_samples() -> None:
+    def stroke(seed: int) -> FloatArray:
+        rig = VirtualRig(VirtualRigParameters(), scene(WHITE, TAP), RATE, seed)
+        return run(rig, (1.0, 0.0, -1.0), 0.5)
+
+    assert np.array_equal(stroke(3), stroke(3))
+    assert not np.array_equal(stroke(3), stroke(4))
+
+
+def test_a_stall_is_not_simulated_afterwards() -> None:
+    rig = touching()
+    run(rig, (1.0, 0.0, -1.0), 0.1)
+    rig.advance(100.0)
+    assert rig.measure().position[0] < 0.2
+
+
+def test_a_tool_that_is_let_go_is_put_back() -> None:
+    rig = touching(WHITE, TAP)
+    run(rig, (1.0, 0.0, -1.0), 0.5)
+    rig.release()
+    rig.advance(0.5 + PUT_BACK_AFTER / 2)
+    rig.advance(0.5 + 2 * PUT_BACK_AFTER)
+    assert rig.measure().position == (0.0, 0.0, pytest.approx(0.0005, abs=30e-6))
+
+
+def test_another_scene_changes_neither_motion_nor_force_at_that_moment() -> None:
+    rig = touching(WHITE)
+    run(rig, (1.0, 0.0, -1.5), 0.5)
+    before = rig.measure()
+    other = Material("rubber", stiffness=800.0, texture=replace(WHITE, name="other"))
+    rig.change_scene(Scene((SceneObject("mat", Plane(), other),), name="other"))
+    assert rig.measure() == before
+    run(rig, (1.0, 0.0, -1.5), 1 / RATE, since=0.5)
+    assert rig.contact is not None
+    assert rig.contact.object.name == "mat"

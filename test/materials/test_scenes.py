@@ -1,0 +1,108 @@
+"""Tests of scenes as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.core.folders import preset_file
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.surfaces.shapes import Box, Plane, Sphere
+from haptic_accel.materials.scenes import read_scene
+
+SCENE = """start: [0.0, 0.0, 0.01]
+materials:
+  wood:
+    stiffness: 3000
+    friction: 0.2
+    tap:
+      - {frequency: 150.0, decay: 90.0, amplitude: 100.0}
+objects:
+  bench:
+    shape: plane
+    material: wood
+  box:
+    shape: box
+    material: wood
+    height: 0.03
+    position: [-0.05, 0.0, 0.0]
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.yaml"
+    path.write_text(SCENE)
+    return path
+
+
+def test_a_scene_has_what_its_file_says(file: Path) -> None:
+    scene = read_scene(file)
+    assert (scene.name, scene.start) == ("mine", (0.0, 0.0, 0.01))
+    bench, box = scene.objects
+    assert (bench.name, bench.shape) == ("bench", Plane())
+    assert (box.name, box.shape, box.position) == ("box", Box(height=0.03), (-0.05, 0.0, 0.0))
+    assert bench.material is box.material
+    material = bench.material
+    assert (material.name, material.stiffness, material.friction) == ("wood", 3000.0, 0.2)
+    assert material.texture is None
+    assert [mode.frequency for mode in material.tap.modes] == [150.0]
+
+
+def test_the_workshop_has_a_plane_a_box_and_a_sphere() -> None:
+    scene = read_scene(preset_file("scene", "workshop"))
+    assert [type(each.shape) for each in scene.objects] == [Plane, Box, Sphere]
+    assert len({each.material.name for each in scene.objects}) == 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("3000", "-1", 4, "materials.wood.stiffness = -1: must be from 1 to 10000 N/m"),
+        ("3000", "hard", 4, "materials.wood.stiffness = 'hard': must be from 1 to 10000 N/m"),
+        ("friction: 0.2", "fricton: 0.2", 5, "materials.wood.fricton: unknown (did you mean"),
+        ("decay: 90.0", "decay: 0.0", 7, "materials.wood.tap.0.decay = 0.0: must be above 0"),
+        ("- {freq", "{freq", 6, "materials.wood.tap = {'frequency'"),
+        (
+            "shape: plane",
+            "shape: plain",
+            10,
+            "objects.bench.shape = 'plain': must be one of plane",
+        ),
+        (
+            "material: wood\n  box",
+            "material: oak\n  box",
+            11,
+            "objects.bench.material = 'oak': must",
+        ),
+        ("height: 0.03", "radius: 0.03", 15, "objects.box.radius: unknown"),
+        (
+            "[-0.05, 0.0, 0.0]",
+            "[0.0, 0.0]",
+            16,
+            "objects.box.position = [0.0, 0.0]: must be three",
+        ),
+        ("-0.05", "-50.0", 16, "objects.box.position = -50.0: must be from -10 to 10 m"),
+        ("start: [0.0", "start: [.nan", 1, "start = "),
+        ("    tap:", "    texture: slate\n    tap:", 6, "materials.wood.texture = 'slate'"),
+        ("objects:", "things:", 8, "things: unknown"),
+    ],
+)
+def test_a_wrong_value_is_named_with_file_line_and_range(
+    file: Path, old: str, new: str, line: int, message: str
+) -> None:
+    file.write_text(SCENE.replace(old, new))
+    with pytest.raises(ParameterError) as error:
+        read_scene(file)
+    assert str(error.value).startswith(f"{file}:{line}: {message}")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2]", "a: [", "objects: 3", "objects: {}", "\0"])
+def test_a_file_of_another_form_is_refused(file: Path, text: str) -> None:
+    file.write_text(text)
+    with pytest.raises(ParameterError, match="mine.yaml"):
+        read_scene(file)
+    with pytest.raises(ParameterError, match=r"other\.yaml: must be a readable file"):
+        read_scene(file.with_name("other.yaml"))
