@@ -160,7 +160,7 @@ def _texture(
         raise ParameterError(f"{path}: is silent from {HIGH_PASS_FREQUENCY:g} to {lower / 2:g} Hz")
     followed = np.maximum(kept, FLOOR * kept.mean())
     covariance = np.fft.irfft(followed * lower / 2)
-    polynomial, variance = levinson(covariance[: LARGEST_ORDER + 1])
+    polynomial, variances = levinson(covariance[: LARGEST_ORDER + 1])
     speeds, forces = (FRAME * REFERENCE).T
     scale = "m/s^2, as in the file" if calibration is None else f"{calibration:g} m/s^2 at 1"
     return TextureModel(
@@ -169,7 +169,7 @@ def _texture(
         speeds,
         forces,
         lsf=np.tile(from_polynomial(polynomial), (len(FRAME), 1)),
-        deviation=np.where(FRAME.all(axis=1), np.sqrt(variance), 0.0),
+        deviation=np.where(FRAME.all(axis=1), np.sqrt(variances[-1]), 0.0),
         provenance=Provenance(source=path.name, calibration=scale),
     )
 
