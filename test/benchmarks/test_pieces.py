@@ -23,9 +23,12 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.model import Vector
+from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.topics import TOOL_ACCELERATION
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
+from haptic_accel.materials.hatt import read_hatt
 from haptic_accel.nodes.interface import GraphNode, Sender
+from hatt_file import hatt_file
 
 # A look at each piece in every run of the tests; for figures to rely on: --benchmark-max-time=5
 pytestmark = pytest.mark.benchmark(max_time=0.1, min_rounds=5)
@@ -88,6 +91,21 @@ def test_tick_of_a_simulated_device(benchmark: Benchmark, device_class: type[Dev
     sample = benchmark(exploring(device_class))
     assert all(map(math.isfinite, (*sample.position, *sample.velocity, sample.acceleration)))
     assert sample.position[0] != 0
+
+
+@pytest.mark.parametrize("rate", [RATE, 4 * RATE, 10 * RATE])
+def test_sample_of_a_texture(benchmark: Benchmark, rate: float, tmp_path: Path) -> None:
+    """As large as those of the Penn Haptic Texture Toolkit, at ever new speeds and forces."""
+    file = tmp_path / "slate.xml"
+    file.write_text(hatt_file((20, 0), 57, rate))
+    texture = Texture(read_hatt(file), rate, seed=1)
+    angles = (10 * tick / rate for tick in itertools.count())
+
+    def slide() -> float:
+        angle = next(angles)
+        return texture.sample(0.15 * (1 + math.sin(angle)), 2 + 1.5 * math.cos(3 * angle))
+
+    assert math.isfinite(benchmark(slide))
 
 
 def test_forces_of_the_coupling(benchmark: Benchmark) -> None:
