@@ -37,6 +37,7 @@ from haptic_accel.core.identification.stops import STOPS_HIT, check_stops, check
 from haptic_accel.core.model import ACTUATOR, POSTURES, HandleParameters, Suspension, held
 from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.trial import RigParameters, run_identification
+from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.arguments import AVERAGE_GRIP, SIMULATED, IdentifyArguments
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.files import parameter_text
@@ -194,6 +195,10 @@ def identify(
         f"latency of the forces, taken off: {latency} samples;"
         f" delay of the hardware: {found.fit.delay * 1e6:.0f} us"
     )
+    if arguments.actuator == AUDIO:
+        _, devices = node_parameters("master_device", graph_parameters(arguments)["master_device"])
+        scale = devices[AUDIO].largest_force / found.fit.handle.m_h
+        print(f"audio.full_scale: {scale:.4g} N for each kg that the handle weighs without m_a")
     print(*notes, report.explained(found), sep="\n")
     print(f"parameters: {parameters}", f"report: {page}", sep="\n")
 

@@ -45,13 +45,18 @@ class AudioParameters(Checked):
     channel: int = parameter(1, "output channel of the actuator; others are silent", "", 1, 64)
     full_scale: float = parameter(
         0.0,
-        "actuator force at the card's full scale, negative where wires are swapped, as"
-        " `identify actuator:=audio` measures it; 0 for actuator.peak_force",
+        "actuator force at the card's full scale, negative where wires are swapped;"
+        " `identify actuator:=audio` finds it; 0 for actuator.peak_force",
         "N",
         -1000.0,
         1000.0,
     )
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
+
+    @property
+    def largest_force(self) -> float:
+        """Actuator force at full scale, N, assumed where it is not calibrated."""
+        return self.full_scale or self.actuator.peak_force
 
 
 class SoundCard:
@@ -175,7 +180,7 @@ class AudioActuator(Device):
     ) -> None:
         self._card = SoundCard(parameters, 1 / rate)
         self._parameters = parameters
-        self._full_scale = parameters.full_scale or parameters.actuator.peak_force
+        self._full_scale = parameters.largest_force
         self._rate = rate
         self._device = device
         self._latency = latency
@@ -252,11 +257,11 @@ class AudioActuator(Device):
         count = min(card.room, int((now + card.lead - self._next) * card.rate))
         if count <= 0:
             return
-        edges = self._next + np.arange(count + 1) / card.rate
-        samples = self._force.means(edges) / self._full_scale
-        self._counts["audio_clipped"] += int(np.count_nonzero(np.abs(samples) > 1.0))
-        self._next = float(edges[-1])
-        if card.write(np.clip(samples, -1.0, 1.0)):
+        samples = self._force.means(self._next, card.rate, count) / self._full_scale
+        self._next += count / card.rate
+        within = np.clip(samples, -1.0, 1.0)
+        self._counts["audio_clipped"] += int(np.count_nonzero(within != samples))
+        if card.write(within):
             self._counts["audio_underruns"] += 1
             self._next = math.nan  # supplied anew
 

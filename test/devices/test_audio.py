@@ -6,16 +6,21 @@ import math
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from haptic_accel.core.identification.estimate import dft_ratio
+from haptic_accel.core.identification.fit import fit_handle
+from haptic_accel.core.identification.sweep import SweepParameters, kept_repeats
+from haptic_accel.core.model import ZERO, HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.devices import Device, DeviceError
+from haptic_accel.core.trial import run_identification
+from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.devices.audio import AudioActuator, AudioParameters
 from haptic_accel.devices.simulated import SimulatedMaster
 
@@ -62,6 +67,23 @@ class Bench:
             samples.append(device.read(self.now))
             device.write(START + (tick + LATENCY) * PERIOD, actuator_force=float(force))
         return samples
+
+
+class Still(Device):
+    """A master at rest."""
+
+    Parameters = AudioParameters
+
+    def __init__(self) -> None: ...
+
+    def open(self) -> None: ...
+
+    def read(self, time: float) -> Sample:
+        return Sample(ZERO, ZERO, 0.0)
+
+    def write(self, time: float, **forces: Any) -> None: ...
+
+    def close(self) -> None: ...
 
 
 @pytest.fixture
@@ -189,6 +211,80 @@ def test_latency_too_small_for_the_block_is_refused(
     device = bench.device(latency, block=block)
     with pytest.raises(ParameterError, match=f"latency = {latency}: {refused} with audio.block"):
         device.open()
+
+
+class DriftingCard:
+    """A card whose crystal is slow or fast, by the bench's clock; it fetches block by block."""
+
+    rate, lead, name = 48000.0, 2 * BLOCK / 48000 + PERIOD, "drifting"
+
+    def __init__(self, bench: Bench, drift: float) -> None:
+        self.bench, self.drift = bench, drift
+        self.given, self.started = 0, math.nan
+        self.delays: list[float] = []
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    @property
+    def room(self) -> int:
+        return 10 * BLOCK
+
+    @property
+    def played(self) -> float:
+        return (self.bench.now - self.started) * self.rate * (1 + self.drift)
+
+    @property
+    def queued(self) -> float:
+        return (self.given - self.played // BLOCK * BLOCK) / self.rate
+
+    def write(self, samples: np.ndarray) -> bool:
+        if not self.given:
+            self.started = self.bench.now
+        dry = self.given < self.played
+        self.given += len(samples)
+        # From now until the last of these samples sounds.
+        self.delays.append((self.given - self.played) / self.rate)
+        return dry
+
+
+@pytest.mark.parametrize("drift", [-2e-4, 2e-4])
+def test_the_card_s_clock_is_followed(
+    bench: Bench, drift: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    card = DriftingCard(bench, drift)
+    monkeypatch.setattr("haptic_accel.devices.audio.SoundCard", lambda *given: card)
+    device = bench.device(inner=Still())
+    device.open()
+    for tick in range(8_000):
+        bench.now = START + tick * PERIOD
+        device.read(bench.now)
+    assert device.status()["audio_underruns"] == 0
+    # Unfollowed it would be 1.6 ms by then. Half a block is what the card does not tell.
+    settled = np.array(card.delays[6_000:]) - card.lead
+    assert settled.mean() == pytest.approx(-BLOCK / 2 / card.rate, abs=0.4e-3)
+    assert np.ptp(settled) < 0.1e-3
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.5])
+def test_the_mass_that_is_found_tells_the_scale_of_the_force(scale: float) -> None:
+    sweep = SweepParameters(duration=1.0)
+    foam = replace(
+        MasterRigParameters(), handle=replace(HandleParameters(), m_h=0.1, k_u=300.0, b_u=2.0)
+    )
+    (trial,) = run_identification(foam, sweep, RATE, trials=1)
+    wrong = replace(trial, actuator_force=trial.actuator_force / scale)
+    response = dft_ratio(
+        *(
+            kept_repeats(values, sweep, RATE)
+            for values in (wrong.aligned.actuator_force, wrong.aligned.handle_acceleration)
+        ),
+        RATE,
+        sweep.band,
+        sweep.repeats - 1,
+    )
+    assert scale * fit_handle(response).handle.m_h == pytest.approx(0.1, rel=0.03)
 
 
 def test_what_it_plays_on_is_remarked(bench: Bench) -> None:

@@ -19,7 +19,7 @@ class HeldForce:
     --------
     >>> held = HeldForce()
     >>> held.put(0.5, 2.0)
-    >>> held.means(np.array([0.0, 1.0, 2.0]))
+    >>> held.means(0.0, 1.0, 2)
     array([1., 2.])
     """
 
@@ -36,26 +36,29 @@ class HeldForce:
         self._waiting.clear()
         self._held = force
 
-    def means(self, edges: FloatArray) -> FloatArray:
-        """Return the mean force of each sample, and forget what was due before the last edge.
+    def means(self, start: float, rate: float, count: int) -> FloatArray:
+        """Return the mean force of each sample, and forget what was due before their end.
 
         Parameters
         ----------
-        edges : ndarray, shape (n + 1,)
-            Times at which the samples begin, and the last one ends, s; increasing, from the last
-            edge of the call before.
+        start : float
+            Time at which the first sample begins, s: where the samples of the call before end.
+        rate : float
+            Samples per second.
+        count : int
 
         Returns
         -------
-        ndarray, shape (n,)
+        ndarray, shape (count,)
             N.
         """
-        start, end = float(edges[0]), float(edges[-1])
-        times, forces = [start], [self._held]
-        while self._waiting and self._waiting[0][0] < end:
-            due, self._held = self._waiting.pop(0)
-            times.append(max(due, start))
-            forces.append(self._held)
-        times.append(end)
-        impulse = np.append(0.0, np.cumsum(np.diff(times) * forces))
-        return np.asarray(np.diff(np.interp(edges, times, impulse)) / np.diff(edges))
+        means = np.full(count, self._held)
+        while self._waiting and self._waiting[0][0] < start + count / rate:
+            due, force = self._waiting.pop(0)
+            place = max(0.0, (due - start) * rate)
+            first = int(place)
+            # Of that sample only the rest has the new force.
+            means[first : first + 1] += (force - self._held) * (first + 1 - place)
+            means[first + 1 :] = force
+            self._held = force
+        return means
