@@ -35,7 +35,10 @@ TRACES = (*ALWAYS, *CHOSEN)
 SCENE = "scene"
 """Name by which a page asks for the frames of places."""
 
-ON_DEMAND = (*CHOSEN, SCENE)
+SOUND = "sound"
+"""Name by which a page that plays sound asks for frames more often."""
+
+ON_DEMAND = (*CHOSEN, SCENE, SOUND)
 """What a page may ask for."""
 
 PLACES = ("tool", "tool_velocity", "handle", "contact_force")

@@ -24,11 +24,14 @@ from aiohttp.typedefs import Handler
 
 from haptic_accel.pages import asset, template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
-from haptic_accel.scope.frames import ON_DEMAND, SCENE, Cursor, places_frame, plots_frame
+from haptic_accel.scope.frames import ON_DEMAND, SCENE, SOUND, Cursor, places_frame, plots_frame
 from haptic_accel.scope.windows import Windows
 
 FRAME_RATE = 60.0
 """Most frames of samples per second: the refresh rate of most screens, Hz."""
+
+SOUND_RATE = 120.0
+"""The same to a page that plays sound, which waits for each frame, Hz."""
 
 METRICS_PERIOD = 0.2
 """Interval between updates of metrics and states, s: as fast as numbers can be read."""
@@ -379,7 +382,7 @@ class ScopeServer:
         return refusal
 
     async def _send(self, page: web.WebSocketResponse, cursor: Cursor) -> None:
-        """Send what is new, no more often than a screen shows it.
+        """Send what is new, no more often than a screen shows it or sound needs it.
 
         Only this task waits for a slow page: no frames are made for it meanwhile, so that
         nothing queues up, and it continues with the newest samples.
@@ -388,7 +391,7 @@ class ScopeServer:
         sent, placed = float("-inf"), b""
         try:
             while not page.closed:
-                due = loop.time() + 1 / FRAME_RATE
+                due = loop.time() + 1 / (SOUND_RATE if SOUND in cursor.shown else FRAME_RATE)
                 if (frame := cursor.frame()) is not None:
                     await self._give(page, frame)
                 if SCENE in cursor.shown:

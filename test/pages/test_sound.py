@@ -26,7 +26,7 @@ RATE = 1000
 FRAME = 1 / 60
 """Interval between frames, s."""
 
-RESERVE = 0.01
+RESERVE = 0.008
 """Least that is left to play when samples come evenly, s."""
 
 FILTER = 4

@@ -713,7 +713,8 @@
 
   function askForSignals() {
     const scene = hapticScene.inSight ? ["scene"] : [];
-    send([...ON_DEMAND.filter((name) => chosen.has(name)), ...scene]);
+    const sound = hapticSound.on ? ["sound"] : [];
+    send([...ON_DEMAND.filter((name) => chosen.has(name)), ...scene, ...sound]);
   }
 
   function connect() {
@@ -849,6 +850,7 @@
   });
   setInterval(describe, DESCRIBE);
   hapticScene.start({ send, ask: askForSignals, plot, axis, clipped, colour: () => colour });
+  hapticSound.start(askForSignals);
   if (control) listenToControls();
   connect();
   requestAnimationFrame(draw);

@@ -3,13 +3,13 @@
 // blocks are scheduled one after the other, each from the frame where the one before ends.
 "use strict";
 
-(() => {
+const hapticSound = (() => {
   const HALF = 4; // input samples on each side of the interpolation filter; its delay
   const PHASES = 1024; // positions between two input samples that the filter is tabulated at
   const SHARPNESS = 5; // of the Kaiser window: images some 50 dB down
   const FULL_SCALE = 10; // m/s² at which full volume reaches the limiter
   const LATE = 128; // frames that the browser renders at a time: what begins sooner is too late
-  const RESERVE = 0.01; // s that shall be left to play whenever samples arrive
+  const RESERVE = 0.008; // s that shall be left to play whenever samples arrive
   const MEMORY = 10; // s for which late arrivals are remembered
   const BEND = 0.01; // largest change of speed by which the reserve is corrected: a sixth of a semitone
   const STALE = 0.25; // s by which samples may be late before playing begins anew
@@ -154,11 +154,12 @@
   const pressed = (button) => button.getAttribute("aria-pressed") === "true";
   const press = (button, state) => button.setAttribute("aria-pressed", String(state));
   let [context, output, stream] = [null, null, null];
+  let ask = () => {}; // tells the server what this page needs
   let chosen = "actual";
 
   /** Volume, then a limiter that bends where a loudspeaker would clip. */
   function open() {
-    context = new AudioContext({ latencyHint: "interactive" });
+    context = new AudioContext({ latencyHint: 0 }); // the least that the device can do
     output = new GainNode(context, { gain: 0 });
     const curve = Float32Array.from({ length: 4097 }, (_, i) => Math.tanh(4 * (i / 2048 - 1)));
     output.connect(new WaveShaperNode(context, { curve })).connect(context.destination);
@@ -184,6 +185,7 @@
     press(on, state);
     if (state && !context) open();
     stream.reset();
+    ask();
     await (state ? context.resume() : context.suspend());
     show();
   }
@@ -202,13 +204,17 @@
     });
   }
 
-  window.hapticSound = {
+  return {
     /** Samples of a signal: stamps in s after an origin, values in m/s², rate in Hz if known. */
     take(name, origin, offsets, values, rate) {
       if (name !== chosen || !rate || !values.length || context?.state !== "running") return;
       stream.take(Float64Array.from(offsets, (offset) => origin + offset), values, rate);
     },
-    Stream, // for tests, as are the parts that follow
+    start: (given) => (ask = given),
+    Stream,
+    get on() {
+      return pressed(on);
+    },
     get context() {
       return context;
     },
