@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.surfaces.taps import TapModel
+from haptic_accel.core.surfaces.texture import TextureModel
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,8 @@ class Material(Checked):
     damping: float = parameter(5.0, "damping of the contact", "N s/m", 0.0, 100.0)
     static_friction: float = parameter(0.4, "friction coefficient of a tool that sticks", "", 0, 2)
     friction: float = parameter(0.3, "friction coefficient of a tool that slides", "", 0, 2)
-    texture: Any = None
-    tap: Any = None
+    texture: TextureModel | None = None
+    tap: TapModel | None = None
 
     def __post_init__(self) -> None:
         """Check each value, and that friction falls once the tool slides."""

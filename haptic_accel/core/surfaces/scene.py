@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from operator import add
 
 import numpy as np
 
@@ -12,6 +13,11 @@ from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.material import Material
 from haptic_accel.core.surfaces.shapes import Shape
+
+MOST_STEPS = 1000
+"""Steps after which a straight way meets nothing: it passes a surface closely."""
+
+_REACHED = 1e-7  # m
 
 SECTION_POINTS = 200
 """Points along each side of a section: 1 mm apart on 20 cm."""
@@ -108,6 +114,47 @@ class Scene:
         for name, count in counts.items():
             if count > 1:
                 raise ParameterError(f"name = {name!r}: must be that of one object, not {count}")
+
+    def moved(self, by: Vector) -> Scene:
+        """Return the scene with all objects moved, m; it begins where it did."""
+        return replace(
+            self,
+            objects=tuple(
+                replace(each, position=tuple(map(add, each.position, by))) for each in self.objects
+            ),
+        )
+
+    def first_hit(self, place: Vector, direction: Vector, way: float) -> tuple[int, float]:
+        """Return which object is met first on a straight way of some length, and after what way.
+
+        Parameters
+        ----------
+        place : tuple of float
+            m.
+        direction : tuple of float
+            Of length 1.
+        way : float
+            m.
+
+        Returns
+        -------
+        number : int
+            Place of the object in the scene, -1 for none, or if the way begins inside of one.
+        way : float
+            m.
+        """
+        (x, y, z), (d_x, d_y, d_z) = place, direction
+        gone = 0.0
+        for _ in range(MOST_STEPS):
+            at = (x + gone * d_x, y + gone * d_y, z + gone * d_z)
+            distances = [each.distance(*at) for each in self.objects]
+            nearest = min(distances, default=math.inf)
+            if gone + nearest > way or nearest < 0 == gone:
+                break
+            if nearest < _REACHED:
+                return distances.index(nearest), gone
+            gone += nearest
+        return -1, gone
 
     def section(
         self, x: tuple[float, float], z: tuple[float, float], y: float = 0.0

@@ -9,16 +9,20 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, check_positive_rate
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.contact import Contact
-from haptic_accel.core.surfaces.proxy import LocalPlane, Proxy
+from haptic_accel.core.surfaces.proxy import SKIN, LocalPlane, Proxy
 from haptic_accel.core.surfaces.scene import Scene
+from haptic_accel.core.surfaces.shapes import UP
 from haptic_accel.core.surfaces.touch import Touch
 
 MARGIN = 0.2e-3
 """Distance from an object at which it is looked at, m, beside the way that the tool's velocity
 takes it in a sample: more than the largest force of the motors adds to that in 1 ms."""
 
-STEP_ANGLE = 0.3
-"""Longest step of integration in a contact, rad of its vibration: 0.4 % of its frequency."""
+STEP_ANGLE = 0.15
+"""Longest step of integration in a contact, rad of its vibration: 0.1 % of its frequency."""
+
+FAR = 0.5
+"""Distance in m from which another scene's surface is looked for: more than an arm's workspace."""
 
 SPARE_ENERGY = 0.2e-3
 """Energy in J that contacts may give out in all, by surfaces that are not planes: a fifth of what
@@ -44,6 +48,7 @@ class VirtualTool:
     Attributes
     ----------
     scene : Scene
+        As given; after `change_scene` it may be felt elsewhere.
     position : tuple of float
         m.
     velocity : tuple of float
@@ -59,15 +64,52 @@ class VirtualTool:
         check_positive_rate(rate)
         self._p = parameters
         self._period = 1 / rate
-        self._enter(scene)
+        self._near: list[Touch] = []
+        self.scene = scene
+        self._check_start(scene)
+        self.put_back()
 
     def put_back(self) -> None:
         """Let the tool rest where it began."""
-        self._enter(self.scene)
+        self.position: Vector = self._start(self.scene)
+        self.velocity: Vector = ZERO
+        self._meet(self.scene)
 
     def change_scene(self, scene: Scene) -> None:
-        """Put the tool, where it is, into another scene."""
-        self._meet(scene)
+        """Put another scene under the tool; neither its place nor the contact's force jumps.
+
+        The scene is moved such that its surface has that force, or upwards to below a tool that
+        would be inside of it, for as long as the tool is not put back.
+
+        Raises
+        ------
+        ParameterError
+            The tool would begin inside of an object.
+        """
+        self._check_start(scene)
+        pressed = max((each for each in self._near if each.depth), key=Touch.force, default=None)
+        inside = any(each.distance(*self.position) < 0 for each in scene.objects)
+        self.scene = scene
+        if pressed or inside:
+            self._slip_under(pressed)
+        else:
+            self._meet(scene)
+
+    def _slip_under(self, pressed: Touch | None) -> None:
+        """Meet the scene, moved to where it presses as another one does, or to below the tool."""
+        up = pressed.normal if pressed else UP
+        above = _ahead(self.position, up, FAR)
+        number, way = self.scene.first_hit(above, _ahead(ZERO, up, -1), 2 * FAR)
+        if number < 0:
+            self._meet(self.scene)
+            return
+        material = self.scene.objects[number].material
+        depth = pressed.force() / material.stiffness if pressed else -SKIN
+        self._meet(self.scene.moved(_ahead(ZERO, up, way - FAR + depth)))
+        self._proxy.place = _ahead(self.position, up, depth + SKIN)
+        if pressed:
+            self._near = [self._touches[number]]
+            self._near[0].take_over(pressed)
 
     def energy(self) -> float:
         """Return kinetic energy and the contacts' elastic energy, J."""
@@ -97,28 +139,25 @@ class VirtualTool:
         if not self._near:
             return None
         for touch in self._near:
-            touch.settle(self.position)
+            self._spare -= touch.settle(self.position)
         return self._contact()
 
-    def _enter(self, scene: Scene) -> None:
-        """Begin at a scene's start."""
-        x, y, z = scene.start
-        self.position: Vector = (x, y, z + self._p.height)
-        self.velocity: Vector = ZERO
+    def _start(self, scene: Scene) -> Vector:
+        return _ahead(scene.start, UP, self._p.height)
+
+    def _check_start(self, scene: Scene) -> None:
         for each in scene.objects:
-            if each.distance(*self.position) < 0:
+            if each.distance(*self._start(scene)) < 0:
                 raise ParameterError(
                     f"scene {scene.name}: its start, {self._p.height:g} m up, is inside of"
                     f" {each.name!r}"
                 )
-        self._meet(scene)
 
     def _meet(self, scene: Scene) -> None:
         """Stand before a scene of which nothing is touched yet."""
-        self.scene = scene
         self._proxy = Proxy(scene, self.position)
         self._touches = [Touch(each, self._p.mass) for each in scene.objects]
-        self._near: list[Touch] = []
+        self._near = []
         self._spare = SPARE_ENERGY
 
     def _lay(self, planes: Sequence[LocalPlane]) -> None:
@@ -144,6 +183,7 @@ class VirtualTool:
         a_x, a_y, a_z = force[0] * per_mass, force[1] * per_mass, force[2] * per_mass
         (x, y, z), (v_x, v_y, v_z) = self.position, self.velocity
         for _ in range(steps):
+            before = v_x, v_y, v_z
             x, y, z = x + half * v_x, y + half * v_y, z + half * v_z
             slipping = math.sqrt(v_x * v_x + v_y * v_y + v_z * v_z + slow)
             joints = tool.viscous_friction + tool.coulomb_friction / slipping
@@ -154,6 +194,8 @@ class VirtualTool:
             for touch in near:
                 v_x, v_y, v_z = touch.push((x, y, z), (v_x, v_y, v_z), step)
             v_x, v_y, v_z = kept * v_x, kept * v_y, kept * v_z
+            for touch in near:
+                touch.note_work(before, (v_x, v_y, v_z))
             x, y, z = x + half * v_x, y + half * v_y, z + half * v_z
         self.position, self.velocity = (x, y, z), (v_x, v_y, v_z)
 
@@ -183,6 +225,12 @@ class VirtualTool:
             touch.impact_speed,
             touch.sliding,
         )
+
+
+def _ahead(place: Vector, direction: Vector, way: float) -> Vector:
+    """Return the place some way ahead in a direction, m."""
+    x, y, z = (at + way * part for at, part in zip(place, direction, strict=True))
+    return x, y, z
 
 
 def along(direction: Vector, vector: Vector) -> float:

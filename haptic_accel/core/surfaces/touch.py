@@ -47,6 +47,8 @@ class Touch:
         self.impulse = ZERO
         self.impact_speed = 0.0
         self.begun = False
+        self._pushed = ZERO
+        self._balance = 0.0
         self.end()
 
     def end(self) -> None:
@@ -60,6 +62,18 @@ class Touch:
         """Return the elastic energy of spring and bristle, J."""
         x, y, z = self.bristle
         return self._stiffness / 2 * (self.depth**2 + x * x + y * y + z * z)
+
+    def force(self) -> float:
+        """Return the elastic force, N."""
+        return self._stiffness * self.depth
+
+    def take_over(self, other: Touch) -> None:
+        """Begin with another touch's elastic forces."""
+        softer = other._stiffness / self._stiffness
+        x, y, z = other.bristle
+        self.depth = softer * other.depth
+        self.bristle = (softer * x, softer * y, softer * z)
+        self.sliding, self._pressed = other.sliding, True
 
     def lay(self, plane: LocalPlane, place: Vector, spare: float) -> float:
         """Put the surface onto a plane for the next period, with the tool at a place.
@@ -87,19 +101,24 @@ class Touch:
         depth, before = max(0.0, -plane.height(place)), self.depth
         won = self._stiffness / 2 * (depth * depth - before * before)
         if won > spare:
-            won = spare
-            permitted = math.sqrt(before * before + 2 * spare / self._stiffness)
+            permitted = math.sqrt(max(0.0, before * before + 2 * spare / self._stiffness))
             self._offset -= depth - permitted
             depth = permitted
+            won = self._stiffness / 2 * (depth * depth - before * before)
         self.depth = depth
+        self._balance = -self.energy()
         return won
 
-    def settle(self, place: Vector) -> None:
-        """Note the compression with the tool at a place."""
+    def settle(self, place: Vector) -> float:
+        """Return the energy in J that it has given out but did not hold, with the tool at a place.
+
+        Negative where damping and friction have taken some.
+        """
         n_x, n_y, n_z = self.normal
         self.depth = self._offset - n_x * place[0] - n_y * place[1] - n_z * place[2]
         if self.depth <= 0:
             self.end()
+        return self._balance + self.energy()
 
     def push(self, place: Vector, velocity: Vector, step: float) -> Vector:
         """Return the velocity of the tool after a step, whose middle is at a place.
@@ -129,7 +148,6 @@ class Touch:
         # A surface can only push.
         push = max(0.0, (away + self._stiffness * depth * per_mass) * held - away)
         v_x, v_y, v_z = v_x - away * n_x, v_y - away * n_y, v_z - away * n_z  # along the surface
-        before = v_x, v_y, v_z
         b_x, b_y, b_z = self.bristle
         length = math.sqrt(b_x * b_x + b_y * b_y + b_z * b_z)
         bound = push / (per_mass * self._stiffness)
@@ -145,11 +163,21 @@ class Touch:
             held * (v_z - pull * b_z),
         )
         self.bristle = b_x + step * v_x, b_y + step * v_y, b_z + step * v_z
-        i_x, i_y, i_z = self.impulse
-        self.impulse = (
-            i_x + mass * (v_x - before[0] + push * n_x),
-            i_y + mass * (v_y - before[1] + push * n_y),
-            i_z + mass * (v_z - before[2] + push * n_z),
-        )
         away += push
-        return v_x + away * n_x, v_y + away * n_y, v_z + away * n_z
+        w_x, w_y, w_z = v_x + away * n_x, v_y + away * n_y, v_z + away * n_z
+        v_x, v_y, v_z = velocity
+        g_x, g_y, g_z = mass * (w_x - v_x), mass * (w_y - v_y), mass * (w_z - v_z)
+        i_x, i_y, i_z = self.impulse
+        self.impulse = (i_x + g_x, i_y + g_y, i_z + g_z)
+        self._pushed = (g_x, g_y, g_z)
+        return w_x, w_y, w_z
+
+    def note_work(self, before: Vector, after: Vector) -> None:
+        """Note the work of the last push on a tool whose velocity was this before and after it."""
+        if self._pressed:
+            g_x, g_y, g_z = self._pushed
+            self._balance += (
+                g_x * (before[0] + after[0])
+                + g_y * (before[1] + after[1])
+                + g_z * (before[2] + after[2])
+            ) / 2

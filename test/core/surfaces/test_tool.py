@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+
 import numpy as np
 import pytest
 
@@ -10,8 +13,9 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.contact import Contact
 from haptic_accel.core.surfaces.material import Material
+from haptic_accel.core.surfaces.sampled_shapes import HeightField
 from haptic_accel.core.surfaces.scene import Scene, SceneObject
-from haptic_accel.core.surfaces.shapes import Plane
+from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.tool import VirtualTool
 
 RATE = 1000.0
@@ -57,7 +61,115 @@ def test_it_sticks_within_the_cone_and_slides_beyond(pull: float, slides: bool) 
     assert contact.speed == pytest.approx((pull - 0.3) / 3.0 if slides else 0.0, abs=1e-3)
 
 
+def lossless(stiffness: float) -> Material:
+    return Material(stiffness=stiffness, damping=0.0, static_friction=0.0, friction=0.0)
+
+
+FREE = ToolParameters(viscous_friction=0.0, coulomb_friction=0.0)
+
+
+def given_out(tool: VirtualTool, stations: list[Vector], speed: float) -> float:
+    """Lead a tool along stations by a spring with the force of an arm's motors.
+
+    Returns
+    -------
+    float
+        The most that energy of tool and contacts ever grew beyond the motors' work, J.
+    """
+    worked = lowest = most = 0.0
+    for start, end in itertools.pairwise([tool.position, *stations]):
+        for share in np.linspace(0, 1, max(100, round(math.dist(start, end) / speed * RATE))):
+            target = np.array(start) + share * np.subtract(end, start)
+            before = np.array(tool.position)
+            force = (800 * (target - before) - 8 * np.array(tool.velocity)).clip(-3.3, 3.3)
+            x, y, z = force.tolist()
+            tool.advance((x, y, z))
+            worked += force @ (np.array(tool.position) - before)
+            lowest = min(lowest, tool.energy() - worked)
+            most = max(most, tool.energy() - worked - lowest)
+    return most
+
+
+HILLS = HeightField(np.random.default_rng(1).normal(0.0, 2e-3, (10, 10)), 8e-3)
+ROUND = [
+    *((0.0, 0.0, -0.002), (0.03, 0.0, -0.002), (0.03, 0.01, 0.01), (-0.02, -0.01, 0.0)),
+    *((0.0, 0.02, -0.015), (0.0, -0.03, -0.004), (0.0, 0.0, 0.01)),
+]
+
+
+@pytest.mark.parametrize("stiffness", [300.0, 3000.0, 10e3])
+@pytest.mark.parametrize(
+    "shape", [Plane(), Sphere(0.02), Box(0.03, 0.03, 0.001), Cylinder(0.015, 0.02), HILLS]
+)
+def test_no_contact_gives_out_energy(shape: Shape, stiffness: float) -> None:
+    low = 0.02 if isinstance(shape, Sphere) else 0.01 if isinstance(shape, Cylinder) else 0.0
+    scene = Scene((SceneObject("one", shape, lossless(stiffness), (0.0, 0.0, -low)),))
+    assert given_out(VirtualTool(FREE, scene, RATE), ROUND, 0.2) < 1e-3
+
+
+def test_a_way_from_a_soft_object_onto_a_hard_one_gives_out_no_energy() -> None:
+    # Flush: 5 mm of depth hold 4 mJ in the soft one, and would hold 125 mJ in the hard one.
+    half = Box(0.05, 0.1, 0.04)
+    objects = (
+        SceneObject("soft", half, lossless(300.0), (-0.025, 0.0, -0.02)),
+        SceneObject("hard", half, lossless(10e3), (0.025, 0.0, -0.02)),
+    )
+    way: list[Vector] = [(-0.02, 0.0, -0.01), (0.02, 0.0, -0.01), (0.02, 0.0, 0.02)]
+    assert given_out(VirtualTool(FREE, Scene(objects), RATE), way, 0.1) < 1e-3
+
+
+@pytest.mark.parametrize("mass", [0.001, 0.06, 1.0])
+@pytest.mark.parametrize("damping", [0.0, 100.0])
+def test_the_stiffest_contact_comes_to_rest_or_bounces_no_higher(
+    mass: float, damping: float
+) -> None:
+    hard = Material(stiffness=10e3, damping=damping)
+    tool = VirtualTool(
+        ToolParameters(mass=mass, viscous_friction=0.0, coulomb_friction=0.0, height=0.002),
+        Scene((SceneObject("floor", Plane(), hard),)),
+        RATE,
+    )
+    heights = []
+    for _ in range(500):
+        tool.advance((0.0, 0.0, -1.0))
+        heights.append(tool.position[2])
+    assert max(heights) < 0.00205
+    assert min(heights) > -5e-3
+
+
+@pytest.mark.parametrize("height", [-0.01, 0.0, 0.005])
+@pytest.mark.parametrize("stiffness", [500.0, 2000.0, 9000.0])
+def test_the_force_does_not_jump_as_the_scene_changes(height: float, stiffness: float) -> None:
+    tool = VirtualTool(ToolParameters(), TABLE, RATE)
+    before = pressed(tool, (0.1, 0.0, -1.0), 0.5)[-1]
+    other = SceneObject("box", Box(), Material(stiffness=stiffness), (0.0, 0.0, height - 0.01))
+    place = tool.position
+    tool.change_scene(Scene((other,)))
+    after = tool.advance((0.1, 0.0, -1.0))
+    assert before is not None
+    assert after is not None
+    assert after.object.name == "box"
+    assert after.impact_speed == 0.0
+    assert after.force == pytest.approx(before.force, abs=0.02)
+    assert tool.position == pytest.approx(place, abs=1e-5)
+    tool.put_back()
+    assert tool.advance((0.0, 0.0, 0.0)) is None
+
+
+def test_a_tool_in_the_air_is_never_inside_of_the_next_scene() -> None:
+    tool = VirtualTool(ToolParameters(height=0.01), TABLE, RATE)
+    high = SceneObject("table", Plane(), WOOD, (0.0, 0.0, 0.05))
+    tool.change_scene(Scene((high,), start=(0.0, 0.0, 0.05)))
+    assert pressed(tool, (0.0, 0.0, 0.0), 0.1)[-1] is None
+    assert tool.position == (0.0, 0.0, 0.01)
+    assert pressed(tool, (0.0, 0.0, -1.0), 0.1)[-1] is not None
+
+
 def test_a_start_inside_of_an_object_is_refused() -> None:
     inside = Scene(TABLE.objects, start=(0.0, 0.0, -0.05), name="cellar")
     with pytest.raises(ParameterError, match="scene cellar: .* inside of 'table'"):
         VirtualTool(ToolParameters(), inside, RATE)
+    tool = VirtualTool(ToolParameters(), TABLE, RATE)
+    with pytest.raises(ParameterError, match="scene cellar"):
+        tool.change_scene(inside)
+    assert tool.scene is TABLE
