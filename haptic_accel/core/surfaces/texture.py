@@ -177,14 +177,14 @@ class TextureModel:
         """Check everything."""
         check_positive_rate(self.rate)
         nodes = len(self.speeds)
-        if nodes < 3:
-            raise ParameterError(f"nodes = {nodes}: must be three or more")
         if np.size(self.ma_lsf) == 0:
             object.__setattr__(self, "ma_lsf", np.empty((nodes, 0)))
         if np.size(self.gain) == 0:
             object.__setattr__(self, "gain", np.ones(nodes))
         for name in ("speeds", "forces", "deviation", "gain"):
             self._set_checked(name, (nodes,))
+        if nodes < 3:
+            raise ParameterError(f"nodes = {nodes}: must be three or more")
         for name in ("lsf", "ma_lsf"):
             self._set_checked(name, (nodes, np.shape(getattr(self, name))[-1]))
             if not is_ordered(getattr(self, name)):
@@ -193,6 +193,9 @@ class TextureModel:
         if friction is not None and not 0 <= friction < math.inf:
             raise ParameterError(f"coulomb_friction = {friction}: must be at least 0")
         self._plane  # noqa: B018 - refuses nodes in line
+        still = (self.speeds == 0) | (self.forces == 0)
+        if self.deviation[still].any():
+            raise ParameterError("deviation: must be 0 where speed or force is 0")
 
     def _set_checked(self, name: str, shape: tuple[int, ...]) -> None:
         values = np.asarray(getattr(self, name), dtype=float)
@@ -274,7 +277,9 @@ class _Cells:
     Attributes
     ----------
     variance : ndarray, shape ((`CELLS` + 1)^2, 3)
-        Variance of the innovation within a cell is its product with (speed, force, 1).
+        Variance of the innovation within a cell is its product with (speed, force, 1),
+    largest : ndarray, shape ((`CELLS` + 1)^2,)
+        but no more than this: where a cell reaches into a neighbouring triangle.
     gain : ndarray, shape ((`CELLS` + 1)^2,)
     forward, feedback : ndarray, shape ((`CELLS` + 1)^2, order)
         Coefficients without the first, 1.
@@ -286,6 +291,7 @@ class _Cells:
         places = model.locate(speeds.ravel(), forces.ravel())
         variances = model.deviation[places.corners] ** 2
         self.variance = np.einsum("mi,mij->mj", variances, places.affine)
+        self.largest = variances.max(axis=1)
         self.gain = places.interpolate(model.gain)
         self.forward = to_polynomial(places.interpolate(model.ma_lsf))[:, 1:]
         self.feedback = to_polynomial(places.interpolate(model.lsf))[:, 1:]
@@ -335,6 +341,7 @@ class Texture:
         """Take the filter of a cell."""
         self._cell = cell
         self._variance = self._cells.variance[cell].tolist()
+        self._largest = self._cells.largest[cell].item()
         self._gain = self._cells.gain[cell].item()
         self._forward = self._cells.forward[cell].tolist()
         self._feedback = self._cells.feedback[cell].tolist()
@@ -360,7 +367,7 @@ class Texture:
             by_speed, by_force, offset = self._variance
             variance = by_speed * speed + by_force * force + offset
             if variance > 0:
-                innovation = math.sqrt(variance) * next(self._noise)
+                innovation = math.sqrt(min(variance, self._largest)) * next(self._noise)
         moved = innovation + sum(map(mul, self._forward, self._innovations))
         output: float = self._gain * moved - sum(map(mul, self._feedback, self._outputs))
         if abs(output) > self._limit:
