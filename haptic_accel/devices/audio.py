@@ -27,6 +27,10 @@ MISSING_LIBRARY = "audio: needs sounddevice and PortAudio: pip install 'haptic_a
 BLOCKS_AHEAD = 2
 """Blocks that the card is kept supplied with: it fetches one while the other is a margin."""
 
+LATENCY = 3
+"""Latency that PortAudio is asked for, blocks: for ALSA it makes a buffer of one more. What counts
+is how much of that buffer is kept filled."""
+
 SETTLING = 1.0
 """Time constant with which the card's clock is followed, s: a drift of 1e-4 leaves an error of
 0.1 ms, and the steps of a block's length in what the card tells average out."""
@@ -74,6 +78,8 @@ class SoundCard:
     ----------
     rate : float
         Samples per second, the card's own.
+    block : int
+        Samples that it fetches together: those asked for, or the fewest that it can.
     lead : float
         Time before it sounds at which a sample is given to the card, s.
     """
@@ -87,7 +93,7 @@ class SoundCard:
         self._parameters = parameters
         self._period = period
         self._stream: Any = None
-        self._channels = self._size = 0
+        self._channels = self._size = self.block = 0
         self.rate = self.lead = math.nan
         self.name = ""
 
@@ -105,13 +111,12 @@ class SoundCard:
             self.name, self.rate = found["name"], found["default_samplerate"]
             # Two where there are two: one channel alone may sound from all of them.
             self._channels = max(p.channel, min(2, found["max_output_channels"]))
-            self.lead = BLOCKS_AHEAD * p.block / self.rate + self._period
             self._stream = library.OutputStream(
                 device=found["index"],
                 channels=self._channels,
                 samplerate=self.rate,
                 blocksize=p.block,
-                latency=self.lead + BLOCKS_AHEAD * p.block / self.rate,
+                latency=LATENCY * p.block / self.rate,
                 dtype="float32",
             )
             self._stream.start()
@@ -119,11 +124,13 @@ class SoundCard:
         except (ValueError, library.PortAudioError) as error:
             reason = str(error).partition("\n")[0]
             raise DeviceError(f"audio.device = {p.device!r}: {reason}") from None
+        self.block = max(p.block, self._size - round(self._stream.latency * self.rate))
+        self.lead = BLOCKS_AHEAD * self.block / self.rate + self._period
 
     @property
     def room(self) -> int:
         """Number of samples that it takes now without a wait."""
-        return max(0, int(self._stream.write_available) - self._parameters.block)
+        return max(0, int(self._stream.write_available) - self.block)
 
     @property
     def queued(self) -> float:
@@ -197,7 +204,7 @@ class AudioActuator(Device):
         Raises
         ------
         ParameterError
-            The latency is too small for the card's block.
+            The block is too small for the ticks, or the latency for the block.
         DeviceError
             One of them cannot be opened.
         """
@@ -205,14 +212,23 @@ class AudioActuator(Device):
             opened.callback(self.close)
             self._device.open()
             self._card.open()
-            # A force is known one sample after its cause at the latest.
-            least = math.ceil(self._card.lead * self._rate) + 1
-            if self._latency < least:
-                raise ParameterError(
-                    f"latency = {self._latency}: must be at least {least} with audio.block ="
-                    f" {self._parameters.block} at the sound card's {self._card.rate:g} Hz"
-                )
+            self._check_times()
             opened.pop_all()
+
+    def _check_times(self) -> None:
+        card, least = self._card, math.ceil(self._card.rate / self._rate)
+        if card.block < least:  # each tick fills the place of a block
+            raise ParameterError(
+                f"audio.block = {card.block}: must be at least {least}, the samples of a tick at"
+                f" the sound card's {card.rate:g} Hz"
+            )
+        # A force is known one sample after its cause at the latest.
+        least = math.ceil(card.lead * self._rate) + 1
+        if self._latency < least:
+            raise ParameterError(
+                f"latency = {self._latency}: must be at least {least} with {card.block} samples a"
+                f" block at the sound card's {card.rate:g} Hz (audio.block)"
+            )
 
     def read(self, time: float) -> Reading:
         """Return the device's sample, and supply the card."""
@@ -293,7 +309,7 @@ class AudioActuator(Device):
         card, p = self._card, self._parameters
         calibrated = "" if p.full_scale else ", not calibrated"
         own = (
-            f"sound card {card.name}, channel {p.channel}, {p.block} samples a block at"
+            f"sound card {card.name}, channel {p.channel}, {card.block} samples a block at"
             f" {card.rate:g} Hz, supplied {card.lead * 1e3:.1f} ms ahead, full scale"
             f" {self._full_scale:g} N{calibrated}"
         )

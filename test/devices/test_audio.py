@@ -23,11 +23,8 @@ from haptic_accel.core.trial import run_identification
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.devices.audio import AudioActuator, AudioParameters
 from haptic_accel.devices.simulated import SimulatedMaster
-
-try:
-    import sounddevice
-except (ImportError, OSError) as missing:
-    pytest.skip(f"no sound card can be opened: {missing}", allow_module_level=True)
+from sound_cards import NAME, received, sound_card
+from sound_cards import RATE as CARD_RATE
 
 RATE = 1000.0
 PERIOD = 1 / RATE
@@ -35,12 +32,6 @@ LATENCY = 5
 BLOCK = 64
 START = 100.0
 """Time of the first tick, s."""
-
-CARD = """
-pcm.coil {{ type file  slave.pcm "null"  file "{0}/coil.raw"  format "raw" }}
-pcm.null {{ type null }}
-pcm.default {{ type null }}
-"""
 
 
 @dataclass
@@ -51,13 +42,13 @@ class Bench:
     now: float = START
 
     def device(self, latency: int = LATENCY, inner: Device | None = None, **fields: Any) -> Any:
-        parameters = AudioParameters(**{"device": "coil", "block": BLOCK, **fields})
+        parameters = AudioParameters(**{"device": NAME, "block": BLOCK, **fields})
         inner = inner or SimulatedMaster(MasterRigParameters(), RATE, 0)
         return AudioActuator(parameters, RATE, inner, latency, lambda: self.now)
 
     def received(self, channels: int = 2) -> np.ndarray:
         """Return what came to the card after it was closed, full scale 1."""
-        return np.fromfile(self.folder / "coil.raw", dtype="<f4").reshape(-1, channels)
+        return received(self.folder, channels)
 
     def run(self, device: Any, forces: np.ndarray, first: int = 0) -> list[Any]:
         """Serve ticks as the device node does; a force is due `LATENCY` ticks after its cause."""
@@ -87,15 +78,9 @@ class Still(Device):
 
 
 @pytest.fixture
-def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    (tmp_path / "asound.conf").write_text(CARD.format(tmp_path))
-    monkeypatch.setenv("ALSA_CONFIG_PATH", str(tmp_path / "asound.conf"))
-    sounddevice._terminate()
-    sounddevice._initialize()
-    yield Bench(tmp_path)
-    monkeypatch.undo()
-    sounddevice._terminate()
-    sounddevice._initialize()
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    with sound_card(tmp_path):
+        yield Bench(tmp_path)
 
 
 def held(forces: np.ndarray, rate: float, count: int) -> np.ndarray:
@@ -116,8 +101,8 @@ def test_samples_that_arrive_are_the_forces_that_were_due(bench: Bench, channel:
     received = bench.received(max(2, channel))
     signal = received[:, channel - 1]
     # Until the last tick, and ahead of it.
-    assert len(signal) == pytest.approx((300 * PERIOD + 2 * BLOCK / 44100) * 44100, abs=2)
-    assert 4.0 * signal == pytest.approx(held(forces, 44100.0, len(signal)), abs=1e-4)
+    assert len(signal) == pytest.approx((300 * PERIOD + 2 * BLOCK / CARD_RATE) * CARD_RATE, abs=2)
+    assert 4.0 * signal == pytest.approx(held(forces, CARD_RATE, len(signal)), abs=1e-4)
     assert not np.delete(received, channel - 1, axis=1).any()
     assert device.late == 0
     assert device.status()["audio_underruns"] == device.status()["audio_clipped"] == 0
@@ -132,7 +117,7 @@ def test_force_that_comes_late_is_counted_and_acts_at_once(bench: Bench) -> None
     bench.run(device, np.full(10, 1.0), first=20)
     device.close()
     signal = bench.received()[:, 0]
-    assert signal[round(0.026 * 44100) :].min() > 0.0
+    assert signal[round(0.026 * CARD_RATE) :].min() > 0.0
 
 
 def test_an_underrun_is_counted_once_and_the_due_times_are_kept(bench: Bench) -> None:
@@ -147,10 +132,10 @@ def test_an_underrun_is_counted_once_and_the_due_times_are_kept(bench: Bench) ->
     bench.run(device, forces[120:], first=120)
     device.close()
     assert device.status()["audio_underruns"] == 1
-    signal, expected = 4.0 * bench.received()[:, 0], held(forces, 44100.0, 10000)
+    signal, expected = 4.0 * bench.received()[:, 0], held(forces, CARD_RATE, 10000)
     # From the due time of the first force thereafter, less the silence that did not sound.
-    missed = round((119 - 99) * PERIOD * 44100 - 2 * BLOCK - 44.1)
-    first = round((120 + LATENCY) * PERIOD * 44100) + 1
+    missed = round((119 - 99) * PERIOD * CARD_RATE - 2 * BLOCK - 44.1)
+    first = round((120 + LATENCY) * PERIOD * CARD_RATE) + 1
     after = signal[first - missed :]
     assert np.abs(after - expected[first : first + len(after)]).max() < 0.02
 
@@ -160,7 +145,7 @@ def test_stop_discards_what_is_not_due_yet(bench: Bench) -> None:
     device.open()
     bench.run(device, np.ones(50))
     device.write(bench.now, actuator_force=0.0)
-    supplied = round((49 * PERIOD + 2 * BLOCK / 44100 + PERIOD) * 44100)
+    supplied = round((49 * PERIOD + 2 * BLOCK / CARD_RATE + PERIOD) * CARD_RATE)
     for tick in range(50, 80):
         bench.now = START + tick * PERIOD
         device.read(bench.now)
@@ -201,7 +186,7 @@ def test_the_simulated_handle_feels_the_force_when_it_is_due(bench: Bench) -> No
     ("block", "latency", "refused"),
     [
         (64, 4, "must be at least 5"),
-        (32, 3, "must be at least 4"),
+        (128, 7, "must be at least 8"),
         (1024, 20, "must be at least 49"),
     ],
 )
@@ -209,14 +194,21 @@ def test_latency_too_small_for_the_block_is_refused(
     bench: Bench, block: int, latency: int, refused: str
 ) -> None:
     device = bench.device(latency, block=block)
-    with pytest.raises(ParameterError, match=f"latency = {latency}: {refused} with audio.block"):
+    with pytest.raises(
+        ParameterError, match=f"latency = {latency}: {refused} with {block} samples"
+    ):
         device.open()
+
+
+def test_block_smaller_than_a_tick_is_refused(bench: Bench) -> None:
+    with pytest.raises(ParameterError, match="audio.block = 32: must be at least 45, the samples"):
+        bench.device(block=32).open()
 
 
 class DriftingCard:
     """A card whose crystal is slow or fast, by the bench's clock; it fetches block by block."""
 
-    rate, lead, name = 48000.0, 2 * BLOCK / 48000 + PERIOD, "drifting"
+    rate, block, lead = 48000.0, BLOCK, 2 * BLOCK / 48000 + PERIOD
 
     def __init__(self, bench: Bench, drift: float) -> None:
         self.bench, self.drift = bench, drift

@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,12 +24,14 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE
 from haptic_accel.core.emergency_stop import RECENT
 from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import MASTERS, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.nodes.interface import GraphNode, message_type, quality
 from haptic_accel.nodes.master_device import MasterDevice
 from haptic_accel.nodes.scheduling import system_time
 from running import PATIENCE
+from sound_cards import NAME, received, sound_card
 
 PERIOD = 1_000_000
 """Period of the default rate, ns."""
@@ -557,3 +560,41 @@ def test_a_force_of_the_future_is_refused_and_not_applied_when_its_time_comes(
     bench.driven()
     assert not bench.wrote("arm_force", (0.5, 0.0, 0.0))
     assert not bench.wrote("actuator_force", 0.5)
+
+
+# With the actuator behind a sound card
+
+
+@pytest.fixture
+def card(tmp_path: Path) -> Iterator[Path]:
+    """Give the folder in which a sound card leaves what it gets."""
+    with sound_card(tmp_path):
+        yield tmp_path
+
+
+AUDIO = ("actuator_device:=audio", f"audio.device:={NAME}")
+
+
+@pytest.mark.parametrize("bench", [(*AUDIO, "latency:=5")], indirect=True)
+def test_a_sound_card_plays_the_force_until_the_stop(card: Path, bench: Bench) -> None:
+    def applied() -> bool:
+        bench.command(ZERO, 0.33)
+        return int(bench.node.status()[1]["actuator force count"]) > 50
+
+    bench.until(applied)
+    bench.stop(driven=True)
+    silent = time.monotonic() + 0.05
+    bench.until(lambda: time.monotonic() > silent)
+    bench.node.close()
+    signal = received(card)[:, 0]
+    assert signal.max() == pytest.approx(0.33 / ActuatorParameters().peak_force)
+    assert signal[-1] == 0.0
+
+
+def test_a_latency_too_small_for_the_sound_card_ends_the_node(card: Path, domain: int) -> None:
+    rclpy.init(args=["--ros-args", *(word for value in AUDIO for word in ("-p", value))])
+    try:
+        with pytest.raises(ParameterError, match="latency = 1: must be at least 5"):
+            MasterDevice()
+    finally:
+        rclpy.shutdown()

@@ -1,0 +1,44 @@
+"""A sound card for tests: ALSA's file plug-in over its null plug-in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+NAME = "coil"
+"""Name of the card."""
+
+RATE = 44100.0
+"""Samples per second that PortAudio takes by default, Hz."""
+
+CONFIGURATION = """
+pcm.coil {{ type file  slave.pcm "null"  file "{0}/coil.raw"  format "raw" }}
+pcm.null {{ type null }}
+pcm.default {{ type null }}
+"""
+
+
+@contextmanager
+def sound_card(folder: Path) -> Iterator[None]:
+    """Have a sound card that writes what it gets into a folder; skip a test where none can be."""
+    try:
+        import sounddevice
+    except (ImportError, OSError) as missing:
+        pytest.skip(f"no sound card can be opened: {missing}")
+    (folder / "asound.conf").write_text(CONFIGURATION.format(folder))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("ALSA_CONFIG_PATH", str(folder / "asound.conf"))
+        sounddevice._terminate()
+        sounddevice._initialize()
+        yield
+    sounddevice._terminate()
+    sounddevice._initialize()
+
+
+def received(folder: Path, channels: int = 2) -> np.ndarray:
+    """Return what came to the card until it was closed, shape (n, channels), full scale 1."""
+    return np.fromfile(folder / "coil.raw", dtype="<f4").reshape(-1, channels)
