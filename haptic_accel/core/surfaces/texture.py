@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_accel.core.control.filters import SampleFilter
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError, check_positive_rate
 from haptic_accel.core.sampling import IntArray
 from haptic_accel.core.surfaces.line_spectrum import (
@@ -233,16 +233,17 @@ class TextureModel:
         """
         places = self.locate(np.array([speed]), np.array([force]))
         power = places.interpolate(self.deviation**2) * places.interpolate(self.gain) ** 2
-        lsf, ma_lsf = places.interpolate(self.lsf)[0], places.interpolate(self.ma_lsf)[0]
-        return power * self._shape(lsf, ma_lsf, frequency)
+        lsf, ma_lsf = places.interpolate(self.lsf), places.interpolate(self.ma_lsf)
+        return np.asarray(power * self._shapes(lsf, ma_lsf, frequency)[0])
 
-    def _shape(self, lsf: FloatArray, ma_lsf: FloatArray, frequency: FloatArray) -> FloatArray:
-        """Return the one-sided power density of filtered noise of variance 1, 1/Hz."""
-        delay = np.exp(-2j * np.pi * np.asarray(frequency) / self.rate)
-        numerator, denominator = (
-            np.polyval(to_polynomial(angles)[::-1], delay) for angles in (ma_lsf, lsf)
-        )
-        return np.asarray(2 / self.rate * np.abs(numerator / denominator) ** 2)
+    def _shapes(self, lsf: FloatArray, ma_lsf: FloatArray, frequency: FloatArray) -> FloatArray:
+        """Return the one-sided power densities of filtered noise of variance 1, 1/Hz."""
+
+        def response(angles: FloatArray) -> ComplexArray:
+            delays = np.outer(np.arange(angles.shape[1] + 1), frequency) / self.rate
+            return np.asarray(to_polynomial(angles) @ np.exp(-2j * np.pi * delays))
+
+        return np.asarray(2 / self.rate * np.abs(response(ma_lsf) / response(lsf)) ** 2)
 
     def at_rate(self, rate: float) -> TextureModel:
         """Return the model for another rate in Hz, with the same spectrum where both have one.
@@ -256,9 +257,8 @@ class TextureModel:
         frequency = np.linspace(0.0, rate / 2, SPECTRUM_POINTS + 1)
         known = frequency <= self.rate / 2
         density = np.empty((len(self.speeds), len(frequency)))
-        for row, angles, ma_angles in zip(density, self.lsf, self.ma_lsf, strict=True):
-            row[known] = self._shape(angles, ma_angles, frequency[known])
-            row[~known] = FLOOR * row[known].mean()
+        density[:, known] = self._shapes(self.lsf, self.ma_lsf, frequency[known])
+        density[:, ~known] = FLOOR * density[:, known].mean(axis=1, keepdims=True)
         order = self.lsf.shape[1] + self.ma_lsf.shape[1]
         polynomials, variances = levinson(np.fft.irfft(density * rate / 2)[:, : order + 1])
         return replace(
