@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.resampling import crossfaded
-from haptic_accel.core.rig.guided_hand import GuidedHand
+from haptic_accel.core.rig.guided_hand import WORKSPACE, GuidedHand
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
@@ -78,6 +78,7 @@ class PointerMaster(SimulatedMaster):
 
     PARAMETERS_OF = "simulated"
     POINTED = True
+    REACH = WORKSPACE
 
     def __init__(self, parameters: MasterRigParameters, rate: float, seed: int) -> None:
         self._hand = GuidedHand(parameters.exploration.height)

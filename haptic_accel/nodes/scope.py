@@ -20,6 +20,7 @@ from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
+from haptic_accel.graph.arguments import SCENE as SCENE_FILE
 from haptic_accel.graph.files import SURFACE
 from haptic_accel.graph.node_parameters import node_parameters, node_schema
 from haptic_accel.nodes.graph_requests import POSTURE
@@ -49,7 +50,7 @@ WANTED = {
         if name in ("controller", "high_pass_frequency", "latency")
         or name.startswith(f"{ACTUATOR}.")
     ),
-    "slave_device": ("device", f"{SURFACE}name"),
+    "slave_device": ("device", f"{SURFACE}name", SCENE_FILE),
     "master_device": ("device", POSTURE),
 }
 """Parameters of other nodes that are shown, or needed to show something."""

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from haptic_accel.core import topics
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import POINTER, SIMULATED
+from haptic_accel.devices.simulated import PointerMaster
+from haptic_accel.graph.arguments import POINTER, SCENE, SIMULATED, VIRTUAL
 from haptic_accel.graph.files import SURFACE
+from haptic_accel.materials.scenes import read_scene
 from haptic_accel.nodes.interface import GraphNode, Inbox, Sender
 from haptic_accel.scope.server import FRAME_RATE
 
-VIEW = ((-0.1, 0.1), (-0.02, 0.08))
-"""Part of the plane y = 0 that a page can show, m: where a led hand can go."""
+VIEW = PointerMaster.REACH
+"""Part of the plane through the tool, along x and z, that a page draws, m: where a hand can go."""
 
 SIGNALS = {
     "tool": topics.SLAVE_POSITION,
     "tool_velocity": topics.SLAVE_VELOCITY,
     "handle": topics.MASTER_POSITION,
+    "contact_force": topics.CONTACT_FORCE,
 }
 """Topics of `haptic_accel.scope.frames.PLACES`."""
 
@@ -88,6 +94,8 @@ class ScopeScene:
     def name(self) -> str | None:
         """Name of what the tool can touch; None if that is not known."""
         slave = self._slave()
+        if slave.get("device") == VIRTUAL:
+            return Path(slave[SCENE]).stem
         return slave.get(f"{SURFACE}name") if slave.get("device") == SIMULATED else None
 
     @property
@@ -96,10 +104,33 @@ class ScopeScene:
         return self._sender is not None and self._master().get("device") == POINTER
 
     def drawing(self) -> dict[str, Any]:
-        """Return view, outlines by name of object, and start of the tool over the handle's, m."""
-        (left, right), _ = VIEW
-        outlines = {str(self.name): [[[left, 0.0], [right, 0.0]]]} if self.name else {}
-        return {"view": VIEW, "outlines": outlines, "offset": [0.0, 0.0]}
+        """Return what a page draws of the scene; all lengths in m.
+
+        Returns
+        -------
+        dict
+            ``view``: first and last x and z; ``outlines``: lines by name of object; ``nodes``:
+            speeds and forces (m/s, N) of an object's texture model; ``offset``: x and z from
+            the master's frame to the slave's.
+        """
+        slave = self._slave()
+        found: dict[str, Any] = {"view": VIEW}
+        if slave.get("device") != VIRTUAL:
+            (left, right), _ = VIEW
+            plane = {self.name or "": [[[left, 0], [right, 0]]]}
+            return found | {"outlines": plane, "nodes": {}, "offset": [0, 0]}
+        scene = read_scene(Path(slave[SCENE]))
+        outlines = {
+            name: [line.round(5).tolist() for line in lines]
+            for name, lines in scene.section(*VIEW, y=scene.start[1]).items()
+        }
+        nodes = {
+            each.name: np.column_stack([texture.speeds, texture.forces]).tolist()
+            for each in scene.objects
+            if (texture := each.material.texture)
+        }
+        x, _, z = scene.start
+        return found | {"outlines": outlines, "nodes": nodes, "offset": [x, z]}
 
     def _look(self) -> None:
         for name, inbox in self._inboxes.items():

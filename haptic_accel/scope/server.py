@@ -319,7 +319,7 @@ class ScopeServer:
         return web.Response(body=content, content_type=kind, charset="utf-8")
 
     async def _scene(self, request: web.Request) -> web.Response:
-        return web.json_response(self._source.scene())
+        return web.json_response(await asyncio.to_thread(self._source.scene))
 
     async def _command(self, request: web.Request) -> web.Response:
         """Carry out one command: a JSON object with an action, and a value if it needs one."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-WORKSPACE = ((-0.1, 0.1), (-0.02, 0.08))
+WORKSPACE = ((-0.15, 0.15), (-0.02, 0.08))
 """Reach of the hand along the surface (x) and its normal (z), m; 13 mm below the surface the
 coupling's 250 N/m have the arms' largest force."""
 
@@ -45,7 +45,7 @@ class GuidedHand:
 
     def _rest(self) -> None:
         self._time, self._pointed = 0.0, -math.inf
-        self._axes = _Axis(0.0), _Axis(self._height)
+        self._axes = _Axis(0.0, *WORKSPACE[0]), _Axis(self._height, *WORKSPACE[1])
 
     def point(self, x: float, z: float) -> None:
         """Lead the hand to a point, m, or to that next to it within `WORKSPACE`.
@@ -55,8 +55,8 @@ class GuidedHand:
         if math.isfinite(x) and math.isfinite(z):
             passed = max(STEP, self._time - self._pointed)
             self._pointed = self._time
-            for axis, place, (low, high) in zip(self._axes, (x, z), WORKSPACE, strict=True):
-                axis.expect(min(high, max(low, place)), passed)
+            for axis, place in zip(self._axes, (x, z), strict=True):
+                axis.expect(place, passed)
 
     def at(self, time: float) -> tuple[float, float, float, float]:
         """Return x, z in m and their velocities in m/s at a time in s, as for `Exploration`.
@@ -80,7 +80,8 @@ class GuidedHand:
 class _Axis:
     """One axis of the hand."""
 
-    def __init__(self, place: float) -> None:
+    def __init__(self, place: float, low: float, high: float) -> None:
+        self._low, self._high = low, high
         self.position, self.velocity = place, 0.0
         self._goal, self._pace = place, 0.0
         self._lags = [place, place]
@@ -89,6 +90,7 @@ class _Axis:
         """Correct the goal and its pace by a point, the time in s after the one before."""
         if passed > EXPECTED:  # it was let go meanwhile
             passed, self._pace = EXPECTED, 0.0
+        place = min(self._high, max(self._low, place))
         farthest = SPEED * passed
         deviation = min(farthest, max(-farthest, place - self._goal))
         self._goal += CORRECTION * deviation
@@ -98,7 +100,7 @@ class _Axis:
     def advance(self, step: float, going_on: bool) -> None:
         """Move for a step in s."""
         if going_on:
-            self._goal += self._pace * step
+            self._goal = min(self._high, max(self._low, self._goal + self._pace * step))
         ahead = self._goal
         for place, lagging in enumerate(self._lags):
             ahead = self._lags[place] = lagging + (ahead - lagging) * step / LAG

@@ -17,9 +17,10 @@ const hapticScene = (() => {
   const sheet = view.appendChild(document.createElement("canvas")).getContext("2d");
   const here = Object.fromEntries(PLACES.map((name) => [name, [NaN, NaN]]));
   const counters = { places: 0, points: 0, drawn: 0 };
-  let scope = null; // what scope.js gives: send, ask, plot, axis, clipped, colour
+  let scope = null; // what scope.js gives: send, ask, plot, axis, colour
   let plane = null; // speed and force of the contact
   let trail = [];
+  let near = null; // object that the tool is next to
   let drawing = null; // view, outlines and offset, as the scope serves them
   let name = null; // of the scene that is drawn
   let led = false;
@@ -35,31 +36,35 @@ const hapticScene = (() => {
     const values = new Float32Array(buffer, 4);
     PLACES.forEach((place, index) => (here[place] = [values[2 * index], values[2 * index + 1]]));
     counters.places++;
-    const [normal, force] = [normalAt(here.tool), here.force];
-    if (!normal || !known(force) || Math.hypot(...force) === 0) trail.push(null);
+    const { force, velocity } = here;
+    near = known(here.tool) ? nearest(here.tool) : null;
+    if (!near || !known(force) || Math.hypot(...force) === 0) trail.push(null);
     else {
-      const along = here.velocity[0] * normal[1] - here.velocity[1] * normal[0];
-      trail.push([Math.abs(along), Math.abs(force[0] * normal[0] + force[1] * normal[1])]);
+      const [nx, nz] = near.normal;
+      trail.push([velocity[0] * nz - velocity[1] * nx, force[0] * nx + force[1] * nz].map(Math.abs));
     }
     trail = trail.slice(-TRAIL);
   }
 
-  /** Normal of the outline next to a place. */
-  function normalAt([x, z]) {
-    let nearest = Infinity;
-    let normal = null;
-    for (const line of Object.values(drawing?.outlines ?? {}).flat()) {
-      for (let i = 1; i < line.length; i++) {
-        const [[x0, z0], [x1, z1]] = [line[i - 1], line[i]];
-        const [dx, dz] = [x1 - x0, z1 - z0];
-        const length = Math.hypot(dx, dz);
-        if (!length) continue;
-        const part = clamp(((x - x0) * dx + (z - z0) * dz) / length ** 2, [0, 1]);
-        const distance = Math.hypot(x - x0 - part * dx, z - z0 - part * dz);
-        if (distance < nearest) [nearest, normal] = [distance, [-dz / length, dx / length]];
+  /** Object whose outline is next to a place, and the outline's normal there. */
+  function nearest([x, z]) {
+    let found = null;
+    for (const [object, lines] of Object.entries(drawing?.outlines ?? {})) {
+      for (const line of lines) {
+        for (let i = 1; i < line.length; i++) {
+          const [[x0, z0], [x1, z1]] = [line[i - 1], line[i]];
+          const [dx, dz] = [x1 - x0, z1 - z0];
+          const length = Math.hypot(dx, dz);
+          if (!length) continue;
+          const part = clamp(((x - x0) * dx + (z - z0) * dz) / length ** 2, [0, 1]);
+          const distance = Math.hypot(x - x0 - part * dx, z - z0 - part * dz);
+          if (!found || distance < found.distance) {
+            found = { object, distance, normal: [-dz / length, dx / length] };
+          }
+        }
       }
     }
-    return normal;
+    return found;
   }
 
   // ---- The side view ----------------------------------------------------------------------
@@ -90,23 +95,24 @@ const hapticScene = (() => {
 
   function drawObjects({ x, z }, ratio) {
     const colour = scope.colour();
-    const { width, height } = sheet.canvas;
+    const { height } = sheet.canvas;
     sheet.lineWidth = 1.5 * ratio;
     sheet.font = `${12 * ratio}px system-ui, sans-serif`;
     for (const [object, lines] of Object.entries(drawing.outlines)) {
       for (const line of lines) {
         const points = line.map(([px, pz]) => [x(px), z(pz)]);
-        const [first, last] = [points[0], points.at(-1)];
-        const closed = Math.hypot(first[0] - last[0], first[1] - last[1]) < 1;
-        // What leaves the view at both sides is solid below.
-        if (!closed) points.unshift([0, height], [0, first[1]]);
-        if (!closed) points.push([width, last[1]], [width, height]);
-        sheet.beginPath();
-        points.forEach((point, index) => sheet[index ? "lineTo" : "moveTo"](...point));
+        const outline = new Path2D();
+        points.forEach((point, index) => outline[index ? "lineTo" : "moveTo"](...point));
+        const solid = new Path2D(outline);
+        if (Math.hypot(points[0][0] - points.at(-1)[0], points[0][1] - points.at(-1)[1]) > 1) {
+          // What leaves the view at both sides is solid below.
+          solid.lineTo(points.at(-1)[0], height);
+          solid.lineTo(points[0][0], height);
+        }
         sheet.fillStyle = colour["still-fill"];
-        sheet.fill();
+        sheet.fill(solid);
         sheet.strokeStyle = colour.quiet;
-        sheet.stroke();
+        sheet.stroke(outline);
       }
       if (!lines.length) continue;
       const corners = lines.flat();
@@ -114,11 +120,10 @@ const hapticScene = (() => {
         const values = corners.map((corner) => corner[axis]);
         return (Math.min(...values) + Math.max(...values)) / 2;
       });
-      const flat = lines.every((line) => line.every(([, pz]) => pz === line[0][1]));
+      const flat = lines.every((line) => line.every(([, pz]) => Math.abs(pz - line[0][1]) < 1e-6));
       sheet.fillStyle = colour.quiet;
       sheet.textAlign = flat ? "left" : "center";
-      const place = flat ? [10 * ratio, z(centre[1]) + 18 * ratio] : [x(centre[0]), z(centre[1]) + 4 * ratio];
-      sheet.fillText(object, ...place);
+      sheet.fillText(object, flat ? 10 * ratio : x(centre[0]), z(centre[1]) + (flat ? 18 : 4) * ratio);
     }
   }
 
@@ -148,7 +153,7 @@ const hapticScene = (() => {
     if (!(length > 1)) return;
     const head = Math.min(length, 7 * ratio);
     sheet.save();
-    sheet.translate(tx, tz);
+    sheet.translate(tx - fx, tz + fz); // it ends at the tip, clear of the stylus
     sheet.rotate(Math.atan2(-fz, fx));
     sheet.fillStyle = colour.force;
     sheet.fillRect(0, -1.5 * ratio, length - head / 2, 3 * ratio);
@@ -179,19 +184,23 @@ const hapticScene = (() => {
     if (ink.canvas.width !== width) ink.canvas.width = width;
     if (ink.canvas.height !== height) ink.canvas.height = height;
     ink.clearRect(0, 0, width, height);
-    ink.fillStyle = scope.colour().force;
     const box = made.bbox;
-    scope.clipped(ink, box, () =>
-      trail.forEach((point, index) => {
-        if (!point) return;
-        const last = index === trail.length - 1;
-        ink.globalAlpha = last ? 1 : 0.35 * (index / trail.length);
-        const at = [box.left + (point[0] / FASTEST) * box.width, box.top + (1 - point[1] / HARDEST) * box.height];
-        ink.beginPath();
-        ink.arc(...at, (last ? 6 : 3) * ratio, 0, 2 * Math.PI);
-        ink.fill();
-      }),
-    );
+    const dot = ([speed, force], radius) => {
+      const [right, up] = [clamp(speed / FASTEST, [0, 1]), clamp(force / HARDEST, [0, 1])];
+      ink.beginPath();
+      ink.arc(box.left + right * box.width, box.top + (1 - up) * box.height, radius * ratio, 0, 2 * Math.PI);
+      ink.fill();
+    };
+    ink.fillStyle = scope.colour().quiet;
+    for (const node of drawing.nodes[near?.object] ?? []) dot(node, 1.5);
+    ink.fillStyle = scope.colour().force;
+    trail.forEach((point, index) => {
+      if (!point) return;
+      const last = index === trail.length - 1;
+      ink.globalAlpha = last ? 1 : 0.35 * (index / trail.length);
+      dot(point, last ? 6 : 3);
+    });
+    ink.globalAlpha = 1;
   }
 
   // ---- The pointer ------------------------------------------------------------------------
@@ -205,7 +214,7 @@ const hapticScene = (() => {
   }
 
   const reached = (place) =>
-    place.map((value, axis) => clamp(value, drawing.view[axis].map((end) => end - drawing.offset[axis])));
+    place.map((value, axis) => clamp(value, drawing.view[axis]));
 
   function grab(event) {
     if (!led || grip || event.button || !known(here.handle)) return;
@@ -261,13 +270,13 @@ const hapticScene = (() => {
 
   /** Follow the graph's state. */
   async function show(state) {
-    led = state.led;
+    led = Boolean(state.led);
     document.querySelector("main").classList.toggle("led", led);
     view.classList.toggle("led", led);
     view.tabIndex = led ? 0 : -1;
     document.getElementById("scene-hint").hidden = !led;
-    if (state.scene === name) return;
-    name = state.scene;
+    if ((state.scene ?? null) === name) return;
+    name = state.scene ?? null;
     card.hidden = name === null;
     if (name === null) return;
     plane ??= makePlane();

@@ -818,9 +818,9 @@
   function draw(moment) {
     requestAnimationFrame(draw);
     if (calm.matches && moment - drawnAt < CALM) return;
-    if (clock.offset === null) return;
     drawnAt = moment;
     hapticScene.draw();
+    if (clock.offset === null) return;
     if (held === null) {
       for (const strip of strips) strip.draw();
       drawGauges();
@@ -849,7 +849,7 @@
     for (const one of [...strips.map((strip) => strip.plot), spectraPlot, cloudPlot, hapticScene]) one.redraw();
   });
   setInterval(describe, DESCRIBE);
-  hapticScene.start({ send, ask: askForSignals, plot, axis, clipped, colour: () => colour });
+  hapticScene.start({ send, ask: askForSignals, plot, axis, colour: () => colour });
   hapticSound.start(askForSignals);
   if (control) listenToControls();
   connect();

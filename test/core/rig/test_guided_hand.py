@@ -82,9 +82,8 @@ def test_no_point_throws_it_or_leads_it_out_of_reach(
     assert np.isfinite(rows).all()
     assert np.abs(rows[:, 2:]).max() < 4 * SPEED
     for axis, (low, high) in enumerate(WORKSPACE):
-        # Overshoot of a goal that was expected to go on.
-        assert low - 0.06 < rows[:, axis].min()
-        assert rows[:, axis].max() < high + 0.06
+        assert low - 1e-9 <= rows[:, axis].min()
+        assert rows[:, axis].max() <= high + 1e-9
 
 
 def test_at_the_start_of_time_it_rests_again() -> None:
