@@ -53,6 +53,8 @@ class Tones:
             "controller": None,
             "surface": None,
             "grip": None,
+            "scene": None,
+            "led": False,
             "engaged": None,
             "stop": {"asked": False},
             "actuator": {"age_us": None, "due": None, "missed": None},

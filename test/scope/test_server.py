@@ -566,6 +566,30 @@ def test_one_page_at_a_time_leads_the_hand(started: Started, source: Source) -> 
     assert source.led[:3] == [(0.01, -0.002), (0.02, 0), (0.03, 0.0)]
 
 
+def test_a_page_that_plays_sound_receives_frames_more_often(
+    started: Started, source: Source, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(served, "FRAME_RATE", 10)
+    monkeypatch.setattr(served, "SOUND_RATE", 1000)
+    _, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+
+            async def time_of_frames() -> float:
+                begun = time.monotonic()
+                for _ in range(15):
+                    source.feed(8)
+                    await frames(live, 1)
+                return time.monotonic() - begun
+
+            silent = await time_of_frames()
+            await live.send_json(["sound"])
+            assert await time_of_frames() < silent
+
+    visit(use)
+
+
 def test_the_scene_is_served_and_places_to_who_asks(started: Started, source: Source) -> None:
     _, url = started()
     source.windows.places = {"tool": (0.01, 0.0, -0.002), "handle": (0.0, 0.0, 0.01)}

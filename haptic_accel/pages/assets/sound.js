@@ -6,13 +6,13 @@
 const hapticSound = (() => {
   const HALF = 4; // input samples on each side of the interpolation filter; its delay
   const PHASES = 1024; // positions between two input samples that the filter is tabulated at
-  const SHARPNESS = 5; // of the Kaiser window: images some 50 dB down
+  const SHARPNESS = 5; // of the Kaiser window: flat up to 0.3 of the rate, images of that 53 dB down
   const FULL_SCALE = 10; // m/s² at which full volume reaches the limiter
   const LATE = 128; // frames that the browser renders at a time: what begins sooner is too late
   const RESERVE = 0.008; // s that shall be left to play whenever samples arrive
   const MEMORY = 10; // s for which late arrivals are remembered
-  const BEND = 0.01; // largest change of speed by which the reserve is corrected: a sixth of a semitone
-  const STALE = 0.25; // s by which samples may be late before playing begins anew
+  const BEND = 0.02; // largest change of speed, by which the reserve is corrected: a third of a semitone
+  const STALE = 0.25; // s by which samples may come late, or wait, before playing begins anew
   const GAP = 0.02; // s of lost samples across which a line is drawn
   const FADE = 0.005; // s in which sound begins, and ends where samples are late
   const SHOW = 500; // ms between two displays of the delay
@@ -78,26 +78,36 @@ const hapticSound = (() => {
     /** Play samples of a rate in Hz, with stamps in s, after those that came before. */
     take(stamps, samples, rate) {
       const { currentTime: now, sampleRate } = this.context;
-      let left = this.next / sampleRate - now;
-      if (rate !== this.rate || left < -STALE || !(Math.abs(stamps[0] - this.newest) < GAP)) {
-        const newest = stamps.at(-1) - GAP; // of a backlog, only the end
-        Object.assign(this, { rate, newest, sample: 0, upsampler: new Upsampler(), lowest: [], shift: 0 });
-        left = this.pause(now);
-      } else if (left < LATE / sampleRate) {
+      const left = this.next / sampleRate - now; // s of what came before
+      const lost = !(Math.abs(stamps[0] - this.newest) < GAP);
+      if (rate !== this.rate || lost || Math.abs(left) > STALE) this.begin(now, stamps.at(-1) - GAP, rate);
+      else this.follow(now, left);
+      const frames = this.upsampler.push(this.evened(stamps, samples), (this.speed * rate) / sampleRate);
+      this.shift -= ((this.speed - 1) * frames.length) / sampleRate;
+      if (frames.length) this.schedule(frames);
+      this.delay = this.next / sampleRate - now + HALF / rate;
+    }
+
+    /** Begin anew after a time: of a backlog, only the end is played. */
+    begin(now, newest, rate) {
+      Object.assign(this, { rate, newest, sample: 0, upsampler: new Upsampler() });
+      Object.assign(this, { lowest: [], shift: 0, speed: 1 });
+      this.pause(now);
+    }
+
+    /** Choose the speed at which the reserve comes back to what it should be. */
+    follow(now, left) {
+      if (left < LATE / this.context.sampleRate) {
         this.underruns++;
         this.shift -= left;
         left = this.pause(now);
         this.shift += left;
       }
       const excess = this.remember(now, left) - RESERVE;
-      const speed = 1 + Math.min(BEND, Math.max(-BEND, excess));
-      const frames = this.upsampler.push(this.evened(stamps, samples), (speed * rate) / sampleRate);
-      this.shift -= ((speed - 1) * frames.length) / sampleRate;
-      if (frames.length) this.schedule(frames);
-      this.delay = this.next / sampleRate - now + HALF / rate;
+      this.speed = 1 + Math.min(BEND, Math.max(-BEND, excess));
     }
 
-    /** Let the next frame wait; return for how long. */
+    /** Let the next frame wait for the reserve; return for how long exactly, s. */
     pause(now) {
       const { sampleRate } = this.context;
       this.last = null;

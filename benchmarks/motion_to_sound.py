@@ -1,0 +1,151 @@
+"""Measure the time from a motion on the scope's page to its sound, in a real browser.
+
+Run as ``python benchmarks/motion_to_sound.py``. A mouse taps the surface of a graph with
+``master:=pointer``. The stages end with the first sample of the handle's acceleration above a
+threshold, with its arrival at the page, and when the browser's output plays it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.core.process import REALTIME
+
+STAGES = ("motion to acceleration", "acceleration to page", "page to sound", "motion to sound")
+
+ABOVE, BELOW = 1e-3, 3e-3
+"""Distances from the surface between which the hand taps, m."""
+
+STEP = 5e-4
+"""Step in which the surface is looked for, m."""
+
+TOUCH = 0.2
+"""Contact force at which the surface is found, N."""
+
+REST = 700
+"""Time between two motions, ms: the tool comes to rest."""
+
+WATCH = """() => {
+  window.taps = [];
+  window.tap = null; // set to {} before the mouse moves
+  const THRESHOLD = 2; // m/s²; in the air, the handle has 0.2
+  const now = () => performance.timeOrigin + performance.now();
+  document.getElementById("scene").addEventListener("pointermove", () => {
+    if (tap) tap.moved ??= now();
+  });
+  const take = hapticSound.take;
+  hapticSound.take = (name, origin, offsets, values, rate) => {
+    take(name, origin, offsets, values, rate);
+    if (name !== "actual" || !tap?.moved) return;
+    const stamp = (index) => 1e3 * (origin + offsets.at(index));
+    const felt = (value, index) => Math.abs(value) > THRESHOLD && stamp(index) > tap.moved;
+    const first = values.findIndex(felt);
+    if (first < 0) return;
+    const { stream, context } = hapticSound;
+    const arrived = now();
+    const ahead = stamp(-1) - stamp(first); // the delay is that of the newest sample
+    const played = arrived + 1e3 * (stream.delay + context.outputLatency) - ahead;
+    const moments = [tap.moved, stamp(first), arrived, played];
+    taps.push([...moments.slice(1).map((moment, i) => moment - moments[i]), played - tap.moved]);
+    tap = null;
+  };
+}"""
+
+SCALE = """async () => {
+  const [[left, right], [low, high]] = (await (await fetch("/scene")).json()).view;
+  const { clientWidth, clientHeight } = document.getElementById("scene");
+  return Math.min(clientWidth / (right - left), clientHeight / (high - low));
+}"""
+
+
+@contextmanager
+def scope(words: Sequence[str]) -> Iterator[str]:
+    """Start a graph with a page; return its address."""
+    given = ["teleop", "master:=pointer", "scope:=true", "scope_port:=0", *words]
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "haptic_accel.cli.main", *given]
+        # Real-time nodes would starve a browser that draws without a graphics card.
+        environment = {**os.environ, REALTIME: "no"}
+        with subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True
+        ) as graph:
+            assert graph.stdout
+            try:
+                # The address has a line of its own, and comes when all else has started.
+                lines = (line.split() for line in graph.stdout)
+                yield next(word for line in lines for word in line if word.startswith("http"))
+            finally:
+                graph.send_signal(signal.SIGINT)
+                graph.stdout.read()
+
+
+def wait(page: Any, expression: str) -> None:
+    """Wait until an expression of the page is true."""
+    while not page.evaluate(expression):  # the page's policy forbids what waits by itself
+        page.wait_for_timeout(50)
+
+
+def measured(page: Any, taps: int) -> list[list[float]]:
+    """Return the stages of each tap, ms, in the order of `STAGES`."""
+    wait(page, "hapticScope.state?.led && hapticScope.state.engaged")
+    page.locator("#sound-on").click()
+    wait(page, "hapticSound.stream?.rate")
+    page.evaluate(WATCH)
+    scale = page.evaluate(SCALE)
+    box = page.locator("#scene").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    while page.evaluate("Math.hypot(...hapticScene.here.force)") < TOUCH:
+        y += STEP * scale
+        page.mouse.move(x, y)
+        page.wait_for_timeout(100)
+    for _ in range(taps):
+        page.mouse.move(x, y - ABOVE * scale)
+        page.wait_for_timeout(REST)
+        page.evaluate("tap = {}")
+        page.mouse.move(x, y + BELOW * scale)
+        page.wait_for_timeout(REST)
+    page.mouse.up()
+    print(page.locator("#sound-delay").inner_text(), file=sys.stderr)
+    return page.evaluate("taps")  # type: ignore[no-any-return]
+
+
+def main() -> None:
+    """Measure, and print medians and 90 % quantiles."""
+    from playwright.sync_api import sync_playwright
+
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("words", nargs="*", help="arguments of the graph: slave:=virtual")
+    parser.add_argument("--taps", type=int, default=20)
+    parser.add_argument("--json", action="store_true", help="print one object of stages")
+    given = parser.parse_args()
+    with scope(given.words) as address, sync_playwright() as player:
+        program, flags = shutil.which("chromium"), ["--no-sandbox", "--disable-gpu"]
+        browser = player.chromium.launch(executable_path=program, args=flags)
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.goto(address)
+        found = np.quantile(measured(page, given.taps), [0.5, 0.9], axis=0).T
+        browser.close()
+    if given.json:
+        print(json.dumps({name: list(pair) for name, pair in zip(STAGES, found, strict=True)}))
+        return
+    print(f"{given.taps} taps, ms{'median':>20}{'90 %':>8}")
+    for name, (median, high) in zip(STAGES, found, strict=True):
+        print(f"{name:22}{median:>8.1f}{high:>8.1f}")
+
+
+if __name__ == "__main__":
+    main()
