@@ -96,6 +96,8 @@ setup(
         "can": ["python-can>=4.3", "pyserial>=3.5"],
         # A voice coil behind a sound card; needs PortAudio, which only apt has: libportaudio2.
         "audio": ["sounddevice>=0.4.6"],
+        # Virtual scenes that move; version 4 is not out.
+        "mujoco": ["mujoco>=3.3,<4"],
         # Two hosts by transport:=zenoh; eclipse-zenoh has no rosdep key. 1.10: datagrams of QUIC.
         "zenoh": ["eclipse-zenoh>=1.10", "cryptography>=41"],
         "test": TEST,

@@ -42,6 +42,7 @@ RIG = "haptic_accel.core.rig"
 RIG_USERS = {
     *("haptic_accel.devices.simulated", "haptic_accel.core.trial"),
     *("haptic_accel.core.surfaces.virtual_rig", "haptic_accel.core.surfaces.tool"),
+    "haptic_accel.materials.moving",
 }
 """The virtual rig is a leaf: everything else reaches it through these."""
 

@@ -14,6 +14,7 @@ from haptic_accel.core.surfaces.scene import Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Sphere
 from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import TextureModel
+from haptic_accel.materials.moving import moving_scene
 from haptic_accel.materials.sections import Section, read_sections
 from haptic_accel.materials.texture_files import read_texture
 
@@ -46,12 +47,30 @@ def read_scene(path: Path) -> Scene:
         is allowed.
     """
     file = read_sections(path)
-    file.check_keys("start", "materials", "objects")
+    file.check_keys("start", "materials", "objects", "mujoco")
     materials = {name: _material(name, each) for name, each in file.inner("materials").sections()}
+    if "mujoco" in file.values:
+        return _moving(file, materials)
     objects = [_object(name, each, materials) for name, each in file.inner("objects").sections()]
     if not objects:
         file.refuse("objects: must be one at least", "objects")
     return Scene(tuple(objects), file.vector("start", PLACE), path.stem)
+
+
+def _moving(file: Section, materials: Mapping[str, Material]) -> Scene:
+    """Return the scene of an MJCF file, whose geoms are given materials here."""
+    for _, section in file.inner("materials").sections():
+        section.check_keys("texture", "tap")  # all else is the other file's
+    named = {}
+    for geom, section in file.inner("objects").sections():
+        section.check_keys("material")
+        named[geom] = section.choice("material", materials)
+    path = file.path.parent / file.value("mujoco", "", Specification("MJCF file"))
+    start = file.vector("start", PLACE)
+    try:
+        return moving_scene(path, named, start, file.path.stem)
+    except ParameterError as error:
+        file.refuse(str(error), "mujoco")
 
 
 def _material(name: str, section: Section) -> Material:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from operator import add
+from typing import Any
 
 import numpy as np
 
@@ -97,6 +99,8 @@ class Scene:
     start : tuple of float
         Place above which the tool begins, m.
     name : str
+    mover : callable, optional
+        Makes the tool of a scene that moves from its parameters, the scene and a rate.
 
     Raises
     ------
@@ -107,6 +111,7 @@ class Scene:
     objects: tuple[SceneObject, ...]
     start: Vector = ZERO
     name: str = "scene"
+    mover: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
         """Check that each object has a name of its own."""

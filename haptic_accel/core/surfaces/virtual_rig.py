@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from haptic_accel.core.model import ZERO, Sample, Vector
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.holding import Holding
 from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE
@@ -104,7 +105,7 @@ class VirtualRig:
     ) -> None:
         self._arm = parameters.arm
         self._rate, self._seed = rate, seed
-        self._tool = VirtualTool(parameters.tool, scene, rate)
+        self._tool: VirtualTool = (scene.mover or VirtualTool)(parameters.tool, scene, rate)
         self._vibrations: dict[Material, Vibration] = {}
         self._most = math.ceil(LONGEST_ADVANCE * rate)
         self._holding = Holding()
@@ -148,8 +149,16 @@ class VirtualRig:
         """Do nothing: the slave's tool has no actuator."""
 
     def change_scene(self, scene: Scene) -> None:
-        """Put another scene under the tool, without a jump of force; what rings goes on."""
+        """Put another scene under the tool, without a jump of force; what rings goes on.
+
+        Raises
+        ------
+        ParameterError
+            One of the two moves.
+        """
         if scene is not self._tool.scene:
+            if scene.mover or self._tool.scene.mover:
+                raise ParameterError(f"scene {scene.name}: one that moves begins with the graph")
             self._tool.change_scene(scene)
         vibrations = {m: v for m, v in self._vibrations.items() if not v.silent}
         for each in scene.objects:

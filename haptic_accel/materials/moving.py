@@ -1,0 +1,264 @@
+"""Scenes that move, by MuJoCo: what the tool touches, and how hard; textures and taps are ours.
+
+The forces of its soft contacts oscillate, so no acceleration is taken from them; friction on the
+tool is ours as well, up to the coefficient of sliding that a geom has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.parameters import ParameterError, shown, suggestion
+from haptic_accel.core.rig.slave_rig import ToolParameters
+from haptic_accel.core.surfaces.contact import Contact
+from haptic_accel.core.surfaces.material import Material
+from haptic_accel.core.surfaces.scene import Scene, SceneObject
+from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
+
+TIP_RADIUS = 1e-3
+"""Radius of the tool's tip, m."""
+
+_TOOL = "haptic_accel_tool"
+
+
+def moving_scene(path: Path, materials: Mapping[str, Material], start: Vector, name: str) -> Scene:
+    """Return the scene of an MJCF file, drawn as it is at the start.
+
+    Parameters
+    ----------
+    path : Path
+    materials : mapping
+        Material of each geom by its name; others have no texture and no tap.
+    start : tuple of float
+        Place above which the tool begins, m.
+    name : str
+        Name of the scene.
+
+    Raises
+    ------
+    ParameterError
+        MuJoCo is not installed, or cannot read the file; or a geom is not in it.
+    """
+    mujoco = _mujoco(path)
+    model = _specification(path).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    names = [model.geom(index).name or f"geom {index}" for index in range(model.ngeom)]
+    for geom in materials:
+        if geom not in names:
+            raise ParameterError(
+                f"{path}: geom {shown(geom)}: must be one of {', '.join(names)}"
+                f"{suggestion(geom, names)}"
+            )
+    objects = tuple(
+        SceneObject(
+            geom,
+            _shape(model.geom(index)),
+            materials.get(geom) or Material(geom),
+            tuple(data.geom_xpos[index].tolist()),
+            _roll_pitch_yaw(data.geom_xmat[index].reshape(3, 3)),
+        )
+        for index, geom in enumerate(names)
+    )
+    return Scene(objects, start, name, partial(MovingTool, path))
+
+
+def _mujoco(path: Path) -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise ParameterError(f"{path}: needs MuJoCo: pip install 'haptic_accel[mujoco]'") from None
+    return mujoco
+
+
+def _specification(path: Path) -> Any:
+    """Return what an MJCF file states."""
+    try:
+        return _mujoco(path).MjSpec.from_file(str(path))
+    except ValueError as error:
+        reason = shown(" ".join(str(error).split()))
+        raise ParameterError(f"{path}: must be MJCF that MuJoCo reads: {reason}") from None
+
+
+def _shape(geom: Any) -> Shape:
+    """Return the shape that a geom is drawn as: its bounding sphere where it has no such."""
+    from mujoco import mjtGeom
+
+    kind, (x, y, z) = int(geom.type[0]), geom.size.tolist()
+    if kind == mjtGeom.mjGEOM_PLANE:
+        return Plane()
+    if kind == mjtGeom.mjGEOM_BOX:
+        return Box(2 * x, 2 * y, 2 * z)
+    if kind == mjtGeom.mjGEOM_CYLINDER:
+        return Cylinder(x, 2 * y)
+    return Sphere(float(geom.rbound[0]))
+
+
+def _roll_pitch_yaw(matrix: FloatArray) -> Vector:
+    """Return the angles about the fixed axes x, y, z of a rotation, rad."""
+    return (
+        math.atan2(matrix[2, 1], matrix[2, 2]),
+        -math.asin(max(-1.0, min(1.0, matrix[2, 0]))),
+        math.atan2(matrix[1, 0], matrix[0, 0]),
+    )
+
+
+class MovingTool:
+    """A ball on three sliding joints in a scene of MuJoCo, under the motors' force.
+
+    Parameters
+    ----------
+    path : Path
+        MJCF file.
+    parameters : ToolParameters
+        The tool begins at its `height` above the scene's start.
+    scene : Scene
+        Made of the same file.
+    rate : float
+        Samples per second; MuJoCo takes as many steps in each as its own time step asks for.
+
+    Attributes
+    ----------
+    scene : Scene
+    position : tuple of float
+        m.
+    velocity : tuple of float
+        m/s.
+    """
+
+    def __init__(self, path: Path, parameters: ToolParameters, scene: Scene, rate: float) -> None:
+        self._mujoco = _mujoco(path)
+        self.scene = scene
+        self._model = _with_tool(path, scene.start, parameters)
+        self._steps = max(1, math.ceil(1 / rate / self._model.opt.timestep - 1e-9))
+        self._model.opt.timestep = 1 / rate / self._steps
+        self._data = self._mujoco.MjData(self._model)
+        self._inertia = parameters.mass / self._model.opt.timestep
+        self._friction = self._model.geom_friction[:, 0].tolist()
+        self._body, self._tip = self._model.body(_TOOL).id, self._model.geom(_TOOL).id
+        self._axes = slice(
+            self._model.body(_TOOL).dofadr[0], self._model.body(_TOOL).dofadr[0] + 3
+        )
+        self.put_back()
+
+    def put_back(self) -> None:
+        """Begin the scene anew."""
+        self._mujoco.mj_resetData(self._model, self._data)
+        self._mujoco.mj_forward(self._model, self._data)
+        self._touched: set[int] = set()
+        self._note()
+
+    def advance(self, force: Vector) -> Contact | None:
+        """Move one sampling period under the motors' force in N, and return what was touched."""
+        forces: dict[int, FloatArray] = {}
+        contacts: dict[int, Contact] = {}
+        approaching = np.array(self.velocity)
+        for _ in range(self._steps):
+            self._data.xfrc_applied[self._body, :3] += force
+            self._mujoco.mj_step(self._model, self._data)
+            self._data.xfrc_applied[:] = 0.0
+            for index, pair in enumerate(self._data.contact.geom.tolist()):
+                if self._tip in pair:
+                    other = sum(pair) - self._tip
+                    found = self._touch(self._data.contact[index], other, force, approaching)
+                    contacts[other] = found
+                    forces[other] = forces.get(other, 0.0) + np.array(found.force) / self._steps
+        self._note()
+        begun, self._touched = set(contacts) - self._touched, set(contacts)
+        if not contacts:
+            return None
+        number = max(contacts, key=lambda each: (each in begun, contacts[each].normal_force))
+        x, y, z = sum(forces.values(), np.zeros(3)).tolist()
+        return contacts[number]._replace(
+            force=(x, y, z),
+            normal_force=float(forces[number] @ contacts[number].normal),
+            impact_speed=contacts[number].impact_speed if number in begun else 0.0,
+        )
+
+    def _note(self) -> None:
+        x, y, z = self._data.xpos[self._body].tolist()
+        v_x, v_y, v_z = self._data.qvel[self._axes].tolist()
+        self.position: Vector = (x, y, z)
+        self.velocity: Vector = (v_x, v_y, v_z)
+
+    def _touch(self, contact: Any, other: int, motors: Vector, approaching: FloatArray) -> Contact:
+        """Return a contact of the last step, and let its friction act in the next one."""
+        normal = contact.frame[:3] * (1.0 if contact.geom[1] == self._tip else -1.0)
+        ground = self._ground_velocity(other, contact.pos)
+        relative = self._data.qvel[self._axes] - ground
+        along = _along(relative, normal)
+        # The contact has no other force than the normal one: MuJoCo's friction makes it hop.
+        pushing = (
+            float(self._data.efc_force[contact.efc_address]) if contact.efc_address >= 0 else 0
+        )
+        bound = self._friction[other] * pushing
+        stopping = self._inertia * along + _along(np.array(motors), normal)
+        size = math.sqrt(stopping @ stopping)
+        friction = -stopping * min(1.0, bound / size) if size else np.zeros(3)
+        self._data.xfrc_applied[self._body, :3] += friction
+        body = self._model.geom_bodyid[other]
+        lever = contact.pos - self._data.xipos[body]
+        self._data.xfrc_applied[body] -= np.concatenate([friction, self._cross(lever, friction)])
+        return Contact(
+            self.scene.objects[other],
+            _vector(normal),
+            max(0.0, -float(contact.dist)),
+            _vector(pushing * normal + friction),
+            pushing,
+            _vector(along),
+            math.sqrt(along @ along),
+            max(0.0, -float((approaching - ground) @ normal)),
+            size > bound,
+        )
+
+    def _ground_velocity(self, geom: int, place: FloatArray) -> FloatArray:
+        """Return the velocity of a geom at a place, m/s."""
+        twist = np.zeros(6)
+        kind = self._mujoco.mjtObj.mjOBJ_GEOM
+        self._mujoco.mj_objectVelocity(self._model, self._data, kind, geom, twist, 0)
+        lever = place - self._data.geom_xpos[geom]
+        return np.asarray(twist[3:] + self._cross(twist[:3], lever))
+
+    def _cross(self, first: FloatArray, second: FloatArray) -> FloatArray:
+        result = np.empty(3)
+        self._mujoco.mju_cross(result, first, second)  # ten times as fast as numpy's
+        return result
+
+
+def _along(vector: FloatArray, normal: FloatArray) -> FloatArray:
+    """Return the part of a vector along a surface."""
+    return np.asarray(vector - (vector @ normal) * normal)
+
+
+def _vector(values: FloatArray) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _with_tool(path: Path, start: Vector, parameters: ToolParameters) -> Any:
+    """Return the model of a file with a tool in it, whose geom is the last."""
+    from mujoco import mjtGeom, mjtJoint
+
+    specification = _specification(path)
+    x, y, z = start
+    place = [x, y, z + parameters.height + TIP_RADIUS]
+    body = specification.worldbody.add_body(name=_TOOL, pos=place, gravcomp=1)
+    for axis in np.eye(3):
+        body.add_joint(
+            type=mjtJoint.mjJNT_SLIDE,
+            axis=axis,
+            damping=parameters.viscous_friction,
+            frictionloss=parameters.coulomb_friction,
+        )
+    size = [TIP_RADIUS, 0, 0]
+    ball = body.add_geom(name=_TOOL, type=mjtGeom.mjGEOM_SPHERE, size=size, mass=parameters.mass)
+    ball.contype = ball.conaffinity = 1  # whatever the file's defaults are
+    ball.condim = ball.priority = 1  # no friction with anything
+    return specification.compile()
