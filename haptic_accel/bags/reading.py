@@ -34,11 +34,18 @@ from haptic_accel.core.sampling import (
     on_grid,
     places,
 )
-from haptic_accel.core.topics import ACTUATOR_AXIS, DIAGNOSTICS, SIGNALS, ArmTopics, reporter
+from haptic_accel.core.topics import (
+    ACTUATOR_AXIS,
+    CONTACT_FORCE,
+    DIAGNOSTICS,
+    SIGNALS,
+    ArmTopics,
+    reporter,
+)
 
 _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
-_SIGNALS = {topic.name: topic for topic in SIGNALS}
+_SIGNALS = {topic.name: topic for topic in (*SIGNALS, CONTACT_FORCE)}
 _REPORTS = "diagnostics"
 
 # Fields of rcl_interfaces/msg/ParameterValue by the type of the value, from 1 on.

@@ -18,11 +18,13 @@ from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
+    CONTACT_FORCE,
     HANDLE_ACCELERATION,
     MASTER_ARM_FORCE,
     SLAVE_ARM_FORCE,
     TOOL_ACCELERATION,
 )
+from haptic_accel.graph.arguments import SCENE
 from haptic_accel.graph.files import surface_parameters
 from observing import Observer
 from running import PATIENCE, Command, wait_until
@@ -128,9 +130,38 @@ def test_surface_grip_and_engagement_change_while_the_graph_runs(
     assert graph.end(signal.SIGINT) == 0, graph.text
 
 
+MAT = """materials: {rubber: {stiffness: 800.0}}
+objects: {mat: {shape: plane, material: rubber}}
+"""
+
+
+def test_another_scene_comes_under_the_tool_while_the_graph_runs(
+    haptic_accel: Start, observer: Observer, ask: Ask, tmp_path: Path
+) -> None:
+    (tmp_path / "mat.yaml").write_text(MAT)
+    graph = haptic_accel("teleop", "slave:=virtual", "rate:=500", "bag:=bag")
+    graph.wait_for("engaged")
+    status, said = ask("control", f"scene:={tmp_path / 'mat.yaml'}")
+    assert (status, said.split()[:2]) == (0, ["slave_device:", SCENE])
+    assert said.endswith(str(tmp_path / "mat.yaml"))
+
+    def presses() -> bool:
+        found = observer.collect((CONTACT_FORCE,), 50)[CONTACT_FORCE.name]
+        return max(message.wrench.force.z for message in found) > 0.5
+
+    wait_until(presses, "the hand presses on the mat")
+    assert graph.end(signal.SIGINT) == 0, graph.text
+    bag = read_bag(tmp_path / "bag")
+    assert [Path(change.value).stem for change in bag.changes if change.parameter == SCENE] == [
+        "mat"
+    ]
+    assert len(bag.signals[CONTACT_FORCE.name].values) > 100
+
+
 @pytest.mark.parametrize(
     ("word", "named"),
     [
+        ("scene:=cave", "scene = 'cave': must be one of workshop, or a .yaml file"),
         ("surface:=jelly", "surface = 'jelly': must be one of plywood"),
         ("surface:=recording", "surface = 'recording': must be chosen when the graph starts"),
         ("surface:=mine.yaml", "simulated.surface.friction = -1: must be from 0 to 2"),
