@@ -24,10 +24,26 @@ def test_on_one_host_both_couplings_let_feel_the_surface_alike() -> None:
 
 
 def test_the_scripted_hand_strokes_the_workshop_s_bench() -> None:
-    found = lockstep_trial(GraphArguments(slave="virtual", duration=2.0))
+    found = virtual("none", "ideal")
     assert found.surface == "workshop"
     force = found.arms[CONTACT_FORCE.name]
     stroke = slice(1100, 1400)
     assert force[stroke, 2].mean() == pytest.approx(1.0, rel=0.3)
     assert abs(force[stroke, 0]) == pytest.approx(0.35 * force[stroke, 2], rel=0.05)
-    assert np.abs(found.tool_acceleration).max() > 1.0
+
+
+def test_a_tap_is_felt_one_sample_after_the_latency_and_as_strong() -> None:
+    without, trial = (virtual(each, "ideal") for each in ("none", "adaptive"))
+    onset = int(np.argmax(trial.arms[CONTACT_FORCE.name][:, 2] > 0))
+    assert trial.desired_acceleration[onset] != 0.0
+    assert not np.any(trial.desired_acceleration[:onset])
+    felt = np.flatnonzero(trial.handle_acceleration != without.handle_acceleration)
+    assert felt[0] == onset + trial.latency + 1
+    tap = slice(onset, onset + 20)
+    desired, actual = trial.desired_acceleration[tap], trial.actual_acceleration[tap]
+    assert np.abs(actual).max() == pytest.approx(np.abs(desired).max(), rel=0.1)
+
+
+def virtual(controller: str, rig: str, duration: float = 2.0) -> Trial:
+    given = GraphArguments(slave="virtual", controller=controller, rig=rig, duration=duration)
+    return lockstep_trial(given)

@@ -124,6 +124,8 @@ def test_another_scene_changes_neither_motion_nor_force_at_that_moment() -> None
     other = Material("rubber", stiffness=800.0, texture=replace(WHITE, name="other"))
     rig.change_scene(Scene((SceneObject("mat", Plane(), other),), name="other"))
     assert rig.measure() == before
+    force = rig.contact_force
     run(rig, (1.0, 0.0, -1.5), 1 / RATE, since=0.5)
     assert rig.contact is not None
     assert rig.contact.object.name == "mat"
+    assert rig.contact_force[2] == pytest.approx(force[2], rel=0.05)

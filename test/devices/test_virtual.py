@@ -1,0 +1,45 @@
+"""Tests of the virtual slave as a device."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.core.folders import preset_file
+from haptic_accel.core.model import ZERO
+from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.devices.virtual import VirtualSlave, VirtualSlaveParameters
+
+WORKSHOP = VirtualSlaveParameters(scene=str(preset_file("scene", "workshop")))
+
+
+def pressed() -> VirtualSlave:
+    device = VirtualSlave(WORKSHOP, 1000.0, 0)
+    device.open()
+    device.write(100.0, arm_force=(0.5, 0.0, -1.0))
+    for index in range(1, 500):
+        device.read(100.0 + index / 1000)
+    return device
+
+
+def test_the_force_of_the_contact_is_known() -> None:
+    device = pressed()
+    assert device.contact_force[2] == pytest.approx(1.0, rel=0.05)
+    device.close()
+    assert VirtualSlave(WORKSHOP, 1000.0, 0).contact_force == ZERO
+
+
+def test_a_wrong_scene_is_refused_and_the_old_one_stays(tmp_path: Path) -> None:
+    device, wrong = pressed(), tmp_path / "wrong.yaml"
+    wrong.write_text("materials: {wood: {stiffness: -1}}")
+    before = device.contact_force
+    with pytest.raises(ParameterError, match=r"wrong\.yaml:1: materials\.wood\.stiffness = -1"):
+        device.change(VirtualSlaveParameters(scene=str(wrong)))
+    assert device.contact_force == before
+    with pytest.raises(ParameterError, match="must be a readable file"):
+        VirtualSlave(VirtualSlaveParameters(), 1000.0, 0)
+
+
+def test_what_can_be_changed_is_among_the_parameters() -> None:
+    assert set(VirtualSlave.CHANGEABLE) <= set(schema(VirtualSlaveParameters))
