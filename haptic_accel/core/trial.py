@@ -31,7 +31,7 @@ from haptic_accel.core.network.playout import TRUE, WAITING, Played
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
-from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters
+from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters, Vibrating
 from haptic_accel.core.sampling import LATENCY, check_latency
 from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
@@ -219,6 +219,7 @@ def run_trial(
     recording: FloatArray | None = None,
     replayed: Track | None = None,
     scene: Scene | None = None,
+    texture: Vibrating | None = None,
     compensation: CompensationParameters | None = None,
     controllers: Mapping[str, Checked] | None = None,
     grips: Sequence[GripChange] = (),
@@ -256,6 +257,8 @@ def run_trial(
         sample after the first force; until then the slave waits at its beginning.
     scene : Scene, optional
         Scene that the virtual slave touches in place of the simulated one's surface.
+    texture : callable, optional
+        Acceleration that adds to that of the simulated surface, as `SlaveRig` takes it.
     compensation : CompensationParameters, optional
         Parameters of high-pass and sensor range; `controller` takes the place of its own.
     controllers : mapping, optional
@@ -294,7 +297,7 @@ def run_trial(
     elif scene is not None:
         slave = VirtualRig(rig.virtual, scene, rate, seed)
     else:
-        slave = SlaveRig(rig.slave, rate, seed, recording, physics_step)
+        slave = SlaveRig(rig.slave, rate, seed, recording, physics_step, texture)
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
     arms = (

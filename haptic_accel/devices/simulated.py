@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from haptic_accel.core.folders import preset_file
 from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.rig.guided_hand import WORKSPACE, GuidedHand
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
-from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
+from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, Vibrating
 from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.devices.interface import Device, Sample
 from haptic_accel.materials.recordings import read_recording
+from haptic_accel.materials.texture_files import read_texture
 
 
 class SimulatedDevice(Device):
@@ -120,7 +123,10 @@ class SimulatedSlave(SimulatedDevice):
     _rig: SlaveRig
 
     def __init__(self, parameters: SimulatedSlaveParameters, rate: float, seed: int) -> None:
-        self._rig = SlaveRig(parameters, rate, seed, played(parameters.recording, rate))
+        self._grain = rate, seed
+        texture = textured(parameters.surface, rate, seed)
+        recording = played(parameters.recording, rate)
+        self._rig = SlaveRig(parameters, rate, seed, recording, texture=texture)
 
     @property
     def contact_force(self) -> Vector:
@@ -133,11 +139,24 @@ class SimulatedSlave(SimulatedDevice):
         Raises
         ------
         ParameterError
-            A recording is played in place of the surface's texture.
+            A recording is played in place of the surface's texture, or there is no such texture.
         """
         if parameters.recording.file:
             raise ParameterError("surface: cannot be changed while a recording is played")
-        self._rig.change_surface(parameters.surface)
+        self._rig.change_surface(parameters.surface, textured(parameters.surface, *self._grain))
+
+
+def textured(surface: SurfaceParameters, rate: float, seed: int) -> Vibrating | None:
+    """Return the texture that a surface names, at a rate in Hz; None where it names none.
+
+    Raises
+    ------
+    ParameterError
+        There is none, or its file is wrong.
+    """
+    if not surface.texture:
+        return None
+    return Texture(read_texture(preset_file("texture", surface.texture)), rate, seed).sample
 
 
 def played(recording: RecordingParameters, rate: float) -> FloatArray | None:

@@ -14,7 +14,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.track import Track
 from haptic_accel.core.trial import GripChange, Trial, run_trial
-from haptic_accel.devices.simulated import played
+from haptic_accel.devices.simulated import played, textured
 from haptic_accel.graph.arguments import SCENE, VIRTUAL, GraphArguments
 from haptic_accel.graph.node_parameters import PASSIVE, node_parameters
 from haptic_accel.graph.processes import RECORDER, graph, graph_parameters, rig_parameters
@@ -74,6 +74,7 @@ def lockstep_trial(
         recording=recording,
         replayed=track,
         scene=scene,
+        texture=textured(rig.slave.surface, arguments.rate, arguments.seed),
         compensation=around,
         controllers=controllers,
         grips=grips,

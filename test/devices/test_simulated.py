@@ -13,11 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.model import GripParameters
+from haptic_accel.core.model import FloatArray, GripParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.surfaces.texture import TextureModel
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
 from haptic_accel.devices.simulated import (
     PointerMaster,
@@ -27,6 +28,7 @@ from haptic_accel.devices.simulated import (
     SimulatedSlaveParameters,
     played,
 )
+from haptic_accel.materials.texture_files import write_texture
 
 RATE = 1000.0
 PERIOD = 1 / RATE
@@ -245,6 +247,30 @@ def test_a_slave_goes_on_on_another_surface() -> None:
     # 1 N into 1e4 N/m^1.5: (1e-4)^(2/3) m, 2.2 mm below the hard one.
     depth = read(hard, 1, 600)[-1].position[2] - read(device, 1, 600)[-1].position[2]
     assert depth == pytest.approx(1e-4 ** (2 / 3), rel=0.05)
+
+
+def test_a_texture_adds_to_a_surface_and_a_wrong_one_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    plane = {"speeds": np.array([0.0, 0.5, 0.0, 0.5]), "forces": np.array([0.0, 0.0, 5.0, 5.0])}
+    lsf = np.tile(math.pi * np.array([1.0, 2.0]) / 3, (4, 1))  # those of white noise
+    write_texture(
+        file,
+        TextureModel("mine", RATE, lsf=lsf, deviation=np.array([0.0, 0.0, 0.0, 20.0]), **plane),
+    )
+
+    def stroked(device: Device) -> FloatArray:
+        device.open()
+        device.write(0.0, arm_force=(1.0, 0.0, -1.0))
+        return np.array([device.read(index / 1000).acceleration for index in range(300)])
+
+    smooth = SimulatedSlaveParameters()
+    textured = dataclasses.replace(smooth, surface=SurfaceParameters(texture=str(file)))
+    plain, rough = (SimulatedSlave(each, 1000.0, 0) for each in (smooth, textured))
+    assert stroked(rough)[150:].std() > 5 * stroked(plain)[150:].std()
+    plain.change(textured)
+    assert plain.read(0.3).acceleration != 0.0
+    with pytest.raises(ParameterError, match="texture = 'slate': must be one of"):
+        plain.change(dataclasses.replace(smooth, surface=SurfaceParameters(texture="slate")))
 
 
 def test_a_master_is_held_otherwise() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from haptic_accel.core.rig.surface import (
 PHYSICS_STEP = 100e-6
 """Longest step of the contact's integration, s; half of it changes results by less than 1 %."""
 
+
+Vibrating: TypeAlias = Callable[[float, float], float]
+"""Function that returns an acceleration from speed and normal force, sample by sample."""
 
 NOISE_STREAM = 2
 """Random stream of the tool's accelerometer, independent of the master's of the same seed."""
@@ -83,6 +87,8 @@ class SlaveRig:
         the first sample after the arm received its first force.
     physics_step : float
         Longest step of integration, s.
+    texture : callable, optional
+        As `change_surface` takes it.
     """
 
     def __init__(
@@ -92,8 +98,10 @@ class SlaveRig:
         seed: int = 0,
         recording: FloatArray | None = None,
         physics_step: float = PHYSICS_STEP,
+        texture: Vibrating | None = None,
     ) -> None:
         self._p = parameters
+        self._texture = texture
         self._rate = rate
         self._longest_step = physics_step
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
@@ -146,12 +154,20 @@ class SlaveRig:
     def apply_actuator_force(self, force: float) -> None:
         """Do nothing: the slave's tool has no actuator."""
 
-    def change_surface(self, surface: SurfaceParameters) -> None:
+    def change_surface(self, surface: SurfaceParameters, texture: Vibrating | None = None) -> None:
         """Put another surface under the tip; nothing moves at that moment.
 
         Its height is such that the contact force stays the same, or that it is not above the tip
         if there was no contact.
+
+        Parameters
+        ----------
+        surface : SurfaceParameters
+        texture : callable, optional
+            Returns for each sample, from speed in m/s and normal force in N, an acceleration in
+            m/s^2 that adds to that of the surface's profile.
         """
+        self._texture = texture
         pressed = max(0.0, self._penetration())
         # The same elastic force out of another stiffness (Hertz).
         pressed *= (self._p.surface.stiffness / surface.stiffness) ** (2 / 3)
@@ -219,7 +235,10 @@ class SlaveRig:
 
     def _tool_acceleration(self) -> float:
         if self._recording is None:
-            return self._accelerometer.measure(self._low_passed, noisy=self._started)
+            added = 0.0
+            if self._texture and self._started:
+                added = self._texture(abs(self._v_x), self.contact_force[2])
+            return self._accelerometer.measure(self._low_passed + added, noisy=self._started)
         if not self._started:
             return 0.0
         if self._played_since is None:

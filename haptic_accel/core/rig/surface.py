@@ -56,6 +56,9 @@ class SurfaceParameters(Checked):
     bump_irregularity: float = parameter(
         0.0, "standard deviation of the features' distance over its mean", low=0.0, high=1.0
     )
+    texture: str = parameter(
+        "", "texture whose acceleration adds to that of the profile: its name or file; or none"
+    )
 
 
 def height_profile(surface: SurfaceParameters, seed: int) -> FloatArray:
