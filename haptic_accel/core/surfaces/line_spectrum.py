@@ -121,3 +121,50 @@ def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 _FLOOR = 1e-9
 """White noise that is added to a covariance, over its variance: keeps a pure tone stable."""
+
+
+def autocovariance(polynomial: FloatArray, lags: int) -> FloatArray:
+    """Return autocovariances at lags from 0 of white noise of variance 1 divided by polynomials.
+
+    The inverse of `levinson`.
+
+    Parameters
+    ----------
+    polynomial : ndarray, shape (..., p + 1)
+        1, a_1 ... a_p; all roots inside the unit circle.
+    lags : int
+        Largest lag.
+
+    Returns
+    -------
+    ndarray, shape (..., lags + 1)
+    """
+    predictors = [polynomial]
+    covariance = np.zeros((*polynomial.shape[:-1], lags + 1))
+    covariance[..., 0] = 1.0
+    while predictors[-1].shape[-1] > 1:  # the polynomials of lower orders
+        last = predictors[-1]
+        unpredicted = 1 - last[..., -1:] ** 2
+        predictors.append(((last - last[..., -1:] * last[..., ::-1]) / unpredicted)[..., :-1])
+        covariance[..., :1] /= unpredicted
+    for lag in range(1, lags + 1):
+        predictor = predictors[max(0, len(predictors) - 1 - lag)][..., 1:]
+        past = covariance[..., :lag][..., ::-1][..., : predictor.shape[-1]]
+        covariance[..., lag] = -(predictor * past).sum(axis=-1)
+    return covariance
+
+
+def power_gain(forward: FloatArray, feedback: FloatArray) -> FloatArray:
+    """Return the mean square of white noise of variance 1 through filters, shape (...).
+
+    Parameters
+    ----------
+    forward, feedback : ndarray, shapes (..., q + 1) and (..., p + 1)
+        Numerators, and denominators with 1 first and all roots inside the unit circle.
+    """
+    order = forward.shape[-1] - 1
+    covariance = autocovariance(feedback, order)
+    gain = (forward**2).sum(axis=-1) * covariance[..., 0]
+    for lag in range(1, order + 1):
+        gain += 2 * (forward[..., lag:] * forward[..., :-lag]).sum(axis=-1) * covariance[..., lag]
+    return np.asarray(gain)

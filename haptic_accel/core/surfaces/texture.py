@@ -24,6 +24,7 @@ from haptic_accel.core.surfaces.line_spectrum import (
     from_polynomial,
     is_ordered,
     levinson,
+    power_gain,
     to_polynomial,
 )
 
@@ -212,6 +213,12 @@ class TextureModel:
     def _plane(self) -> _Plane:
         return _Plane(self.speeds, self.forces)
 
+    @cached_property
+    def power(self) -> FloatArray:
+        """Mean square of the acceleration at the nodes, (m/s^2)^2, shape (n,)."""
+        gain = power_gain(to_polynomial(self.ma_lsf), to_polynomial(self.lsf))
+        return np.asarray((self.deviation * self.gain) ** 2 * gain)
+
     @property
     def triangles(self) -> IntArray:
         """Delaunay triangles of the plane: indices of nodes, shape (m, 3)."""
@@ -232,8 +239,8 @@ class TextureModel:
             Up to half the rate, Hz.
         """
         places = self.locate(np.array([speed]), np.array([force]))
-        power = places.interpolate(self.deviation**2) * places.interpolate(self.gain) ** 2
         lsf, ma_lsf = places.interpolate(self.lsf), places.interpolate(self.ma_lsf)
+        power = places.interpolate(self.power) / power_gain(*map(to_polynomial, (ma_lsf, lsf)))
         return np.asarray(power * self._shapes(lsf, ma_lsf, frequency)[0])
 
     def _shapes(self, lsf: FloatArray, ma_lsf: FloatArray, frequency: FloatArray) -> FloatArray:
@@ -276,25 +283,26 @@ class _Cells:
 
     Attributes
     ----------
+    forward, feedback : ndarray, shape ((`CELLS` + 1)^2, order)
+        Coefficients without the first, 1.
     variance : ndarray, shape ((`CELLS` + 1)^2, 3)
         Variance of the innovation within a cell is its product with (speed, force, 1),
     largest : ndarray, shape ((`CELLS` + 1)^2,)
         but no more than this: where a cell reaches into a neighbouring triangle.
-    gain : ndarray, shape ((`CELLS` + 1)^2,)
-    forward, feedback : ndarray, shape ((`CELLS` + 1)^2, order)
-        Coefficients without the first, 1.
     """
 
     def __init__(self, model: TextureModel) -> None:
         steps = np.linspace(0.0, 1.0, CELLS + 1)
         speeds, forces = np.meshgrid(steps * model.speeds.max(), steps * model.forces.max())
         places = model.locate(speeds.ravel(), forces.ravel())
-        variances = model.deviation[places.corners] ** 2
-        self.variance = np.einsum("mi,mij->mj", variances, places.affine)
-        self.largest = variances.max(axis=1)
-        self.gain = places.interpolate(model.gain)
-        self.forward = to_polynomial(places.interpolate(model.ma_lsf))[:, 1:]
-        self.feedback = to_polynomial(places.interpolate(model.lsf))[:, 1:]
+        forward = to_polynomial(places.interpolate(model.ma_lsf))
+        feedback = to_polynomial(places.interpolate(model.lsf))
+        self.forward, self.feedback = forward[:, 1:], feedback[:, 1:]
+        # Of the acceleration, not of the innovation: between nodes of different spectra, peaks
+        # are wider than at either, and the same innovation gives less.
+        power = model.power[places.corners] / power_gain(forward, feedback)[:, None]
+        self.variance = np.einsum("mi,mij->mj", power, places.affine)
+        self.largest = power.max(axis=1)
 
 
 class Texture:
@@ -342,7 +350,6 @@ class Texture:
         self._cell = cell
         self._variance = self._cells.variance[cell].tolist()
         self._largest = self._cells.largest[cell].item()
-        self._gain = self._cells.gain[cell].item()
         self._forward = self._cells.forward[cell].tolist()
         self._feedback = self._cells.feedback[cell].tolist()
 
@@ -369,7 +376,7 @@ class Texture:
             if variance > 0:
                 innovation = math.sqrt(min(variance, self._largest)) * next(self._noise)
         moved = innovation + sum(map(mul, self._forward, self._innovations))
-        output: float = self._gain * moved - sum(map(mul, self._feedback, self._outputs))
+        output: float = moved - sum(map(mul, self._feedback, self._outputs))
         if abs(output) > self._limit:
             self.saturated += 1
             output = math.copysign(self._limit, output)

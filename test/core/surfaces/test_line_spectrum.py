@@ -8,9 +8,11 @@ from scipy.signal import lfilter
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.line_spectrum import (
+    autocovariance,
     from_polynomial,
     is_ordered,
     levinson,
+    power_gain,
     to_polynomial,
 )
 
@@ -53,3 +55,19 @@ def test_levinson_finds_the_filter_of_an_autocovariance() -> None:
     assert found == pytest.approx([*polynomial, 0.0, 0.0], abs=1e-6)
     assert variances[0, [0, 2, 4]] == pytest.approx([covariance[0], 4.0, 4.0])
     assert white.tolist() == [1.0, 0.0, 0.0, 0.0, 0.0]
+
+
+@given(RISING)
+def test_an_autocovariance_leads_back_to_its_polynomial(lsf: np.ndarray) -> None:
+    polynomial = to_polynomial(lsf)
+    found, variances = levinson(autocovariance(polynomial, lags=len(lsf) + 3))
+    assert found == pytest.approx([*polynomial, 0.0, 0.0, 0.0], abs=1e-3)
+    assert variances[-1] == pytest.approx(1.0, rel=1e-3)
+
+
+def test_the_power_of_filtered_noise_is_the_sum_of_the_squares_of_its_response() -> None:
+    forward, feedback = np.array([2.0, 0.5, -0.3, 0.1]), np.array([1.0, -1.2, 0.72])
+    response = lfilter(forward, feedback, np.eye(1, 500)[0])
+    assert power_gain(forward, feedback) == pytest.approx(response @ response)
+    pair = power_gain(np.array([forward, [1, 0, 0, 0]]), np.array([feedback, [1.0, -0.5, 0.0]]))
+    assert pair == pytest.approx([response @ response, 4 / 3])

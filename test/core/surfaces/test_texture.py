@@ -138,6 +138,18 @@ def test_speed_comes_through_a_low_pass_of_20_hz() -> None:
     assert speed == pytest.approx(expected, abs=1e-3)
 
 
+def test_power_is_interpolated_between_different_spectra() -> None:
+    low, high = (from_polynomial(np.array([1.0, a, 0.9])) for a in (-1.8, 1.0))
+    mixed = replace(model((1.0, 0.0, 0.0)), lsf=np.array([low, low, low, low, high]))
+    assert mixed.power[4] == pytest.approx(4 * 1.9 / (0.1 * (1.9**2 - 1)))
+    half = 0.5 * (mixed.power[3] + mixed.power[4])
+    at = (0.5 * (SPEEDS[3] + SPEEDS[4]), 0.5 * (FORCES[3] + FORCES[4]))
+    frequency = np.linspace(0.0, 500.0, 5001)
+    assert integrate.trapezoid(mixed.spectrum(*at, frequency), frequency) == pytest.approx(half)
+    samples = steady(Texture(mixed, 1000, seed=1), *at, count=20_000)
+    assert samples.var() == pytest.approx(half, rel=0.1)
+
+
 def test_no_point_has_more_noise_than_the_nodes_around_it() -> None:
     # A node so near to the axis that a cell reaches over it.
     near = replace(model((1.0,)), speeds=np.array([0.0, 0.2, 0.0, 0.2, 0.001]))
