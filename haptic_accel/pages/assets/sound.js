@@ -24,16 +24,18 @@ const hapticSound = (() => {
     return sum;
   }
 
-  /** Taps of a windowed sinc by position between two samples, each row of sum one. */
-  const KERNEL = Array.from({ length: PHASES }, (_, phase) => {
-    const taps = Float32Array.from({ length: 2 * HALF }, (_, tap) => {
+  /** Taps of a windowed sinc by position between two samples, each position's of sum one. */
+  const KERNEL = new Float32Array(PHASES * 2 * HALF);
+  for (let phase = 0; phase < PHASES; phase++) {
+    const taps = KERNEL.subarray(2 * HALF * phase, 2 * HALF * (phase + 1));
+    taps.forEach((_, tap) => {
       const x = phase / PHASES + HALF - 1 - tap;
       const window = bessel(SHARPNESS * Math.sqrt(Math.max(0, 1 - (x / HALF) ** 2)));
-      return window * (x === 0 ? 1 : Math.sin(Math.PI * x) / (Math.PI * x));
+      taps[tap] = window * (x === 0 ? 1 : Math.sin(Math.PI * x) / (Math.PI * x));
     });
     const sum = taps.reduce((a, b) => a + b);
-    return taps.map((tap) => tap / sum);
-  });
+    taps.forEach((value, tap) => (taps[tap] = value / sum));
+  }
 
   /** Interpolates a stream that comes in pieces. */
   class Upsampler {
@@ -44,18 +46,21 @@ const hapticSound = (() => {
 
     /** Frames that the samples so far suffice for, `step` samples apart. */
     push(samples, step) {
-      const input = Float32Array.of(...this.rest, ...samples);
+      const input = new Float32Array(this.rest.length + samples.length);
+      input.set(this.rest);
+      input.set(samples, this.rest.length);
       const frames = new Float32Array(Math.max(0, Math.ceil((input.length - HALF - this.place) / step)));
-      for (let i = 0; i < frames.length; i++) {
-        const place = this.place + i * step;
-        const first = Math.floor(place) - HALF + 1;
-        const taps = KERNEL[Math.floor((place % 1) * PHASES)];
-        for (let tap = 0; tap < taps.length; tap++) frames[i] += taps[tap] * input[first + tap];
+      let place = this.place;
+      for (let i = 0; i < frames.length; i++, place += step) {
+        const whole = Math.floor(place);
+        const row = 2 * HALF * Math.floor((place - whole) * PHASES);
+        let frame = 0;
+        for (let tap = 0; tap < 2 * HALF; tap++) frame += KERNEL[row + tap] * input[whole - HALF + 1 + tap];
+        frames[i] = frame;
       }
-      const after = this.place + frames.length * step;
-      const kept = Math.floor(after) - HALF + 1;
+      const kept = Math.floor(place) - HALF + 1;
       this.rest = input.slice(kept);
-      this.place = after - kept;
+      this.place = place - kept;
       return frames;
     }
   }
