@@ -17,6 +17,10 @@ RATE = 44100.0
 
 CONFIGURATION = """
 pcm.coil {{ type file  slave.pcm "null"  file "{0}/coil.raw"  format "raw" }}
+pcm.stereo {{
+    type multi  slaves.a {{ pcm "null"  channels 2 }}
+    bindings {{ 0 {{ slave a  channel 0 }}  1 {{ slave a  channel 1 }} }}
+}}
 pcm.null {{ type null }}
 pcm.default {{ type null }}
 """

@@ -102,16 +102,20 @@ class SoundCard:
 
         Raises
         ------
+        ParameterError
+            The card has no such channel.
         DeviceError
-            There is no such card, or it does not take the block or channel.
+            There is no such card, or it cannot be opened.
         """
         p, library = self._parameters, self._library
-        try:
-            found = library.query_devices(p.device or None, "output")
-            self.name, self.rate = found["name"], found["default_samplerate"]
-            # Two where there are two: one channel alone may sound from all of them.
-            self._channels = max(p.channel, min(2, found["max_output_channels"]))
-            self._stream = library.OutputStream(
+        found = self._opened(lambda: library.query_devices(p.device or None, "output"))
+        self.name, self.rate = found["name"], found["default_samplerate"]
+        if p.channel > (most := found["max_output_channels"]):
+            raise ParameterError(f"audio.channel = {p.channel}: must be at most {most}")
+        # Two where there are two: one channel alone may sound from all of them.
+        self._channels = max(p.channel, min(2, most))
+        self._stream = self._opened(
+            lambda: library.OutputStream(
                 device=found["index"],
                 channels=self._channels,
                 samplerate=self.rate,
@@ -119,32 +123,44 @@ class SoundCard:
                 latency=LATENCY * p.block / self.rate,
                 dtype="float32",
             )
-            self._stream.start()
-            self._size = self._stream.write_available
-        except (ValueError, library.PortAudioError) as error:
-            reason = str(error).partition("\n")[0]
-            raise DeviceError(f"audio.device = {p.device!r}: {reason}") from None
+        )
+        self._opened(self._stream.start)
+        self._size = self._free()
         self.block = max(p.block, self._size - round(self._stream.latency * self.rate))
         self.lead = BLOCKS_AHEAD * self.block / self.rate + self._period
+
+    def _opened(self, attempt: Callable[[], Any]) -> Any:
+        try:
+            return attempt()
+        except (ValueError, self._library.PortAudioError) as error:
+            reason = str(error).partition("\n")[0]
+            raise DeviceError(f"audio.device = {self._parameters.device!r}: {reason}") from None
 
     @property
     def room(self) -> int:
         """Number of samples that it takes now without a wait."""
-        return max(0, int(self._stream.write_available) - self.block)
+        return max(0, self._free() - self.block)
 
     @property
     def queued(self) -> float:
         """Time until the next sample given to it will sound, s; 0 for a card without a clock."""
-        return (self._size - int(self._stream.write_available)) / self.rate
+        return (self._size - self._free()) / self.rate
 
     def write(self, samples: FloatArray) -> bool:
         """Give it samples, 1 at full scale; return whether it had run dry."""
         frames = np.zeros((len(samples), self._channels), dtype=np.float32)
         frames[:, self._parameters.channel - 1] = samples
+        return bool(self._asked(lambda stream: stream.write(frames)))
+
+    def _free(self) -> int:
+        return int(self._asked(lambda stream: stream.write_available))
+
+    def _asked(self, question: Callable[[Any], Any]) -> Any:
+        """Return the answer of PortAudio's stream, which a card has until it is unplugged."""
         try:
-            return bool(self._stream.write(frames))
+            return question(self._stream)
         except self._library.PortAudioError as error:
-            raise DeviceError(f"audio: {error}") from None
+            raise DeviceError(f"sound card {self.name}: {error}") from None
 
     def close(self) -> None:
         """Silence it at once."""

@@ -287,12 +287,31 @@ def test_what_it_plays_on_is_remarked(bench: Bench) -> None:
     device.close()
 
 
-@pytest.mark.parametrize("fields", [{"device": "nowhere"}, {"block": 4096}])
+@pytest.mark.parametrize(
+    "fields", [{"device": "nowhere"}, {"block": 4096}, {"device": "stereo", "channel": 3}]
+)
 def test_card_that_cannot_be_opened_is_refused_in_one_line(bench: Bench, fields: Any) -> None:
     device = bench.device(**fields)
     with pytest.raises((DeviceError, ParameterError)) as refused:
         device.open()
     assert "\n" not in str(refused.value)
+
+
+def test_a_card_that_is_unplugged_fails_in_one_line_and_closes(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import sounddevice
+
+    def unplugged(stream: Any) -> int:
+        raise sounddevice.PortAudioError("Unanticipated host error")
+
+    device = bench.device()
+    device.open()
+    bench.run(device, np.zeros(3))
+    monkeypatch.setattr(sounddevice.OutputStream, "write_available", property(unplugged))
+    with pytest.raises(DeviceError, match="sound card coil: Unanticipated"):
+        device.read(bench.now)
+    device.close()
 
 
 def test_without_its_library_it_is_refused_in_one_line() -> None:
