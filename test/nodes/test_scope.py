@@ -49,10 +49,10 @@ class Shared:
         page.goto(f"http://127.0.0.1:{self.port}/")
         self.wait("state !== null && hapticScope.samples().actual > 200", "signals arrive")
 
-    def start(self) -> Command:
+    def start(self, *more: str) -> Command:
         """Start a graph whose scope has always the same port."""
         words = ["-m", "haptic_accel.cli.main", "teleop", "seed:=1", "scope:=true"]
-        words += [f"scope_port:={self.port}", "scope_control:=true"]
+        words += [f"scope_port:={self.port}", "scope_control:=true", *more]
         graph = Command(words, self.folder)
         graph.wait_for("engaged")
         graph.wait_for("control allowed")
@@ -197,6 +197,22 @@ def test_a_controller_chosen_on_the_page_takes_over_in_the_graph(
     assert parameter(watcher, "compensator", "controller") == "adaptive"
 
 
+POINT = """() => new Promise((done) => {
+  const socket = new WebSocket(`ws://${location.host}/live`);
+  socket.onopen = () => socket.send('{"point": [0, 0]}');
+  socket.onmessage = ({ data }) => {
+    const { refused } = typeof data === 'string' ? JSON.parse(data) : {};
+    if (refused) socket.close();
+    if (refused) done(refused);
+  };
+})"""
+
+
+def test_a_hand_with_a_script_is_led_by_no_page(shared: Shared) -> None:
+    shared.wait("state.led === false && state.scene === 'plywood'", "the devices are known")
+    assert shared.page.evaluate(POINT) == "hand: master = simulated: must be pointer to be led"
+
+
 def test_surface_and_grip_change_with_the_keyboard_alone(
     shared: Shared, watcher: Observer
 ) -> None:
@@ -301,6 +317,25 @@ def test_the_page_comes_back_with_the_graph(shared: Shared) -> None:
     status = shared.page.locator("#link")
     wait_until(lambda: "not reached" in status.inner_text(), "the page says so")
     newest = shared.page.evaluate("hapticScope.newest()")
-    shared.graph = shared.start()
+    shared.graph = shared.start("master:=pointer")
     shared.wait(f"hapticScope.newest() > {newest}", "new samples")
     wait_until(lambda: status.inner_text() == "live", "live again")
+
+
+def test_the_mouse_leads_the_hand_over_the_surface(shared: Shared) -> None:
+    page = shared.page
+    shared.wait("state.led && Number.isFinite(hapticScene.here.handle[0])", "the hand is there")
+    page.locator("#scene").scroll_into_view_if_needed()
+    box = page.locator("#scene").bounding_box()
+    assert box
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    scale = min(box["width"] / 0.3, box["height"] / 0.1)  # pixels per m
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y + 0.015 * scale, steps=10)
+    shared.wait("hapticScene.here.tool[1] < 1e-3 && hapticScene.here.force[1] > 0.3", "contact")
+    page.mouse.move(x + 0.04 * scale, y + 0.015 * scale, steps=20)
+    shared.wait("hapticScene.here.tool[0] > 0.03", "the tool has gone along")
+    page.mouse.up()
+    shared.press("grip", "hook")
+    shared.wait(shared.is_pressed("grip", "hook"), "the hand takes another grip")
