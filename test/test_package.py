@@ -36,6 +36,7 @@ ROSDEP_KEYS = {
     "click": "python3-click",
     "cryptography": "python3-cryptography",
     "jinja2": "python3-jinja2",
+    "contourpy": "python3-matplotlib",  # needs it
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
     "pandas": "python3-pandas",
@@ -47,7 +48,7 @@ ROSDEP_KEYS = {
 }
 """Key of each module that is no ROS package; a ROS package's key is its name."""
 
-OPTIONAL = {"cobs", "vibromaf", "zenoh", *OF_ROSBAGS}
+OPTIONAL = {"cobs", "mujoco", "sounddevice", "vibromaf", "zenoh", *OF_ROSBAGS}
 """Modules that have no key, or one for pip, which Ubuntu 24.04 refuses; their absence is said."""
 
 
