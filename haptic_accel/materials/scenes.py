@@ -11,10 +11,11 @@ from haptic_accel.core.folders import preset_file
 from haptic_accel.core.parameters import ParameterError, Specification, own_schema
 from haptic_accel.core.surfaces.material import Material
 from haptic_accel.core.surfaces.scene import Scene, SceneObject
-from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Sphere
+from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import TextureModel
 from haptic_accel.materials.moving import moving_scene
+from haptic_accel.materials.sampled_shapes import Sampling, read_heights, read_mesh
 from haptic_accel.materials.sections import Section, read_sections
 from haptic_accel.materials.texture_files import read_texture
 
@@ -23,6 +24,9 @@ SHAPES: Mapping[str, Any] = {"plane": Plane, "sphere": Sphere, "box": Box, "cyli
 
 PLACE = Specification("place in the arm's base frame", "m", -10.0, 10.0)
 ANGLE = Specification("roll, pitch and yaw", "rad", -2 * math.pi, 2 * math.pi)
+
+FILES: Mapping[str, Any] = {"heights": read_heights, "mesh": read_mesh}
+"""Shapes that are read from a file beside the scene's, by their names."""
 
 _PLACED = ("shape", "material", "position", "rotation")
 """Keys of an object beside those of its shape."""
@@ -104,12 +108,25 @@ def _tap(section: Section) -> TapModel | None:
 
 
 def _object(name: str, section: Section, materials: Mapping[str, Material]) -> SceneObject:
-    kind = section.choice("shape", SHAPES)
-    section.check_keys(*_PLACED, *own_schema(kind))
+    kind = section.choice("shape", {**SHAPES, **FILES})
+    from_file = kind in FILES.values()
+    section.check_keys(
+        *_PLACED, *(("file", *own_schema(Sampling)) if from_file else own_schema(kind))
+    )
     return SceneObject(
         name,
-        section.build(kind),
+        _sampled(section, kind) if from_file else section.build(kind),
         section.choice("material", materials),
         section.vector("position", PLACE),
         section.vector("rotation", ANGLE),
     )
+
+
+def _sampled(section: Section, read: Any) -> Shape:
+    """Return a shape that is read from a file."""
+    file = section.value("file", "", Specification("file"))
+    try:
+        shape: Shape = read(section.path.parent / file, section.build(Sampling))
+    except ParameterError as error:
+        section.refuse(str(error), "file")
+    return shape

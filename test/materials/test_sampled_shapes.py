@@ -1,0 +1,101 @@
+"""Height fields and meshes from files: as they were, kept, or refused in one line."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.surfaces.shapes import Box
+from haptic_accel.materials.sampled_shapes import Sampling, read_heights, read_mesh
+from haptic_accel.materials.scenes import read_scene
+
+# A box of 20 x 10 x 8, in mm.
+CORNERS = [(x, y, z) for x in (-10, 10) for y in (-5, 5) for z in (-4, 4)]
+FACES = [
+    *((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1)),
+    *((2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)),
+]
+MILLIMETRES = Sampling(spacing=2e-3, scale=1e-3)
+
+
+@pytest.fixture
+def brick(tmp_path: Path) -> Path:
+    lines = [f"v {x} {y} {z}" for x, y, z in CORNERS]
+    for a, b, c, d in FACES:
+        lines += [f"f {a + 1} {b + 1} {c + 1}", f"f {a + 1} {c + 1} {d + 1}"]
+    path = tmp_path / "brick.obj"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_a_mesh_is_the_solid_that_it_encloses(
+    brick: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("trimesh")
+    baked, box = read_mesh(brick, MILLIMETRES), Box(0.020, 0.010, 0.008)
+    places = np.random.default_rng(0).uniform(-0.02, 0.02, (200, 3))
+    near = np.abs(box.distances(places)) < 2e-3
+    # The corners of the box are between samples.
+    assert baked.distances(places)[near] == pytest.approx(box.distances(places)[near], abs=1e-3)
+    # The next time it is not computed, and so needs no library.
+    monkeypatch.setitem(sys.modules, "trimesh.proximity", None)
+    assert np.array_equal(read_mesh(brick, MILLIMETRES).grid, baked.grid)
+    with pytest.raises(ParameterError, match=r"pip install 'haptic_accel\[mesh\]'"):
+        read_mesh(brick, Sampling(spacing=3e-3, scale=1e-3))
+
+
+@pytest.mark.parametrize(
+    ("text", "sampling", "error"),
+    [
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", MILLIMETRES, "encloses a volume without gaps"),
+        ("", MILLIMETRES, "brick.obj: must be a mesh"),
+        (None, Sampling(spacing=1e-5, scale=1e-3), "spacing = 1e-05: must be larger: .*0.02 x"),
+    ],
+)
+def test_a_wrong_mesh_is_refused(
+    brick: Path, text: str | None, sampling: Sampling, error: str
+) -> None:
+    pytest.importorskip("trimesh")
+    if text is not None:
+        brick.write_text(text)
+    with pytest.raises(ParameterError, match=error):
+        read_mesh(brick, sampling)
+
+
+def test_without_the_library_a_mesh_is_refused_in_one_line(
+    brick: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    monkeypatch.setitem(sys.modules, "trimesh.proximity", None)
+    with pytest.raises(ParameterError, match=r"^meshes need trimesh: pip install"):
+        read_mesh(brick, MILLIMETRES)
+
+
+def test_a_scene_has_heights_of_a_file_beside_it(tmp_path: Path) -> None:
+    np.save(tmp_path / "relief.npy", np.full((3, 4), 2.0))
+    scene = tmp_path / "relief.yaml"
+    scene.write_text(
+        "materials:\n  clay: {stiffness: 900.0}\n"
+        "objects:\n  relief:\n    shape: heights\n    material: clay\n"
+        "    file: relief.npy\n    spacing: 0.002\n    scale: 0.001\n"
+    )
+    (relief,) = read_scene(scene).objects
+    assert relief.distance(0.001, 0.002, 0.005) == pytest.approx(0.003)
+    (tmp_path / "relief.npy").unlink()
+    with pytest.raises(ParameterError, match=r"relief.yaml:7: .*relief.npy: must be"):
+        read_scene(scene)
+
+
+@pytest.mark.parametrize("damage", [b"", b"no array", "text"])
+def test_wrong_heights_are_refused(tmp_path: Path, damage: bytes | str) -> None:
+    path = tmp_path / "relief.npy"
+    if isinstance(damage, bytes):
+        path.write_bytes(damage)
+    else:
+        np.save(path, np.array([damage]))
+    with pytest.raises(ParameterError, match="relief.npy: must be an array of numbers"):
+        read_heights(path, Sampling())
