@@ -68,7 +68,7 @@ def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
     path : Path
         STL, OBJ or another file that trimesh reads; the mesh must enclose a volume.
     sampling : Sampling
-        Distance between two samples, of which the thinnest part should have three; and the unit.
+        Distance between two samples, of which the thinnest part should have two; and the unit.
 
     Raises
     ------

@@ -23,7 +23,12 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.model import Vector
+from haptic_accel.core.rig.slave_rig import ToolParameters
+from haptic_accel.core.surfaces.material import Material
+from haptic_accel.core.surfaces.scene import Scene, SceneObject
+from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.texture import Texture
+from haptic_accel.core.surfaces.tool import VirtualTool
 from haptic_accel.core.topics import TOOL_ACCELERATION
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
 from haptic_accel.materials.hatt import read_hatt
@@ -106,6 +111,22 @@ def test_sample_of_a_texture(benchmark: Benchmark, rate: float, tmp_path: Path) 
         return texture.sample(0.15 * (1 + math.sin(angle)), 2 + 1.5 * math.cos(3 * angle))
 
     assert math.isfinite(benchmark(slide))
+
+
+@pytest.mark.parametrize("stiffness", [2e3, 10e3])
+def test_sample_of_a_tool_in_a_scene(benchmark: Benchmark, stiffness: float) -> None:
+    """Ten objects; it slides over a plane, and past the others."""
+    shapes: list[Shape] = [Plane(), *[Sphere(), Box(), Cylinder()] * 3]
+    material = Material(stiffness=stiffness)
+    objects = (
+        SceneObject(str(index), shape, material, (0.05 * index, 0.0, -0.01 if index else 0.0))
+        for index, shape in enumerate(shapes)
+    )
+    tool = VirtualTool(ToolParameters(), Scene(tuple(objects)), RATE)
+    ticks = itertools.count()
+    for _ in range(200):  # until it has come down
+        tool.advance((0.0, 0.0, -1.0))
+    assert benchmark(lambda: tool.advance((math.cos(next(ticks) / 300), 0.2, -1.0)))
 
 
 def test_forces_of_the_coupling(benchmark: Benchmark) -> None:
