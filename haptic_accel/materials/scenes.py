@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from haptic_accel.core.surfaces.texture import TextureModel
 from haptic_accel.materials.moving import moving_scene
 from haptic_accel.materials.sampled_shapes import Sampling, read_heights, read_mesh
 from haptic_accel.materials.sections import Section, read_sections
+from haptic_accel.materials.tap_files import read_taps
 from haptic_accel.materials.texture_files import read_texture
 
 SHAPES: Mapping[str, Any] = {"plane": Plane, "sphere": Sphere, "box": Box, "cylinder": Cylinder}
@@ -94,17 +95,22 @@ def _texture(section: Section) -> TextureModel | None:
 
 
 def _tap(section: Section) -> TapModel | None:
-    """Return a tap of the modes that are listed."""
-    if "tap" not in section.values:
+    """Return a tap of the modes that are listed, or of recordings in a file beside the scene's."""
+    given = section.values.get("tap")
+    if given is None:
         return None
-    listed = section.items("tap")
-    for each in listed:
-        each.check_keys(*own_schema(Mode))
-    modes = tuple(each.build(Mode) for each in listed)
+    recorded = section.path.parent / given if isinstance(given, str) else None
+    modes = () if recorded else _modes(section.items("tap"))
     try:
-        return TapModel(modes)
+        return read_taps(recorded) if recorded else TapModel(modes)
     except ParameterError as error:
         section.refuse(str(error), "tap")
+
+
+def _modes(listed: Sequence[Section]) -> tuple[Mode, ...]:
+    for each in listed:
+        each.check_keys(*own_schema(Mode))
+    return tuple(each.build(Mode) for each in listed)
 
 
 def _object(name: str, section: Section, materials: Mapping[str, Material]) -> SceneObject:

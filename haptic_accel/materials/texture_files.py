@@ -42,7 +42,7 @@ def read_texture(path: Path) -> TextureModel:
     ParameterError
         In one line: the file, the name and the value that is wrong, and what is allowed.
     """
-    content = _read_npz(path) if path.suffix == ".npz" else _read_yaml(path)
+    content = read_npz(path) if path.suffix == ".npz" else _read_yaml(path)
     try:
         return _model(content)
     except ParameterError as error:
@@ -104,7 +104,14 @@ def _read_yaml(path: Path) -> Any:
         raise ParameterError(f"{shown(str(path))}: is not YAML: {shown(str(error))}") from None
 
 
-def _read_npz(path: Path) -> Any:
+def read_npz(path: Path) -> Any:
+    """Return the arrays of a file by name, and what its text ``about`` states in YAML.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read.
+    """
     try:
         with np.load(path, allow_pickle=False) as file:
             content = {name: file[name] for name in file.files}
