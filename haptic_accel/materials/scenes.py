@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -89,9 +90,16 @@ def _texture(section: Section) -> TextureModel | None:
         return None
     name = section.value("texture", "", Specification("texture"))
     try:
-        return read_texture(preset_file("texture", name, section.path.parent))
+        path = preset_file("texture", name, section.path.parent)
+        return _model(path, path.stat().st_mtime_ns)
     except ParameterError as error:
         section.refuse(str(error), "texture")
+
+
+@lru_cache(maxsize=32)
+def _model(path: Path, _modified: int) -> TextureModel:
+    """Return a texture that is read once: another scene has to come within a few samples."""
+    return read_texture(path)
 
 
 def _tap(section: Section) -> TapModel | None:

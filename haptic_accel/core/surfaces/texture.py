@@ -10,7 +10,7 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from operator import mul
 from typing import NamedTuple
 
@@ -305,6 +305,13 @@ class _Cells:
         self.largest = power.max(axis=1)
 
 
+@lru_cache(maxsize=32)
+def _rendered(model: TextureModel, rate: float) -> tuple[TextureModel, _Cells]:
+    """Return a model at a rate with its filters: made once, as scenes are switched to and fro."""
+    model = model.at_rate(rate)
+    return model, _Cells(model)
+
+
 class Texture:
     """The acceleration of a tool that slides over a texture, sample by sample.
 
@@ -334,12 +341,11 @@ class Texture:
 
         if not rate > 2 * SPEED_CORNER:
             raise ParameterError(f"rate = {rate:g}: must be above {2 * SPEED_CORNER:g} Hz")
-        model = model.at_rate(rate)
+        model, self._cells = _rendered(model, rate)
         self._limit = limit
         self._speed = SampleFilter(signal.butter(2, SPEED_CORNER, fs=rate, output="sos"))
         self._noise = _white_noise(seed)
         self._top_speed, self._top_force = float(model.speeds.max()), float(model.forces.max())
-        self._cells = _Cells(model)
         self._enter(0)
         self._outputs = deque([0.0] * len(self._feedback), len(self._feedback))
         self._innovations = deque([0.0] * len(self._forward), len(self._forward))
