@@ -26,6 +26,20 @@ FLAGS = (
     "--disable-sync",
 )
 
+LISTEN = """() => {
+  const { context, output } = hapticSound;
+  const analyser = new AnalyserNode(context, { fftSize: 8192, smoothingTimeConstant: 0 });
+  output.connect(analyser);
+  const levels = new Float32Array(analyser.frequencyBinCount);
+  window.heard = () => {
+    analyser.getFloatFrequencyData(levels);
+    const peak = levels.indexOf(Math.max(...levels));
+    return [(peak * context.sampleRate) / analyser.fftSize, levels[peak]];
+  };
+}"""
+"""Script after which ``heard()`` gives frequency (Hz) and level (dB) of the loudest line of what a
+page plays."""
+
 
 @contextmanager
 def chromium() -> Iterator[Browser]:

@@ -13,7 +13,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 
-from browsing import chromium
+from browsing import LISTEN, chromium
 from haptic_accel.core.process import REALTIME
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from running import Command, reserved_domain, use_domain, wait_until
@@ -231,12 +231,19 @@ def test_what_is_set_elsewhere_is_shown(shared: Shared, watcher: Observer) -> No
     shared.wait(shared.is_pressed("controller", "constant"), "the page follows")
 
 
-def test_arms_are_let_go_and_taken_again(shared: Shared) -> None:
+def test_arms_are_let_go_and_taken_again_which_is_heard(shared: Shared) -> None:
+    for button in ("#sound-on", "[data-sound=desired]"):
+        shared.page.locator(button).click()
+    shared.page.evaluate(LISTEN)
+    shared.wait("heard()[1] > -60", "the tool strokes the surface")
     shared.press("engage", "false")
     shared.wait("state.engaged === false", "let go")
     shared.wait("document.querySelector('#arms').textContent === 'arms disengaged'", "said")
+    shared.wait("heard()[1] < -80", "the tool rests")
     shared.press("engage", "true")
     shared.wait("state.engaged === true", "engaged")
+    shared.wait("heard()[1] > -60", "the tool strokes again")
+    shared.page.locator("#sound-on").click()
 
 
 def test_the_recorder_pauses_and_goes_on(shared: Shared) -> None:

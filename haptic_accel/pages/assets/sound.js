@@ -85,12 +85,14 @@ const hapticSound = (() => {
       const { currentTime: now, sampleRate } = this.context;
       const left = this.next / sampleRate - now; // s of what came before
       const lost = !(Math.abs(stamps[0] - this.newest) < GAP);
-      if (rate !== this.rate || lost || Math.abs(left) > STALE) this.begin(now, stamps.at(-1) - GAP, rate);
+      const other = Math.abs(rate / this.rate - 1) > BEND; // what is less, the speed makes up for
+      if (other || lost || Math.abs(left) > STALE) this.begin(now, stamps.at(-1) - GAP, rate);
       else this.follow(now, left);
-      const frames = this.upsampler.push(this.evened(stamps, samples), (this.speed * rate) / sampleRate);
+      const step = (this.speed * this.rate) / sampleRate;
+      const frames = this.upsampler.push(this.evened(stamps, samples), step);
       this.shift -= ((this.speed - 1) * frames.length) / sampleRate;
       if (frames.length) this.schedule(frames);
-      this.delay = this.next / sampleRate - now + HALF / rate;
+      this.delay = this.next / sampleRate - now + HALF / this.rate;
     }
 
     /** Begin anew after a time: of a backlog, only the end is played. */
