@@ -27,7 +27,7 @@ from haptic_accel.nodes.graph_requests import POSTURE
 from haptic_accel.nodes.interface import DEPTH, GraphNode, quality
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import Commands, choices
-from haptic_accel.nodes.scope_scene import ScopeScene
+from haptic_accel.nodes.scope_scene import ScopeScene, drawing, scene_of
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
 from haptic_accel.scope.frames import SCENE
 from haptic_accel.scope.node_reports import NodeReport, NodeReports, expected_nodes
@@ -131,7 +131,6 @@ class Scope(GraphNode):
             self,
             self.windows.places,
             lambda: self._remotes["master_device"].values,
-            lambda: self._remotes["slave_device"].values,
         )
         self._signals: dict[str, Subscription] = {}
         self._reported = (time.monotonic(), 0, 0)
@@ -169,7 +168,7 @@ class Scope(GraphNode):
 
     def scene(self) -> dict[str, Any]:
         """Return what the tool can touch."""
-        return self._scene.drawing()
+        return drawing(self._remotes["slave_device"].values)
 
     def lead(self, x: float, z: float) -> str:
         """Lead the simulated hand to a point, m; return why not, in one line, or nothing."""
@@ -188,7 +187,7 @@ class Scope(GraphNode):
             "controller": values["compensator"].get("controller"),
             "surface": values["slave_device"].get(f"{SURFACE}name"),
             "grip": values["master_device"].get(POSTURE),
-            "scene": self._scene.name,
+            "scene": scene_of(values["slave_device"]),
             "led": self._scene.is_led,
             "engaged": {"true": True, "false": False}.get(coupler.get("engaged", "")),
             "stop": {"asked": self._stop_asked, **self._stopped},

@@ -32,15 +32,15 @@ SIGNALS = {
 
 
 class ScopeScene:
-    """Scene of a page, and the set-points that its pointer gives the hand.
+    """Places that a page shows, and the set-points that its pointer gives the hand.
 
     Parameters
     ----------
     node : GraphNode
     places : dict
         Filled with the latest vectors while a page shows them.
-    master, slave : callable
-        Return the known parameters of the devices' nodes.
+    master : callable
+        Returns the known parameters of the master's node.
     """
 
     def __init__(
@@ -48,10 +48,8 @@ class ScopeScene:
         node: GraphNode,
         places: dict[str, Vector],
         master: Callable[[], Mapping[str, Any]],
-        slave: Callable[[], Mapping[str, Any]],
     ) -> None:
-        self._node, self._places = node, places
-        self._master, self._slave = master, slave
+        self._node, self._places, self._master = node, places, master
         self._inboxes: dict[str, Inbox] = {}
         self._sender: Sender | None = None
         self._refusal = ""
@@ -91,48 +89,53 @@ class ScopeScene:
         return ""
 
     @property
-    def name(self) -> str | None:
-        """Name of what the tool can touch; None if that is not known."""
-        slave = self._slave()
-        if slave.get("device") == VIRTUAL:
-            return Path(slave[SCENE]).stem
-        return slave.get(f"{SURFACE}name") if slave.get("device") == SIMULATED else None
-
-    @property
     def is_led(self) -> bool:
         """Whether a page can lead the hand."""
         return self._sender is not None and self._master().get("device") == POINTER
-
-    def drawing(self) -> dict[str, Any]:
-        """Return what a page draws of the scene; all lengths in m.
-
-        Returns
-        -------
-        dict
-            ``view``: first and last x and z; ``outlines``: lines by name of object; ``nodes``:
-            speeds and forces (m/s, N) of an object's texture model; ``offset``: x and z from
-            the master's frame to the slave's.
-        """
-        slave = self._slave()
-        found: dict[str, Any] = {"view": VIEW}
-        if slave.get("device") != VIRTUAL:
-            (left, right), _ = VIEW
-            plane = {self.name or "": [[[left, 0], [right, 0]]]}
-            return found | {"outlines": plane, "nodes": {}, "offset": [0, 0]}
-        scene = read_scene(Path(slave[SCENE]))
-        outlines = {
-            name: [line.round(5).tolist() for line in lines]
-            for name, lines in scene.section(*VIEW, y=scene.start[1]).items()
-        }
-        nodes = {
-            each.name: np.column_stack([texture.speeds, texture.forces]).tolist()
-            for each in scene.objects
-            if (texture := each.material.texture)
-        }
-        x, _, z = scene.start
-        return found | {"outlines": outlines, "nodes": nodes, "offset": [x, z]}
 
     def _look(self) -> None:
         for name, inbox in self._inboxes.items():
             for _, vector in inbox.take_vectors():
                 self._places[name] = vector
+
+
+def scene_of(slave: Mapping[str, Any]) -> str | None:
+    """Return what the tool can touch by the slave's parameters: surface, or a scene's file.
+
+    None if that is not known.
+    """
+    name = {VIRTUAL: SCENE, SIMULATED: f"{SURFACE}name"}.get(slave.get("device", ""))
+    return slave.get(name) if name else None
+
+
+def drawing(slave: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a page draws of the scene under a slave with known parameters, SI units.
+
+    Returns
+    -------
+    dict
+        ``view``: first and last x and z; ``outlines``: lines by name of object; ``nodes``: speeds
+        and forces of an object's texture model; ``offset``: x and z from the master's frame to
+        the slave's.
+
+    Raises
+    ------
+    ParameterError
+        The scene's file can no longer be read.
+    """
+    if slave.get("device") != VIRTUAL:
+        (left, right), _ = VIEW
+        plane = {scene_of(slave) or "": [[[left, 0], [right, 0]]]}
+        return {"view": VIEW, "outlines": plane, "nodes": {}, "offset": [0, 0]}
+    scene = read_scene(Path(slave[SCENE]))
+    outlines = {
+        name: [line.round(5).tolist() for line in lines]
+        for name, lines in scene.section(*VIEW, y=scene.start[1]).items()
+    }
+    nodes = {
+        each.name: np.column_stack([texture.speeds, texture.forces]).tolist()
+        for each in scene.objects
+        if (texture := each.material.texture)
+    }
+    x, _, z = scene.start
+    return {"view": VIEW, "outlines": outlines, "nodes": nodes, "offset": [x, z]}

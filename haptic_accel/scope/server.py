@@ -22,6 +22,7 @@ from urllib.parse import urlsplit
 from aiohttp import WSCloseCode, http, web
 from aiohttp.typedefs import Handler
 
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.pages import asset, template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
 from haptic_accel.scope.frames import ON_DEMAND, SCENE, SOUND, Cursor, places_frame, plots_frame
@@ -115,7 +116,7 @@ class Source(Protocol):
         """Return the state of the graph, ready for JSON."""
 
     def scene(self) -> dict[str, Any]:
-        """Return what the tool can touch, ready for JSON."""
+        """Return what the tool can touch, ready for JSON, or raise ParameterError."""
 
     def lead(self, x: float, z: float) -> str:
         """Lead the simulated hand to a point, m; return why not, in one line, or nothing."""
@@ -319,7 +320,10 @@ class ScopeServer:
         return web.Response(body=content, content_type=kind, charset="utf-8")
 
     async def _scene(self, request: web.Request) -> web.Response:
-        return web.json_response(await asyncio.to_thread(self._source.scene))
+        try:
+            return web.json_response(await asyncio.to_thread(self._source.scene))
+        except ParameterError as error:
+            return _message(503, str(error))
 
     async def _command(self, request: web.Request) -> web.Response:
         """Carry out one command: a JSON object with an action, and a value if it needs one."""

@@ -217,7 +217,7 @@ const hapticScene = (() => {
     place.map((value, axis) => clamp(value, drawing.view[axis]));
 
   function grab(event) {
-    if (!led || grip || event.button || !known(here.handle)) return;
+    if (!led || !drawing || grip || event.button || !known(here.handle)) return;
     view.setPointerCapture(event.pointerId);
     grip = { id: event.pointerId, began: [event.clientX, event.clientY], hand: here.handle };
     grip.point = wanted(event);
@@ -243,7 +243,7 @@ const hapticScene = (() => {
 
   function press(event) {
     const step = ARROWS[event.key];
-    if (!led || !step || grip || !known(here.handle)) return;
+    if (!led || !drawing || !step || grip || !known(here.handle)) return;
     event.preventDefault();
     send(reached(here.handle.map((value, axis) => value + KEY_STEP * step[axis])));
     scope.send({ point: null });
@@ -281,7 +281,8 @@ const hapticScene = (() => {
     if (name === null) return;
     plane ??= makePlane();
     try {
-      drawing = await (await fetch("/scene")).json();
+      const answer = await fetch("/scene");
+      drawing = answer.ok ? await answer.json() : null;
     } catch {
       name = null; // asked again with the next state
     }
