@@ -48,6 +48,21 @@ BENCH = LazyGroup(
     help="Measure latency, CPU, losses and tracking error.",
     examples=["haptic-accel bench latency rig:=ideal --rate 2000", "haptic-accel bench fidelity"],
 )
+TEXTURE = LazyGroup(
+    "texture",
+    {
+        "Verbs": {
+            "build": "build a model from recordings with speed, force and acceleration",
+            "show": "show a model's range and spectra",
+            "render": "write a model's acceleration as a sound file",
+        }
+    },
+    help="Build, show and render models of textures.",
+    examples=[
+        "haptic-accel texture build drag.csv --rate 10000 --out wood.yaml",
+        "haptic-accel texture render plywood --speed 80 --force 1 --out wood.wav",
+    ],
+)
 
 SECTIONS = {
     "Graph": {
@@ -71,6 +86,9 @@ SECTIONS = {
         "identify": "fit the handle's model with the paper's sweep",
         "design": "predict error, force and margins of a controller",
     },
+    "Surfaces": {
+        "texture": "build, show and render models of textures",
+    },
     "Machine": {
         "keys": "make certificates for two hosts",
         "bench": "measure latency, CPU, losses and tracking error",
@@ -82,7 +100,7 @@ SECTIONS = {
 command_line = LazyGroup(
     "haptic-accel",
     SECTIONS,
-    groups=[BAG, EMULATE, BENCH],
+    groups=[BAG, EMULATE, BENCH, TEXTURE],
     help="Haptic teleoperation with acceleration feedback: feel what a remote tool touches.",
     context_settings={
         "help_option_names": ["-h", "--help"],

@@ -1,0 +1,286 @@
+"""``haptic-accel texture``: build texture models from recordings, show and render them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import click
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from haptic_accel.cli.options import FILE, json_option, verb
+from haptic_accel.cli.output import check_writable, save
+from haptic_accel.cli.tables import print_table
+from haptic_accel.core.folders import preset_file
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.resampling import checked_rate, resampled
+from haptic_accel.core.surfaces.building import BAND, Built, HeldOut, Recording, Segment, build
+from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
+from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
+from haptic_accel.devices.playback import bag_track, is_bag
+from haptic_accel.materials.recordings import FULL_SCALE, read_recording
+from haptic_accel.materials.texture_files import read_texture, write_texture
+
+MILLI = 1e-3
+
+SOUND_RATE = 8000
+"""Sampling rate of sound files, Hz: the lowest that every player takes."""
+
+MOST_DRAWN = 6
+"""Spectra in one plot."""
+
+_model_argument = click.argument("model", metavar="NAME|FILE")
+_new_file = click.option("--out", type=FILE, metavar="FILE", required=True, help="File to write.")
+
+
+@verb(
+    "haptic-accel texture build drag1.csv drag2.csv --rate 10000 --out wood.yaml",
+    "haptic-accel texture build bags/plywood --out plywood.yaml --json report.json",
+    name="build",
+)
+@click.argument("recordings", type=FILE, metavar="CSV|BAG...", nargs=-1, required=True)
+@click.option(
+    "--rate",
+    type=float,
+    default=0.0,
+    show_default=False,
+    metavar="HZ",
+    help="Samples per second of CSV files; bags state their own.",
+)
+@_new_file
+@json_option
+def build_texture(
+    recordings: Sequence[Path], rate: float, out: Path, json_file: Path | None
+) -> None:
+    """Build a texture model from recordings of a tool dragged over a surface.
+
+    A CSV file has columns speed (mm/s), force (N) and acceleration or accel (m/s^2); speed is
+    along the surface and force normal to it. In a bag z is normal to the surface, and the force
+    is that of the contact or, where it was not recorded, that of the slave's arm. Beside the
+    model a plot is written: spectra, measured and modelled, and the plane of speed and force.
+    """
+    check_writable(out)
+    read = [_bag(path) if is_bag(str(path)) else _csv(path, rate) for path in recordings]
+    source = f"built from {', '.join(path.name for path in recordings)}"
+    built = build(out.stem, read, Provenance(source))
+    write_texture(out, built.model)
+    picture = out.with_suffix(".png")
+    _draw(built.model, built.held_out, built.segments).savefig(picture, dpi=150)
+    _print(built)
+    print(f"model: {out}; it states no licence yet", f"plot: {picture}", sep="\n")
+    metrics = {
+        "order": built.order,
+        "nodes": len(built.model.speeds),
+        "held_out_spectral_distance_db": built.distance,
+        "coverage": built.coverage,
+        "held_out": [
+            {
+                "speed_m_s": each.speed,
+                "force_n": each.force,
+                "seconds": each.seconds,
+                "distance_db": each.distance,
+                "rms_m_s2": each.rms,
+                "model_rms_m_s2": each.modelled_rms,
+            }
+            for each in built.held_out
+        ],
+        "refused": [asdict(each) for each in built.refused],
+    }
+    save(metrics, json_file)
+
+
+@verb("haptic-accel texture show plywood", "haptic-accel texture show wood.yaml --out wood.png")
+@_model_argument
+@click.option("--out", type=FILE, metavar="FILE", show_default="NAME.png", help="Plot to write.")
+@json_option
+def show(model: str, out: Path | None, json_file: Path | None) -> None:
+    """Show where a model comes from, what it covers, and its spectra."""
+    found = read_texture(preset_file("texture", model))
+    order, moving = found.lsf.shape[1], found.ma_lsf.shape[1]
+    rms = _rms(found)
+    about = {name: text for name, text in asdict(found.provenance).items() if text}
+    print(f"{found.name}: order {order}{f' and {moving}' if moving else ''}, {found.rate:g} Hz")
+    print(*(f"{name}: {text}" for name, text in about.items()), sep="\n")
+    _print_nodes(found, rms)
+    picture = out or Path(f"{found.name}.png")
+    check_writable(picture)
+    _draw(found).savefig(picture, dpi=150)
+    print(f"plot: {picture}")
+    metrics = {
+        "name": found.name,
+        "rate_hz": found.rate,
+        "order": order,
+        "moving_average_order": moving,
+        "nodes": len(found.speeds),
+        "largest_speed_m_s": float(found.speeds.max()),
+        "largest_force_n": float(found.forces.max()),
+        "largest_rms_m_s2": float(rms.max()),
+        "provenance": about,
+    }
+    save(metrics, json_file)
+
+
+@verb("haptic-accel texture render plywood --speed 80 --force 1 --out wood.wav")
+@_model_argument
+@click.option(
+    "--speed",
+    type=click.FloatRange(0),
+    required=True,
+    metavar="MM/S",
+    help="Speed along the surface.",
+)
+@click.option(
+    "--force", type=click.FloatRange(0), required=True, metavar="N", help="Normal force."
+)
+@click.option("--seconds", type=click.FloatRange(0.1, 600), default=5.0, help="Duration.")
+@click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the noise.")
+@_new_file
+def render(model: str, speed: float, force: float, seconds: float, seed: int, out: Path) -> None:
+    """Write the acceleration of a texture as a sound file.
+
+    Full scale is 5 g, as that of recordings that are read.
+    """
+    from scipy.io import wavfile
+
+    check_writable(out)
+    found = read_texture(preset_file("texture", model))
+    texture = Texture(found, found.rate, seed, FULL_SCALE)
+    # The speed's low-pass has settled after a tenth of a second.
+    before, samples = round(0.2 * found.rate), round(seconds * found.rate)
+    constant = np.ones(before + samples)
+    acceleration = texture.block(constant * speed * MILLI, constant * force)[before:]
+    sound = resampled(acceleration, found.rate, SOUND_RATE)
+    full = np.iinfo(np.int16).max
+    wavfile.write(
+        out, SOUND_RATE, np.clip(sound / FULL_SCALE * full, -full, full).astype(np.int16)
+    )
+    print(
+        f"{out}: {seconds:g} s, {acceleration.std():.3g} m/s^2 RMS, saturated {texture.saturated}"
+    )
+    top_speed, top_force = found.speeds.max(), found.forces.max()
+    if speed * MILLI > top_speed or force > top_force:
+        print(
+            f"the model ends at {top_speed / MILLI:.0f} mm/s and {top_force:.2f} N: rendered there"
+        )
+
+
+# Recordings
+
+
+def _csv(path: Path, rate: float) -> Recording:
+    """Return the recording in a CSV file."""
+    if not rate:
+        raise ParameterError(f"rate = 0: must be given for a CSV file such as {path}, in Hz")
+    checked_rate("rate", rate)
+    speed, force, acceleration = (
+        read_recording(path, rate, rate, column) for column in ("speed", "force", None)
+    )
+    return Recording(str(path), rate, np.abs(speed) * MILLI, force, acceleration)
+
+
+def _bag(path: Path) -> Recording:
+    """Return what a bag has of the slave: by its contact force, or else its arm's."""
+    from haptic_accel.bags.reading import read_bag
+
+    bag = read_bag(path)
+    contact = CONTACT_FORCE.name in bag.signals
+    # On the grid of its samples, as its position would be.
+    track = bag_track(bag, replace(SLAVE, position=CONTACT_FORCE if contact else SLAVE_ARM_FORCE))
+    pressing = track.position[:, 2] * (1 if contact else -1)
+    speed = np.hypot(track.velocity[:, 0], track.velocity[:, 1])
+    return Recording(str(path), track.rate, speed, pressing, track.acceleration)
+
+
+# Results
+
+
+def _print(built: Built) -> None:
+    """Print how well segments are predicted that the model was built without."""
+    rows = [
+        (
+            f"{each.speed / MILLI:.0f}",
+            f"{each.force:.2f}",
+            f"{each.seconds:.2f}",
+            f"{each.distance:.2f}",
+            f"{each.rms:.2f}",
+            f"{each.modelled_rms:.2f}",
+        )
+        for each in built.held_out
+    ]
+    headings = ("speed (mm/s)", "force (N)", "s", "distance (dB)", "RMS (m/s²)", "model's")
+    low, high = BAND
+    title = f"segments against a model of the other half, {low:g} to {high:g} Hz"
+    print_table(headings, rows, left=0, title=title)
+    print(
+        f"order {built.order}, {built.measured} measured nodes of {len(built.segments)} segments,"
+        f" log-spectral distance {built.distance:.2f} dB; they cover {100 * built.coverage:.0f} %"
+        f" of the plane to {built.model.speeds.max() / MILLI:.0f} mm/s and"
+        f" {built.model.forces.max():.2f} N"
+    )
+    for reason in dict.fromkeys(each.reason for each in built.refused):
+        seconds = sum(each.end - each.begin for each in built.refused if each.reason == reason)
+        print(f"not used: {seconds:.2f} s {reason}")
+
+
+def _print_nodes(model: TextureModel, rms: FloatArray) -> None:
+    rows = [
+        (f"{speed / MILLI:.0f}", f"{force:.2f}", f"{value:.2f}")
+        for speed, force, value in sorted(zip(model.speeds, model.forces, rms, strict=True))
+    ]
+    print_table(("speed (mm/s)", "force (N)", "RMS (m/s²)"), rows, left=0, title="nodes")
+
+
+def _rms(model: TextureModel) -> FloatArray:
+    """Return the root mean square of the acceleration at each node, m/s^2."""
+    frequency = np.linspace(0.0, model.rate / 2, 2048)
+    spectra = [
+        model.spectrum(speed, force, frequency)
+        for speed, force in zip(model.speeds.tolist(), model.forces.tolist(), strict=True)
+    ]
+    return np.asarray(np.sqrt(np.mean(spectra, axis=1) * model.rate / 2))
+
+
+def _draw(
+    model: TextureModel, held_out: Sequence[HeldOut] = (), segments: Sequence[Segment] = ()
+) -> Figure:
+    """Draw spectra, and the plane of speed and force with its triangles."""
+    figure = Figure(figsize=(11, 4.6), layout="constrained", facecolor="white")
+    spectra, plane = figure.subplots(1, 2)
+    if held_out:
+        _draw_compared(spectra, held_out)
+    else:
+        _draw_spectra(spectra, model)
+    spectra.set(xlabel="frequency (Hz)", ylabel="power density ((m/s²)²/Hz)", yscale="log")
+    spectra.set_xlim(0, model.rate / 2)
+    spectra.grid(alpha=0.3)
+    spectra.legend(fontsize=7)
+    speeds = model.speeds / MILLI
+    plane.triplot(speeds, model.forces, model.triangles, color="#bbbbbb", linewidth=0.8)
+    nodes = plane.scatter(speeds, model.forces, c=_rms(model), cmap="viridis", zorder=3)
+    figure.colorbar(nodes, ax=plane, label="RMS (m/s²)")
+    places = np.array([(each.speed / MILLI, each.force) for each in segments]).reshape(-1, 2)
+    plane.plot(*places.T, ".", color="#d55e00", markersize=3, label="segments")
+    plane.set(xlabel="speed (mm/s)", ylabel="force (N)")
+    return figure
+
+
+def _draw_compared(panel: Axes, held_out: Sequence[HeldOut]) -> None:
+    """Draw what was measured, and what a model of other segments has there."""
+    for number, each in enumerate(sorted(held_out, key=lambda e: -e.seconds)[:MOST_DRAWN]):
+        colour, label = f"C{number}", f"{each.speed / MILLI:.0f} mm/s, {each.force:.2f} N"
+        panel.plot(each.frequency, each.measured, color=colour, linewidth=0.8, label=label)
+        panel.plot(each.frequency, each.modelled, "--", color=colour)
+    panel.set_title("left-out segments: measured, and modelled (dashed)", fontsize=9)
+
+
+def _draw_spectra(panel: Axes, model: TextureModel) -> None:
+    """Draw the model's spectra at its loudest nodes."""
+    frequency = np.linspace(1.0, model.rate / 2, 500)
+    for node in np.argsort(-_rms(model))[:MOST_DRAWN].tolist():
+        speed, force = float(model.speeds[node]), float(model.forces[node])
+        label = f"{speed / MILLI:.0f} mm/s, {force:.2f} N"
+        panel.plot(frequency, model.spectrum(speed, force, frequency), label=label)

@@ -1,0 +1,107 @@
+"""Building, showing and rendering textures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from haptic_accel.core.folders import config_folder
+from haptic_accel.materials.recordings import read_recording
+from haptic_accel.materials.texture_files import read_texture
+from verbs import refusal, status_of
+
+pytestmark = pytest.mark.usefixtures("here")
+
+RATE = 1000.0
+
+
+def write_drag(path: Path, force: float) -> None:
+    """Write a recording at two speeds of a texture whose acceleration grows with speed."""
+    random = np.random.default_rng(round(100 * force))
+    speed = np.repeat([60.0, 120.0], 1500)
+    pole = 0.95 * np.exp(2j * np.pi * 100 / RATE)
+    polynomial = np.poly([pole, pole.conj()]).real
+    noise = random.standard_normal(len(speed)) * speed / 60 * force
+    rows = np.column_stack(
+        [speed, np.full(len(speed), force), signal.lfilter([1.0], polynomial, noise)]
+    )
+    np.savetxt(path, rows, delimiter=",", header="speed,force,accel", comments="", fmt="%.6f")
+
+
+def test_a_model_is_built_from_files_with_a_report(tmp_path: Path) -> None:
+    for force in (0.5, 1.0):
+        write_drag(tmp_path / f"{force}.csv", force)
+    words = ("0.5.csv", "1.0.csv", "--rate", "1000", "--out", "wood.yaml", "--json", "report.json")
+    assert status_of("texture", "build", *words) == 0
+    model = read_texture(tmp_path / "wood.yaml")
+    assert model.name == "wood"
+    assert model.provenance.source == "built from 0.5.csv, 1.0.csv"
+    # Columns are in mm/s and N.
+    assert (model.speeds.max(), model.forces.max()) == (0.12, 1.0)
+    frequency = np.linspace(20.0, 450.0, 100)
+    assert frequency[model.spectrum(0.12, 1.0, frequency).argmax()] == pytest.approx(100, abs=5)
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert (report["order"], report["nodes"]) == (model.lsf.shape[1], len(model.speeds))
+    assert report["held_out_spectral_distance_db"] < 1.5
+    assert report["coverage"] == pytest.approx(0.25, abs=0.01)
+    assert report["refused"] == []
+    assert (tmp_path / "wood.png").stat().st_size > 10_000
+
+
+def test_what_is_rendered_is_read_again_with_the_models_rms(tmp_path: Path) -> None:
+    words = ("plywood", "--speed", "110", "--force", "1", "--out", "ply.wav", "--seconds", "4")
+    assert status_of("texture", "render", *words) == 0
+    sound = read_recording(tmp_path / "ply.wav", 0.0, RATE)
+    assert len(sound) == 4 * RATE
+    frequency = np.linspace(0.0, RATE / 2, 2048)
+    power = read_texture(config_folder() / "textures/plywood.yaml").spectrum(0.11, 1.0, frequency)
+    assert sound.std() == pytest.approx(np.sqrt(power.mean() * RATE / 2), rel=0.2)
+
+
+def test_silence_is_rendered_as_silence(tmp_path: Path) -> None:
+    words = ("plywood", "--speed", "0", "--force", "1", "--out", "ply.wav", "--seconds", "2")
+    assert status_of("texture", "render", *words) == 0
+    assert not read_recording(tmp_path / "ply.wav", 0.0, RATE).any()
+
+
+def test_a_model_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert status_of("texture", "show", "vinyl", "--json", "vinyl.json") == 0
+    shown = capsys.readouterr().out
+    assert "licence: Apache-2.0" in shown
+    about = json.loads((tmp_path / "vinyl.json").read_text())
+    assert about["name"] == "vinyl"
+    assert about["largest_rms_m_s2"] > 1.0
+    assert (tmp_path / "vinyl.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("build", "drag.csv", "--out", "a.yaml"), "rate = 0: must be given for a CSV file"),
+        (("build", "no.csv", "--rate", "1000", "--out", "a.yaml"), "no.csv"),
+        (("build", "drag.csv", "--rate", "100", "--out", "a.yaml"), "at least 500 Hz"),
+        (("build", "drag.csv", "--rate", "1000"), "--out"),
+        (("show", "oak"), "texture = 'oak': must be one of plywood, text, vinyl"),
+        (("render", "vinyl", "--speed", "-1", "--force", "1", "--out", "a.wav"), "--speed"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(
+    tmp_path: Path, words: tuple[str, ...], named: str
+) -> None:
+    write_drag(tmp_path / "drag.csv", 1.0)
+    assert named in refusal("texture", *words)
+
+
+@pytest.mark.parametrize("name", ["plywood", "text", "vinyl"])
+def test_shipped_textures_state_their_licence_and_are_small(name: str) -> None:
+    file = config_folder() / f"textures/{name}.yaml"
+    assert file.stat().st_size < 60_000
+    about = read_texture(file).provenance
+    assert about.licence == "Apache-2.0"
+    assert about.source
+    assert about.author
+    assert about.calibration
