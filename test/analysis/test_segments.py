@@ -73,6 +73,15 @@ def test_a_surface_changed_in_part_is_another_one(tmp_path: Path) -> None:
     assert names == ["plywood", "plywood (altered)"]
 
 
+def test_a_scene_stands_for_the_surface(tmp_path: Path) -> None:
+    written = content(6.0)
+    written.facts["arguments"] |= {"slave": "virtual", "scene": "workshop"}
+    written.facts["parameters"]["slave_device"]["virtual.scene"] = "/config/scenes/workshop.yaml"
+    changes = [(3.0, "slave_device", "virtual.scene", "/home/me/mat.yaml")]
+    found = cut_of(tmp_path, replace(written, changes=changes))
+    assert [segment.condition.surface for segment in found.segments] == ["workshop", "mat"]
+
+
 def test_arms_that_let_go_end_a_segment(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(5.0), gap=(2.0, 3.0)))
     begins = [segment.begin for segment in found.segments]

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from haptic_accel.core.folders import config_folder
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
 from haptic_accel.graph.node_parameters import node_schema
@@ -117,6 +118,22 @@ def test_an_identification_has_three_and_knows_the_simulated_actuator(tmp_path: 
     assert values["actuator.k_s"] == 500.0  # what the user measured goes first
     assert (values["trials"], values["end_frequency"], values["rest"]) == (2, 300.0, 2.0)
     assert processes["master_device"]["master_device"]["simulated.grip.posture"] == "hook"
+
+
+def test_a_scene_is_checked_before_anything_starts_and_its_force_is_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    recorder, *_ = found = graph(parse_arguments(["slave:=virtual", "topics:=/joy"]))
+    assert recorder.parameters["recorder"]["topics"] == "/joy,slave/contact_force"
+    (slave,) = (each for each in found if each.executable == "slave_device")
+    scene = slave.parameters["slave_device"]["virtual.scene"]
+    assert Path(scene) == config_folder() / "scenes" / "workshop.yaml"
+    Path("mine.yaml").write_text("objects: {box: {shape: box, material: wood}}")
+    with pytest.raises(ParameterError, match=r"mine\.yaml:1: objects\.box\.material = 'wood'"):
+        graph(parse_arguments(["slave:=virtual", "scene:=mine.yaml"]))
+    with pytest.raises(ParameterError, match="scene = 'cave': must be one of workshop"):
+        graph(parse_arguments(["slave:=virtual", "scene:=cave"]))
 
 
 def test_a_sweep_beyond_half_the_rate_is_refused() -> None:
