@@ -253,10 +253,9 @@ def test_the_card_s_clock_is_followed(
         bench.now = START + tick * PERIOD
         device.read(bench.now)
     assert device.status()["audio_underruns"] == 0
-    # Unfollowed it would be 1.6 ms by then. Half a block is what the card does not tell.
-    settled = np.array(card.delays[6_000:]) - card.lead
-    assert settled.mean() == pytest.approx(-BLOCK / 2 / card.rate, abs=0.4e-3)
-    assert np.ptp(settled) < 0.1e-3
+    # Unfollowed it would be 1.6 ms by then, and by what the card tells half a block, 0.7 ms.
+    settled = np.array(card.delays[4_000:]) - card.lead
+    assert np.abs(settled).max() < 0.4e-3
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.5])
