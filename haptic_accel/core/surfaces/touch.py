@@ -148,13 +148,9 @@ class Touch:
         # A surface can only push.
         push = max(0.0, (away + self._stiffness * depth * per_mass) * held - away)
         v_x, v_y, v_z = v_x - away * n_x, v_y - away * n_y, v_z - away * n_z  # along the surface
-        b_x, b_y, b_z = self.bristle
-        length = math.sqrt(b_x * b_x + b_y * b_y + b_z * b_z)
         bound = push / (per_mass * self._stiffness)
-        self.sliding = length > (self._kinetic if self.sliding else self._static) * bound
+        b_x, b_y, b_z = self._within_cone(self.bristle, bound)
         if self.sliding:
-            shrunk = self._kinetic * bound / length
-            b_x, b_y, b_z = shrunk * b_x, shrunk * b_y, shrunk * b_z
             held = 1.0
         pull = self._stiffness * per_mass
         v_x, v_y, v_z = (
@@ -162,7 +158,9 @@ class Touch:
             held * (v_y - pull * b_y),
             held * (v_z - pull * b_z),
         )
-        self.bristle = b_x + step * v_x, b_y + step * v_y, b_z + step * v_z
+        stretched = b_x + step * v_x, b_y + step * v_y, b_z + step * v_z
+        self.bristle = self._within_cone(stretched, bound)
+        self.sliding = self.bristle is not stretched
         away += push
         w_x, w_y, w_z = v_x + away * n_x, v_y + away * n_y, v_z + away * n_z
         v_x, v_y, v_z = velocity
@@ -171,6 +169,16 @@ class Touch:
         self.impulse = (i_x + g_x, i_y + g_y, i_z + g_z)
         self._pushed = (g_x, g_y, g_z)
         return w_x, w_y, w_z
+
+    def _within_cone(self, bristle: Vector, bound: float) -> Vector:
+        """Return a bristle that is dragged along if it is too long for a depth in m."""
+        x, y, z = bristle
+        length = math.sqrt(x * x + y * y + z * z)
+        if length <= (self._kinetic if self.sliding else self._static) * bound:
+            return bristle
+        self.sliding = True
+        shrunk = self._kinetic * bound / length
+        return shrunk * x, shrunk * y, shrunk * z
 
     def note_work(self, before: Vector, after: Vector) -> None:
         """Note the work of the last push on a tool whose velocity was this before and after it."""

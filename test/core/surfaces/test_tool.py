@@ -104,7 +104,7 @@ ROUND = [
 def test_no_contact_gives_out_energy(shape: Shape, stiffness: float) -> None:
     low = 0.02 if isinstance(shape, Sphere) else 0.01 if isinstance(shape, Cylinder) else 0.0
     scene = Scene((SceneObject("one", shape, lossless(stiffness), (0.0, 0.0, -low)),))
-    assert given_out(VirtualTool(FREE, scene, RATE), ROUND, 0.2) < 1e-3
+    assert given_out(VirtualTool(FREE, scene, RATE), ROUND, 0.2) < 0.3e-3
 
 
 def test_a_way_from_a_soft_object_onto_a_hard_one_gives_out_no_energy() -> None:
@@ -115,7 +115,7 @@ def test_a_way_from_a_soft_object_onto_a_hard_one_gives_out_no_energy() -> None:
         SceneObject("hard", half, lossless(10e3), (0.025, 0.0, -0.02)),
     )
     way: list[Vector] = [(-0.02, 0.0, -0.01), (0.02, 0.0, -0.01), (0.02, 0.0, 0.02)]
-    assert given_out(VirtualTool(FREE, Scene(objects), RATE), way, 0.1) < 1e-3
+    assert given_out(VirtualTool(FREE, Scene(objects), RATE), way, 0.1) < 0.3e-3
 
 
 @pytest.mark.parametrize("mass", [0.001, 0.06, 1.0])
@@ -173,3 +173,35 @@ def test_a_start_inside_of_an_object_is_refused() -> None:
     with pytest.raises(ParameterError, match="scene cellar"):
         tool.change_scene(inside)
     assert tool.scene is TABLE
+
+
+def test_pulled_slowly_by_a_spring_it_sticks_and_slips() -> None:
+    rubber = Material(stiffness=2000.0, damping=5.0, static_friction=1.0, friction=0.6)
+    scene = Scene((SceneObject("mat", Plane(), rubber),))
+    tool = VirtualTool(ToolParameters(viscous_friction=0.5, coulomb_friction=0.0), scene, RATE)
+    pressed(tool, (0.0, 0.0, -1.0), 0.5)
+    pulls, slid = [], []
+    for tick in range(3000):
+        pull = 100.0 * (0.01 * tick / RATE - tool.position[0])
+        contact = tool.advance((pull, 0.0, -1.0))
+        assert contact is not None
+        pulls.append(pull)
+        slid.append(contact.sliding)
+    slips = np.flatnonzero(np.diff(np.array(slid).astype(int)) == 1)
+    # It slips at 1 N, and beyond the middle at 0.6 N about as far as it came before it, less what
+    # the damping takes: some 0.4 to 0.8 N of the spring each time, at 1 N/s.
+    assert 3 <= len(slips) <= 7
+    assert [pulls[tick] for tick in slips] == pytest.approx([1.0] * len(slips), abs=0.05)
+    assert min(pulls[slips[0] :]) < 0.5
+
+
+def test_the_motion_is_the_same_at_any_rate() -> None:
+    ends, impacts = [], []
+    for rate in (1000.0, 4000.0, 40e3):
+        tool = VirtualTool(ToolParameters(), TABLE, rate)
+        contacts = [tool.advance((0.3, 0.0, -1.0)) for _ in range(round(0.3 * rate))]
+        ends.append(tool.position)
+        impacts.append(next(each.impact_speed for each in contacts if each))
+    for end, impact in zip(ends, impacts, strict=True):
+        assert end == pytest.approx(ends[-1], abs=5e-5)
+        assert impact == pytest.approx(impacts[-1], rel=0.03)
