@@ -32,6 +32,11 @@ def test_the_scripted_hand_strokes_the_workshop_s_bench() -> None:
     assert abs(force[stroke, 0]) == pytest.approx(0.35 * force[stroke, 2], rel=0.05)
 
 
+@pytest.mark.parametrize(("rig", "most"), [("ideal", 2.0), ("paper", 10.0)])
+def test_a_virtual_surface_is_displayed_as_well_as_a_real_one(rig: str, most: float) -> None:
+    assert virtual("adaptive", rig, duration=4.0).evaluate().nrmse_percent < most
+
+
 def test_a_tap_is_felt_one_sample_after_the_latency_and_as_strong() -> None:
     without, trial = (virtual(each, "ideal") for each in ("none", "adaptive"))
     onset = int(np.argmax(trial.arms[CONTACT_FORCE.name][:, 2] > 0))
