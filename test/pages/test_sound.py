@@ -108,7 +108,7 @@ OFFLINE = """async ([arrivals, rate, contextRate, seconds]) => {
     const numbers = Array.from({ length: end - first }, (_, i) => first + i);
     context.suspend(at).then(() => {
       const values = numbers.map((n) => Math.sin((2 * Math.PI * 100 * n) / rate));
-      const estimate = rate * (1 + 1e-3 * (first % 2));
+      const estimate = rate * (1 + 1e-4 * (first % 2));
       stream.take(numbers.map((n) => 1.8e9 + n / rate), Float32Array.from(values), estimate);
       delays.push(stream.delay);
       context.resume();
@@ -145,20 +145,27 @@ def test_a_tone_that_comes_in_frames_is_played_as_one_tone(
     inner = sound[context_rate // 2 : -context_rate // 2]
     power = np.abs(np.fft.rfft(inner * np.blackman(len(inner)))) ** 2
     is_tone = np.abs(np.fft.rfftfreq(len(inner), 1 / context_rate) - 100) < 5
-    assert power[~is_tone].sum() < 1e-5 * power.sum()
+    assert power[~is_tone].sum() < 1e-4 * power.sum()
     assert np.std(inner) == pytest.approx(1 / np.sqrt(2), rel=0.02)
 
 
-def test_late_samples_are_heard_softly_and_waited_for_until_they_come_evenly(page: Page) -> None:
-    arrivals = [at for k in range(840) if not 0.9 < (at := FRAME * (k + 1)) < 0.96]
+def test_samples_that_are_late_once_are_heard_softly_and_soon_forgotten(page: Page) -> None:
+    arrivals = [FRAME * (k + 1) for k in range(360) if k not in (54, 55, 56)]
     sound, delays, underruns = played(page, arrivals)
     assert underruns == 1
-    before, after, end = (delays[np.array(arrivals) < moment][-1] for moment in (0.9, 9, 14))
-    late = 0.06 - RESERVE  # what the reserve did not cover
+    before, after, end = (delays[np.array(arrivals) < moment][-1] for moment in (0.9, 1.1, 6))
+    late = 3 * FRAME - RESERVE  # what the reserve did not cover
     assert after - before == pytest.approx(late, abs=0.01)
-    assert end - before == pytest.approx(0, abs=0.02)
+    assert end - before == pytest.approx(0, abs=0.01)
     # No step is much larger than the tone's own.
     assert np.abs(np.diff(sound)).max() < 1.5 * 2 * np.pi * 100 / 48000
+
+
+def test_samples_that_are_often_late_are_waited_for(page: Page) -> None:
+    arrivals = [FRAME * (k + 1) for k in range(720) if k % 180 not in (54, 55, 56)]
+    _, delays, underruns = played(page, arrivals)
+    assert underruns == 2
+    assert min(delays[np.array(arrivals) > 4]) > 0.06
 
 
 def test_what_is_chosen_is_heard_while_there_is_contact(page: Page, tones: Tones) -> None:

@@ -10,7 +10,7 @@ const hapticSound = (() => {
   const FULL_SCALE = 10; // m/s² at which full volume reaches the limiter
   const LATE = 128; // frames that the browser renders at a time: what begins sooner is too late
   const RESERVE = 0.008; // s that shall be left to play whenever samples arrive
-  const MEMORY = 10; // s for which late arrivals are remembered
+  const MEMORY = 10; // s of which all but one shall be without underrun
   const BEND = 0.02; // largest change of speed, by which the reserve is corrected: a third of a semitone
   const STALE = 0.25; // s by which samples may come late, or wait, before playing begins anew
   const GAP = 0.02; // s of lost samples across which a line is drawn
@@ -85,19 +85,20 @@ const hapticSound = (() => {
       const { currentTime: now, sampleRate } = this.context;
       const left = this.next / sampleRate - now; // s of what came before
       const lost = !(Math.abs(stamps[0] - this.newest) < GAP);
-      const other = Math.abs(rate / this.rate - 1) > BEND; // what is less, the speed makes up for
-      if (other || lost || Math.abs(left) > STALE) this.begin(now, stamps.at(-1) - GAP, rate);
+      const other = Math.abs(rate / this.rate - 1) > BEND; // less is a better estimate
+      if (other || lost || Math.abs(left) > STALE) this.begin(now, stamps.at(-1) - GAP);
       else this.follow(now, left);
-      const step = (this.speed * this.rate) / sampleRate;
+      this.rate = rate;
+      const step = (this.speed * rate) / sampleRate;
       const frames = this.upsampler.push(this.evened(stamps, samples), step);
       this.shift -= ((this.speed - 1) * frames.length) / sampleRate;
       if (frames.length) this.schedule(frames);
-      this.delay = this.next / sampleRate - now + HALF / this.rate;
+      this.delay = this.next / sampleRate - now + HALF / rate;
     }
 
     /** Begin anew after a time: of a backlog, only the end is played. */
-    begin(now, newest, rate) {
-      Object.assign(this, { rate, newest, sample: 0, upsampler: new Upsampler() });
+    begin(now, newest) {
+      Object.assign(this, { newest, sample: 0, upsampler: new Upsampler() });
       Object.assign(this, { lowest: [], shift: 0, speed: 1 });
       this.pause(now);
     }
@@ -122,14 +123,15 @@ const hapticSound = (() => {
       return this.next / sampleRate - now;
     }
 
-    /** Note what is left to play when samples come; return the least of the last seconds. */
+    /** Note what is left to play when samples come; return the least that is usual. */
     remember(now, left) {
       // Kept as if what was inserted or skipped since had always been.
       const second = Math.floor(now);
       if (this.lowest[0]?.second !== second) this.lowest.unshift({ second, left: Infinity });
       this.lowest[0].left = Math.min(this.lowest[0].left, left - this.shift);
       this.lowest = this.lowest.filter((one) => one.second > second - MEMORY);
-      return Math.min(...this.lowest.map((one) => one.left)) + this.shift;
+      const [least, next] = this.lowest.map((one) => one.left).sort((a, b) => a - b);
+      return (next ?? least) + this.shift; // one bad second is none to wait for
     }
 
     /** Samples one period apart: where some were lost, a straight line. */
