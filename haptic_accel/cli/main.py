@@ -53,11 +53,12 @@ TEXTURE = LazyGroup(
     {
         "Verbs": {
             "build": "build a model from recordings with speed, force and acceleration",
+            "import": "make a model of another program's file",
             "show": "show a model's range and spectra",
             "render": "write a model's acceleration as a sound file",
         }
     },
-    help="Build, show and render models of textures.",
+    help="Build, import, show and render models of textures.",
     examples=[
         "haptic-accel texture build drag.csv --rate 10000 --out wood.yaml",
         "haptic-accel texture render plywood --speed 80 --force 1 --out wood.wav",
@@ -87,7 +88,7 @@ SECTIONS = {
         "design": "predict error, force and margins of a controller",
     },
     "Surfaces": {
-        "texture": "build, show and render models of textures",
+        "texture": "build, import, show and render models of textures",
     },
     "Machine": {
         "keys": "make certificates for two hosts",

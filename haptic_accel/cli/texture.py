@@ -1,4 +1,4 @@
-"""``haptic-accel texture``: build texture models from recordings, show and render them."""
+"""``haptic-accel texture``: build texture models, import, show and render them."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from haptic_accel.core.surfaces.building import BAND, Built, HeldOut, Recording,
 from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
 from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
 from haptic_accel.devices.playback import bag_track, is_bag
+from haptic_accel.materials.foreign import import_texture
 from haptic_accel.materials.recordings import FULL_SCALE, read_recording
 from haptic_accel.materials.texture_files import read_texture, write_texture
 
@@ -91,6 +92,43 @@ def build_texture(
         "refused": [asdict(each) for each in built.refused],
     }
     save(metrics, json_file)
+
+
+@verb(
+    "haptic-accel texture import Wood.xml --out wood.yaml",
+    "haptic-accel texture import buzz.ahap --calibration 5 --out buzz.yaml",
+    name="import",
+)
+@click.argument("file", type=FILE, metavar="FILE")
+@click.option(
+    "--rate",
+    type=float,
+    default=0.0,
+    show_default=False,
+    metavar="HZ",
+    help="Samples per second of a CSV file.",
+)
+@click.option(
+    "--calibration",
+    type=float,
+    metavar="M/S^2",
+    show_default=False,
+    help="Acceleration at full scale, where values are relative.",
+)
+@_new_file
+def import_file(file: Path, rate: float, calibration: float | None, out: Path) -> None:
+    """Make a texture model of another program's file.
+
+    That is an XML file of the Penn Haptic Texture Toolkit; an acceleration as WAV, CSV or NPZ; a
+    filter of noise as JSON; or a pattern, AHAP or .haptic, whose frequencies and strengths become
+    a texture. Patterns and WAV files of whole numbers need a calibration.
+    """
+    check_writable(out)
+    model = import_texture(file, rate, calibration)
+    write_texture(out, model)
+    loudest = _rms(model).max()
+    print(f"{out}: order {model.lsf.shape[1]}, {model.rate:g} Hz, up to {loudest:.2f} m/s^2 RMS")
+    print(f"licence: {model.provenance.licence or 'none stated: that of the file'}")
 
 
 @verb("haptic-accel texture show plywood", "haptic-accel texture show wood.yaml --out wood.png")

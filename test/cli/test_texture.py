@@ -105,3 +105,22 @@ def test_shipped_textures_state_their_licence_and_are_small(name: str) -> None:
     assert about.source
     assert about.author
     assert about.calibration
+
+
+def test_what_was_rendered_is_imported_with_its_strength(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("plywood", "--speed", "110", "--force", "1", "--seconds", "10", "--out", "ply.wav")
+    assert status_of("texture", "render", *words) == 0
+    assert "calibration = nothing: must be" in refusal(
+        "texture", "import", "ply.wav", "--out", "a.yaml"
+    )
+    words = ("ply.wav", "--calibration", str(5 * 9.80665), "--out", "again.yaml")
+    assert status_of("texture", "import", *words) == 0
+    assert "licence: none stated" in capsys.readouterr().out
+    frequency = np.linspace(40.0, 450.0, 200)
+    first, again = (
+        read_texture(path).spectrum(0.11, 1.0, frequency)
+        for path in (config_folder() / "textures" / "plywood.yaml", tmp_path / "again.yaml")
+    )
+    assert np.sqrt(np.mean((10 * np.log10(again / first)) ** 2)) < 2.0
