@@ -72,12 +72,12 @@ const hapticSound = (() => {
       this.reset();
     }
 
-    /** Let what is scheduled fade away, and begin anew with the next samples. */
+    /** Let what is scheduled fade away; the next samples begin anew. */
     reset() {
       this.gain?.gain.setTargetAtTime(0, this.context.currentTime, FADE / 3);
       this.gain = new GainNode(this.context);
       this.gain.connect(this.output);
-      this.rate = null;
+      this.rate = null; // until samples come
     }
 
     /** Play samples of a rate in Hz, with stamps in s, after those that came before. */
@@ -98,6 +98,7 @@ const hapticSound = (() => {
 
     /** Begin anew after a time: of a backlog, only the end is played. */
     begin(now, newest) {
+      this.reset();
       Object.assign(this, { newest, sample: 0, upsampler: new Upsampler() });
       Object.assign(this, { lowest: [], shift: 0, speed: 1 });
       this.pause(now);
