@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import rclpy
 
@@ -127,6 +128,10 @@ def test_sample_of_a_tool_in_a_scene(benchmark: Benchmark, stiffness: float) -> 
     for _ in range(200):  # until it has come down
         tool.advance((0.0, 0.0, -1.0))
     assert benchmark(lambda: tool.advance((math.cos(next(ticks) / 300), 0.2, -1.0)))
+    if benchmark.stats:  # not with --benchmark-disable
+        shares = (50.0, 99.0, 99.9)
+        times = np.percentile(benchmark.stats.stats.data, shares) * 1e6
+        print(*(f"p{share:g}: {each:.0f} us" for share, each in zip(shares, times, strict=True)))
 
 
 def test_forces_of_the_coupling(benchmark: Benchmark) -> None:

@@ -79,18 +79,11 @@ class Proxy:
             way = math.dist(self.place, tool)
             near, clearance = self._near(x, y, z, way + margin)
             goal = _nearest_outside(tool, [plane for plane, _ in near]) if near else tool
-            d_x, d_y, d_z = goal[0] - x, goal[1] - y, goal[2] - z
-            share = 1.0
-            for plane, distance in near:
-                n_x, n_y, n_z = plane.normal
-                approach = -(n_x * d_x + n_y * d_y + n_z * d_z)
-                if approach > max(distance, 0.0):
-                    share = min(share, max(distance, 0.0) / approach)
+            d_x, d_y, d_z = step = goal[0] - x, goal[1] - y, goal[2] - z
             length = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
-            if share * length > clearance:
-                share = clearance / length
-            if share * length < _ARRIVED:
+            if length < _ARRIVED:
                 break
+            share = min(_allowed(step, near), clearance / length)
             self.place = (x + share * d_x, y + share * d_y, z + share * d_z)
             self._travelled += share * length
             if not near:
@@ -117,6 +110,16 @@ class Proxy:
             near.append((plane, distance))
             clearance = min(clearance, max(distance, each.shape.stride))
         return near, clearance
+
+
+def _allowed(step: Vector, near: list[tuple[LocalPlane, float]]) -> float:
+    """Return the share of a step that leads below no plane, each in some distance."""
+    share = 1.0
+    for (_, normal, _), distance in near:
+        approach = -(normal[0] * step[0] + normal[1] * step[1] + normal[2] * step[2])
+        if approach > max(distance, 0.0):
+            share = min(share, max(distance, 0.0) / approach)
+    return share
 
 
 def _nearest_outside(tool: Vector, planes: list[LocalPlane]) -> Vector:

@@ -14,9 +14,9 @@ from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.shapes import UP
 from haptic_accel.core.surfaces.touch import Touch
 
-MARGIN = 0.2e-3
-"""Distance from an object at which it is looked at, m, beside the way that the tool's velocity
-takes it in a sample: more than the largest force of the motors adds to that in 1 ms."""
+MARGIN = 0.1e-3
+"""Distance from an object at which it is looked at, m, beside the way that velocity and motors
+take the tool in a sample: what other contacts may add to that."""
 
 STEP_ANGLE = 0.15
 """Longest step of integration in a contact, rad of its vibration: 0.1 % of its frequency."""
@@ -132,9 +132,9 @@ class VirtualTool:
         """
         (x, y, z), (v_x, v_y, v_z) = self.position, self.velocity
         half = self._period / 2
-        way = 2 * half * math.sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
+        fastest = math.hypot(*self.velocity) + self._period * math.hypot(*force) / self._p.mass
         ahead = (x + half * v_x, y + half * v_y, z + half * v_z)
-        self._lay(self._proxy.follow(ahead, MARGIN + way))
+        self._lay(self._proxy.follow(ahead, MARGIN + self._period * fastest))
         self._integrate(force)
         if not self._near:
             return None

@@ -107,6 +107,32 @@ def test_no_contact_gives_out_energy(shape: Shape, stiffness: float) -> None:
     assert given_out(VirtualTool(FREE, scene, RATE), ROUND, 0.2) < 0.3e-3
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_no_scene_gives_out_energy(seed: int) -> None:
+    random = np.random.default_rng(seed)
+
+    def place() -> Vector:
+        x, y, z = random.uniform(-0.03, 0.03, 3).tolist()
+        return x, y, z
+
+    shapes = random.permutation(
+        np.array([Sphere(0.03), Box(0.03, 0.01, 0.02), Cylinder(0.01, 0.04), HILLS, Plane()])
+    )
+    objects = tuple(
+        SceneObject(
+            str(number),
+            shape,
+            lossless(10 ** random.uniform(2, 4)),
+            (0.0, 0.0, -0.02) if shape in (HILLS, Plane()) else place(),
+            (0.0, 0.0, 0.0) if shape in (HILLS, Plane()) else tuple(random.uniform(-3, 3, 3)),
+        )
+        for number, shape in enumerate(shapes[:4])
+    )
+    tool = VirtualTool(FREE, Scene(objects, start=(0.0, 0.0, 0.1)), RATE)
+    way = [place() for _ in range(6)]
+    assert given_out(tool, [*way, (0.0, 0.0, 0.1)], random.uniform(0.05, 0.5)) < 0.3e-3
+
+
 def test_a_way_from_a_soft_object_onto_a_hard_one_gives_out_no_energy() -> None:
     # Flush: 5 mm of depth hold 4 mJ in the soft one, and would hold 125 mJ in the hard one.
     half = Box(0.05, 0.1, 0.04)
