@@ -101,6 +101,16 @@ def test_composed_is_one_process_and_a_recorder() -> None:
     assert set(composed.parameters) == TELEOPERATION - {"recorder"}
 
 
+def test_who_leads_the_hand_changes_nothing_else_of_the_simulated_handle() -> None:
+    words = ["rig:=ideal", "grip:=pinch"]
+    scripted, led = (
+        graph_parameters(parse_arguments([f"master:={master}", *words]))
+        for master in ("simulated", "pointer")
+    )
+    assert led["master_device"] == scripted["master_device"] | {"device": "pointer"}
+    assert {**led, "master_device": {}} == {**scripted, "master_device": {}}
+
+
 def test_an_identification_has_three_and_knows_the_simulated_actuator(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text(

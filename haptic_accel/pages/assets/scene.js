@@ -298,6 +298,9 @@ const hapticScene = (() => {
     get inSight() {
       return inSight && !card.hidden;
     },
+    get gripped() {
+      return grip !== null;
+    },
     get here() {
       return here;
     },

@@ -817,7 +817,7 @@
 
   function draw(moment) {
     requestAnimationFrame(draw);
-    if (calm.matches && moment - drawnAt < CALM) return;
+    if (calm.matches && !hapticScene.gripped && moment - drawnAt < CALM) return;
     drawnAt = moment;
     hapticScene.draw();
     if (clock.offset === null) return;
