@@ -37,7 +37,7 @@ MOST_COEFFICIENTS = 1000
 """Coefficients of a filter."""
 
 _RATE = Specification("sampling rate", "Hz", LOWEST_RATE, HIGHEST_RATE)
-_COEFFICIENT = Specification("coefficient of a filter")
+_COEFFICIENT = Specification("coefficient of a filter", "", -1e9, 1e9)
 
 
 def import_texture(
@@ -109,11 +109,12 @@ def _from_npz(path: Path, _rate: float, calibration: float | None) -> TextureMod
         ) from None
     if data.shape[1] == len(names) != data.shape[0]:
         data = data.T
-    if data.ndim != 2 or len(data) != len(names) or not np.isfinite(data).all():
+    if data.ndim != 2 or not data.size or len(data) != len(names):
         raise ParameterError(
-            f"{path}: data of shape {data.shape}: must be finite, one row per channel_names,"
-            f" {len(names)}"
+            f"{path}: data of shape {data.shape}: must be one row per channel_names, {len(names)}"
         )
+    if not np.all(np.abs(data) <= LARGEST):
+        raise ParameterError(f"{path}: data: must be numbers from {-LARGEST:g} to {LARGEST:g}")
     own = [index for index, name in enumerate(names) if "acc" in name.lower()]
     signals = (calibration or 1.0) * data[own or range(len(names))]
     return _from_signals(path, signals, rate, calibration)
