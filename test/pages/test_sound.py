@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -121,14 +121,19 @@ OFFLINE = """async ([arrivals, rate, contextRate, seconds]) => {
 
 
 def played(
-    page: Page, arrivals: list[float], rate: int = 1000, context_rate: int = 48000
+    page: Page,
+    arrivals: list[float],
+    rate: int = 1000,
+    context_rate: int = 48000,
+    lost: Container[int] = (),
 ) -> tuple[Any, Any, int]:
     """Return what is played of a tone of 100 Hz, at most 2 s, with delays (s) and underruns.
 
-    At each arrival come all samples so far.
+    At each arrival come all samples so far, but for those of arrivals that are lost.
     """
     counts = [int(at * rate) for at in [arrivals[0] - FRAME, *arrivals]]
     frames = [[at, *pair] for at, pair in zip(arrivals, pairwise(counts), strict=True)]
+    frames = [frame for k, frame in enumerate(frames) if k not in lost]
     found = page.evaluate(OFFLINE, [frames, rate, context_rate, arrivals[-1] + FRAME])
     return np.array(found["sound"]), np.array(found["delays"]), found["underruns"]
 
@@ -166,6 +171,16 @@ def test_samples_that_are_often_late_are_waited_for(page: Page) -> None:
     _, delays, underruns = played(page, arrivals)
     assert underruns == 2
     assert min(delays[np.array(arrivals) > 4]) > 0.06
+
+
+def test_where_samples_are_lost_is_silence_and_no_delay(page: Page) -> None:
+    arrivals = [FRAME * (k + 1) for k in range(110)]
+    sound, delays, underruns = played(page, arrivals, lost=(54, 55, 56))
+    assert underruns == 0
+    assert max(delays) - min(delays) < 0.01
+    middle = round(48000 * (56 * FRAME + delays[-1]))
+    assert np.abs(sound[middle - 500 : middle + 500]).max() == 0
+    assert np.abs(np.diff(sound)).max() < 2 * 2 * np.pi * 100 / 48000
 
 
 def test_what_is_chosen_is_heard_while_there_is_contact(page: Page, tones: Tones) -> None:

@@ -13,7 +13,7 @@ const hapticSound = (() => {
   const MEMORY = 10; // s of which all but one shall be without underrun
   const BEND = 0.02; // largest change of speed, by which the reserve is corrected: a third of a semitone
   const STALE = 0.25; // s by which samples may come late, or wait, before playing begins anew
-  const GAP = 0.02; // s of lost samples across which a line is drawn
+  const GAP = 0.02; // s of lost samples across which a line is drawn, beyond which is silence
   const FADE = 0.005; // s in which sound begins, and ends where samples are late
   const SHOW = 500; // ms between two displays of the delay
 
@@ -84,10 +84,14 @@ const hapticSound = (() => {
     take(stamps, samples, rate) {
       const { currentTime: now, sampleRate } = this.context;
       const left = this.next / sampleRate - now; // s of what came before
-      const lost = !(Math.abs(stamps[0] - this.newest) < GAP);
+      const lost = stamps[0] - this.newest;
       const other = Math.abs(rate / this.rate - 1) > BEND; // less is a better estimate
-      if (other || lost || Math.abs(left) > STALE) this.begin(now, stamps.at(-1) - GAP);
-      else this.follow(now, left);
+      if (other || !(Math.abs(lost) < STALE) || Math.abs(left) > STALE) {
+        this.begin(now, stamps.at(-1) - GAP);
+      } else {
+        if (lost > GAP) this.skip(lost - 1 / rate);
+        this.follow(now, this.next / sampleRate - now);
+      }
       this.rate = rate;
       const step = (this.speed * rate) / sampleRate;
       const frames = this.upsampler.push(this.evened(stamps, samples), step);
@@ -102,6 +106,13 @@ const hapticSound = (() => {
       Object.assign(this, { newest, sample: 0, upsampler: new Upsampler() });
       Object.assign(this, { lowest: [], shift: 0, speed: 1 });
       this.pause(now);
+    }
+
+    /** Be silent for as long as no samples were there. */
+    skip(seconds) {
+      this.newest += seconds;
+      this.next += Math.round(seconds * this.context.sampleRate);
+      this.last = null;
     }
 
     /** Choose the speed at which the reserve comes back to what it should be. */
