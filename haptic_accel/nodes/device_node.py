@@ -210,7 +210,8 @@ class DeviceNode(ManagedNode):
                 self._allowed_actuator_force,
                 late_at_device=(lambda: self.device.late) if self.device.AHEAD else None,
             )
-        self._points = self.inbox(topics.HAND_SET_POINT) if self._kind.POINTED else None
+        # The newest is enough; of more, none may hold up a tick.
+        self._points = self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.POINTED else None
         self._queries = Queries(self, arm)
         self._motions = Motions(self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm)
         self._operating = OperatingState(self, arm, self.safety, self._fault, self._arm_again)
@@ -522,7 +523,7 @@ class DeviceNode(ManagedNode):
         if self._motions.expected:
             self._take_motions()
         if self._points:
-            for _, position in self._points.take_vectors()[-1:]:
+            for _, position in self._points.take_vectors():
                 self.device.point(position)
         for name, commands in self._commands.items():
             for stamp, force in commands.inbox.take_vectors():

@@ -123,11 +123,12 @@ def drawing(slave: Mapping[str, Any]) -> dict[str, Any]:
     ParameterError
         The scene's file can no longer be read.
     """
-    if slave.get("device") != VIRTUAL:
+    name = scene_of(slave)
+    if name is None or slave["device"] != VIRTUAL:
         (left, right), _ = VIEW
-        plane = {scene_of(slave) or "": [[[left, 0], [right, 0]]]}
+        plane = {} if name is None else {name: [[[left, 0], [right, 0]]]}
         return {"view": VIEW, "outlines": plane, "nodes": {}, "offset": [0, 0]}
-    scene = read_scene(Path(slave[SCENE]))
+    scene = read_scene(Path(name))
     outlines = {
         name: [line.round(5).tolist() for line in lines]
         for name, lines in scene.section(*VIEW, y=scene.start[1]).items()

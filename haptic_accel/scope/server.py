@@ -7,7 +7,6 @@ import gc
 import hashlib
 import json
 import logging
-import math
 import os
 import re
 import socket
@@ -86,6 +85,9 @@ _LOG = logging.getLogger(__name__)
 LEAD_TIME = 1.0
 """Time without a point after which another page may lead the hand, s; a page that leads sends one
 for each picture."""
+
+FARTHEST = 10.0
+"""Largest coordinate of a point, m: beyond any arm's reach."""
 
 READ_ONLY = "this scope is read-only: it was started without control"
 
@@ -454,11 +456,11 @@ def _parsed(text: Any) -> Any:
 
 
 def _is_point(value: Any) -> bool:
-    """Return true for x and z of a point, or None."""
+    """Return true for x and z of a point, or None, which lets go."""
     return value is None or (
         isinstance(value, list)
         and len(value) == 2
-        and all(isinstance(each, int | float) and math.isfinite(each) for each in value)
+        and all(isinstance(each, int | float) and abs(each) <= FARTHEST for each in value)
     )
 
 

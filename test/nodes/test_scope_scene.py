@@ -46,3 +46,4 @@ def test_a_scene_whose_file_has_gone_is_not_drawn(tmp_path: Path) -> None:
 @pytest.mark.parametrize("slave", [{}, {"device": "can"}, {"device": "simulated"}])
 def test_of_other_slaves_nothing_is_known(slave: dict[str, str]) -> None:
     assert scene_of(slave) is None
+    assert drawing(slave)["outlines"] == {}

@@ -617,6 +617,7 @@ def test_the_scene_is_served_and_places_to_who_asks(started: Started, source: So
         '{"point": [1]}',
         '{"point": [NaN, 0]}',
         '{"point": [1e999, 0]}',
+        f'{{"point": [0, {10**400}]}}',
         '{"point": ["x", 0]}',
         "",
         "{}",

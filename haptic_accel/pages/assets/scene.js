@@ -275,8 +275,9 @@ const hapticScene = (() => {
     view.classList.toggle("led", led);
     view.tabIndex = led ? 0 : -1;
     document.getElementById("scene-hint").hidden = !led;
-    if ((state.scene ?? null) === name) return;
-    name = state.scene ?? null;
+    const shown = state.scene ?? (led ? "" : null); // a hand can be led wherever the tool is
+    if (shown === name) return;
+    name = shown;
     card.hidden = name === null;
     if (name === null) return;
     plane ??= makePlane();
