@@ -15,7 +15,7 @@ STEPS = 8
 """Most steps of the proxy in one sample; it goes on from there in the next."""
 
 _SWEEPS = 4  # over the planes, of the search for the nearest place outside all of them
-_ARRIVED = 1e-7  # m; a step shorter than this is the last
+_ARRIVED = 3e-6  # m; a step shorter than this is the last: planes turn by less than 0.1 mrad
 
 
 class LocalPlane(NamedTuple):
@@ -81,12 +81,10 @@ class Proxy:
             goal = _nearest_outside(tool, [plane for plane, _ in near]) if near else tool
             d_x, d_y, d_z = step = goal[0] - x, goal[1] - y, goal[2] - z
             length = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
-            if length < _ARRIVED:
-                break
-            share = min(_allowed(step, near), clearance / length)
+            share = min(_allowed(step, near), clearance / length) if length else 0.0
             self.place = (x + share * d_x, y + share * d_y, z + share * d_z)
             self._travelled += share * length
-            if not near:
+            if not near or length < _ARRIVED:
                 break
         return [plane for plane, distance in near if distance <= margin]
 
