@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -24,6 +25,8 @@ FLAGS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    # A page of this name, unlike one of localhost, is no secure context.
+    f"--host-resolver-rules=MAP {socket.gethostname()} 127.0.0.1",
 )
 
 LISTEN = """() => {

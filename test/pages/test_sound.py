@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import socket
 import threading
 import time
 from collections.abc import Container, Iterator
@@ -89,11 +90,13 @@ def tones() -> Iterator[Tones]:
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, tones: Tones) -> Iterator[Page]:
-    server = ScopeServer(tones, Access("127.0.0.1"), "127.0.0.1", 0)
+    # As a phone in the same network sees the page.
+    server = ScopeServer(tones, Access("0.0.0.0"), "0.0.0.0", 0)
     opened = browser.new_page()
     complaints: list[str] = []
     opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.goto(server.start())
+    opened.goto(server.start().replace("0.0.0.0", socket.gethostname()))
+    assert not opened.evaluate("isSecureContext")
     yield opened
     opened.close()
     server.stop()
