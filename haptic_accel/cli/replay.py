@@ -110,7 +110,7 @@ def _play(
         track = _track(asked)
         for controller in controllers or [asked.graph.controller]:
             start, arguments = time.time_ns(), replace(asked.graph, controller=controller)
-            trial = lockstep_trial(arguments, track=track)
+            trial = replace(lockstep_trial(arguments, track=track), surface=asked.touched)
             done.append(_metrics(asked.own.bag, trial, track))
             if out:
                 record_trial(out / _name(asked, controller), trial, arguments, start)
@@ -179,9 +179,12 @@ def _in_lockstep(asked: Replay) -> Replay:
         raise ParameterError("source, slave: not with --lockstep, which replays the slave")
     if asked.graph.master == REPLAY:
         raise ParameterError("master = 'replay': not with --lockstep, which simulates the handle")
+    from haptic_accel.analysis.segments import surface_of
+
     arguments = replace(asked.graph, master=SIMULATED)
     graph(arguments)
-    return replace(asked, graph=arguments, bag=None)
+    touched = surface_of(asked.bag) if asked.bag else arguments.surface
+    return replace(asked, graph=arguments, bag=None, touched=touched)
 
 
 def _track(asked: Replay) -> Track:

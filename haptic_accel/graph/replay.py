@@ -73,12 +73,15 @@ class Replay:
         Which of these are the bag's.
     bag : Bag or None
         What was read to find them; None for a CSV or WAV file.
+    touched : str
+        What the tool touched as the bag was recorded, in a table of results.
     """
 
     own: ReplayArguments
     graph: GraphArguments
     inherited: dict[str, Any]
     bag: Bag | None
+    touched: str = ""
 
 
 def replay_arguments(words: Iterable[str]) -> Replay:

@@ -15,7 +15,8 @@ from haptic_accel.bags.reading import read_bag
 from haptic_accel.cli.replay import play_command
 from haptic_accel.core import topics
 from haptic_accel.devices.playback import ReplayParameters, read_track
-from haptic_accel.graph.lockstep import lockstep_trial
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.replay import replay_arguments
 from running import Command
 from verbs import refusal, status_of
@@ -108,6 +109,15 @@ def test_bags_in_which_nothing_was_recorded_are_named_and_skipped(
     played = json.loads((tmp_path / "metrics.json").read_text())["conditions"]
     assert [Path(each["bag"]).name for each in played] == ["text", "plywood"]
     assert refusal("replay", empty, other, "--lockstep").startswith(f"{empty}: has no message of")
+
+
+def test_a_bag_of_a_virtual_tool_is_replayed_under_the_name_of_its_scene(tmp_path: Path) -> None:
+    arguments = GraphArguments(slave="virtual", duration=1.5)
+    record_trial(tmp_path / "bag", lockstep_trial(arguments), arguments, 0)
+    words = ["--lockstep", "controller:=constant", "--json", tmp_path / "metrics.json"]
+    assert status_of("replay", tmp_path / "bag", *words) == 0
+    (played,) = json.loads((tmp_path / "metrics.json").read_text())["conditions"]
+    assert (played["surface"], played["controller"]) == ("workshop", "constant")
 
 
 def test_a_part_of_a_bag_is_played(tmp_path: Path) -> None:
