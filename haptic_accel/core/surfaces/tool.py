@@ -12,7 +12,7 @@ from haptic_accel.core.surfaces.contact import Contact
 from haptic_accel.core.surfaces.proxy import SKIN, LocalPlane, Proxy
 from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.shapes import UP
-from haptic_accel.core.surfaces.touch import Touch
+from haptic_accel.core.surfaces.touch import Touch, along
 
 MARGIN = 0.1e-3
 """Distance from an object at which it is looked at, m, beside the way that velocity and motors
@@ -192,7 +192,7 @@ class VirtualTool:
             kept = math.exp(-joints * per_mass / 2)
             v_x, v_y, v_z = kept * v_x + a_x, kept * v_y + a_y, kept * v_z + a_z
             for touch in near:
-                v_x, v_y, v_z = touch.push((x, y, z), (v_x, v_y, v_z), step)
+                v_x, v_y, v_z = touch.push((x, y, z), before, (v_x, v_y, v_z), step)
             v_x, v_y, v_z = kept * v_x, kept * v_y, kept * v_z
             for touch in near:
                 touch.note_work(before, (v_x, v_y, v_z))
@@ -231,8 +231,3 @@ def _ahead(place: Vector, direction: Vector, way: float) -> Vector:
     """Return the place some way ahead in a direction, m."""
     x, y, z = (at + way * part for at, part in zip(place, direction, strict=True))
     return x, y, z
-
-
-def along(direction: Vector, vector: Vector) -> float:
-    """Return the part of a vector along a direction."""
-    return direction[0] * vector[0] + direction[1] * vector[1] + direction[2] * vector[2]

@@ -95,8 +95,8 @@ class Touch:
         self.normal = n_x, n_y, n_z = plane.normal
         self.impulse, self.impact_speed, self.begun = ZERO, 0.0, self._pressed
         b_x, b_y, b_z = self.bristle
-        along = n_x * b_x + n_y * b_y + n_z * b_z
-        self.bristle = (b_x - along * n_x, b_y - along * n_y, b_z - along * n_z)
+        outwards = along(self.normal, self.bristle)
+        self.bristle = (b_x - outwards * n_x, b_y - outwards * n_y, b_z - outwards * n_z)
         self._offset = plane.offset
         depth, before = max(0.0, -plane.height(place)), self.depth
         won = self._stiffness / 2 * (depth * depth - before * before)
@@ -120,15 +120,17 @@ class Touch:
             self.end()
         return self._balance + self.energy()
 
-    def push(self, place: Vector, velocity: Vector, step: float) -> Vector:
+    def push(self, place: Vector, came: Vector, velocity: Vector, step: float) -> Vector:
         """Return the velocity of the tool after a step, whose middle is at a place.
 
         Parameters
         ----------
         place : tuple of float
             m.
+        came : tuple of float
+            Velocity with which the tool came there, m/s.
         velocity : tuple of float
-            m/s.
+            The same after the motors' push, m/s.
         step : float
             s.
         """
@@ -142,7 +144,7 @@ class Touch:
         away = n_x * v_x + n_y * v_y + n_z * v_z
         if not self._pressed:
             self._pressed = self.begun = True
-            self.impact_speed = max(self.impact_speed, -away)
+            self.impact_speed = max(self.impact_speed, -along(self.normal, came))
         per_mass = step / mass
         held = 1 / (1 + self._damping * per_mass)  # implicit: stable however large
         # A surface can only push.
@@ -189,3 +191,8 @@ class Touch:
                 + g_y * (before[1] + after[1])
                 + g_z * (before[2] + after[2])
             ) / 2
+
+
+def along(direction: Vector, vector: Vector) -> float:
+    """Return the part of a vector along a direction."""
+    return direction[0] * vector[0] + direction[1] * vector[1] + direction[2] * vector[2]
