@@ -99,7 +99,7 @@ setup(
         # Virtual scenes that move; version 4 is not out.
         "mujoco": ["mujoco>=3.3,<4"],
         # Meshes in virtual scenes; no rosdep key.
-        "mesh": ["trimesh>=4.0", "rtree>=1.0"],
+        "mesh": ["trimesh>=4.5", "rtree>=1.0.1"],
         # Two hosts by transport:=zenoh; eclipse-zenoh has no rosdep key. 1.10: datagrams of QUIC.
         "zenoh": ["eclipse-zenoh>=1.10", "cryptography>=41"],
         "test": TEST,
