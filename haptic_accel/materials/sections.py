@@ -51,15 +51,17 @@ class Section:
             Naming the file, the line and the section, with a problem that names the value.
         """
         line = self.lines.get((*self.keys, name)) or self.lines.get(self.keys, 1)
-        where = "".join(f"{key}." for key in self.keys)
-        raise ParameterError(f"{self.path}:{line}: {shown(where)}{problem}") from None
+        text = "".join(f"{key}." for key in self.keys) + problem
+        # Names from the file are in it: those of other sections, too.
+        printable = text if text.isprintable() else ascii(text)
+        raise ParameterError(f"{self.path}:{line}: {printable}") from None
 
     def check_keys(self, *known: str) -> None:
         """Refuse a key that is not known."""
         for name in self.values:
             if name not in known:
                 hint = suggestion(name, known) or f": must be one of {', '.join(known)}"
-                self.refuse(f"{shown(name)}: unknown{hint}", name)
+                self.refuse(f"{name}: unknown{hint}", name)
 
     def inner(self, name: str) -> Section:
         """Return a mapping in this one; empty where it is left out."""
@@ -74,7 +76,7 @@ class Section:
         """Return the mappings of a list in this one."""
         values = self.values[name]
         if not isinstance(values, list):
-            self.refuse(f"{name} = {values!r}: must be a list", name)
+            self.refuse(f"{name} = {shown(repr(values))}: must be a list", name)
         lists = Section(self.path, self.lines, (*self.keys, name), {})
         return [lists._section(str(index), each) for index, each in enumerate(values)]
 
@@ -96,8 +98,8 @@ class Section:
     def choice(self, name: str, known: Mapping[str, T]) -> T:
         """Return what a word stands for."""
         word = self.values.get(name, "")
-        if word not in known:
-            self.refuse(f"{name} = {word!r}: must be one of {', '.join(known)}", name)
+        if not isinstance(word, str) or word not in known:
+            self.refuse(f"{name} = {shown(repr(word))}: must be one of {', '.join(known)}", name)
         return known[word]
 
     def vector(self, name: str, specification: Specification) -> Vector:
@@ -113,7 +115,7 @@ class Section:
 
     def _section(self, name: str, values: Any) -> Section:
         if not isinstance(values, dict):
-            self.refuse(f"{shown(name)} = {shown(repr(values))}: must map names to values", name)
+            self.refuse(f"{name} = {shown(repr(values))}: must map names to values", name)
         texts = {str(key): value for key, value in values.items()}
         return Section(self.path, self.lines, (*self.keys, name), texts)
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
 from haptic_accel.core.folders import preset_file
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.shapes import Box, Plane, Sphere
@@ -106,3 +109,16 @@ def test_a_file_of_another_form_is_refused(file: Path, text: str) -> None:
         read_scene(file)
     with pytest.raises(ParameterError, match=r"other\.yaml: must be a readable file"):
         read_scene(file.with_name("other.yaml"))
+
+
+pieces = st.sampled_from(
+    [*ODD_TEXTS, "\n", ": ", "  ", "- ", "[]", "{}", "1", "texture: text", "tap: a.npz"]
+)
+
+
+@fuzz
+@given(mutated(st.sampled_from([SCENE]), pieces))
+def test_any_damage_to_a_scene_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_bytes(text.encode())
+    accepted(lambda: read_scene(file))
