@@ -67,6 +67,7 @@ def test_the_workshop_has_a_plane_a_box_and_a_sphere() -> None:
         ("friction: 0.2", "fricton: 0.2", 5, "materials.wood.fricton: unknown (did you mean"),
         ("decay: 90.0", "decay: 0.0", 7, "materials.wood.tap.0.decay = 0.0: must be above 0"),
         ("- {freq", "{freq", 6, "materials.wood.tap = {'frequency'"),
+        ("shape: plane", "shape: [1]", 10, "objects.bench.shape = [1]: must be one"),
         (
             "shape: plane",
             "shape: plain",
