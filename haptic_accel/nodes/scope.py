@@ -85,8 +85,8 @@ class RemoteParameters:
     def refresh(self) -> None:
         """Ask a node that has appeared; forget one that has disappeared."""
         if not self._client.service_is_ready():
-            self._asked = False
-            self.values = {}
+            if self._asked:  # otherwise it has only just come, and told its values
+                self._asked, self.values = False, {}
         elif not self._asked:
             self._asked = True
             asked = self._client.call_async(GetParameters.Request(names=list(self._wanted)))

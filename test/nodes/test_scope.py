@@ -331,8 +331,9 @@ def test_the_page_comes_back_with_the_graph(shared: Shared) -> None:
 
 def test_the_mouse_leads_the_hand_over_the_surface(shared: Shared) -> None:
     page = shared.page
-    shared.wait("state.led && Number.isFinite(hapticScene.here.handle[0])", "the hand is there")
+    shared.wait("state.led && state.scene === 'plywood'", "the devices are known")
     page.locator("#scene").scroll_into_view_if_needed()
+    shared.wait("Number.isFinite(hapticScene.here.handle[0])", "the hand is there")
     box = page.locator("#scene").bounding_box()
     assert box
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2

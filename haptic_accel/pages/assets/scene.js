@@ -15,7 +15,7 @@ const hapticScene = (() => {
   const card = document.getElementById("scene-card");
   const view = document.getElementById("scene");
   const sheet = view.appendChild(document.createElement("canvas")).getContext("2d");
-  const here = Object.fromEntries(PLACES.map((name) => [name, [NaN, NaN]]));
+  const here = {};
   const counters = { places: 0, points: 0, drawn: 0 };
   let scope = null; // what scope.js gives: send, ask, plot, axis, colour
   let plane = null; // speed and force of the contact
@@ -31,6 +31,11 @@ const hapticScene = (() => {
   const clamp = (value, [low, high]) => Math.min(high, Math.max(low, value));
 
   // ---- Where everything is ----------------------------------------------------------------
+
+  function forget() {
+    for (const place of PLACES) here[place] = [NaN, NaN];
+    trail = [];
+  }
 
   function take(buffer) {
     const values = new Float32Array(buffer, 4);
@@ -262,8 +267,10 @@ const hapticScene = (() => {
 
   function start(given) {
     scope = given;
+    forget();
     new IntersectionObserver(([entry]) => {
       inSight = entry.isIntersecting;
+      if (!inSight) forget(); // places come only while they are seen
       scope.ask();
     }).observe(card);
   }
@@ -295,6 +302,7 @@ const hapticScene = (() => {
     take,
     draw,
     letGo,
+    forget,
     counters,
     get inSight() {
       return inSight && !card.hidden;

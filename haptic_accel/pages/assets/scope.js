@@ -724,6 +724,7 @@
     socket.addEventListener("open", () => {
       retry = FIRST_RETRY;
       for (const trace of Object.values(traces)) trace.count = 0; // the last seconds come again
+      hapticScene.forget();
       askForSignals();
     });
     socket.addEventListener("message", ({ data }) => {
