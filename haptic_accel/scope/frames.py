@@ -68,10 +68,17 @@ class Cursor:
         self._windows = windows
         self._sent = dict.fromkeys(TRACES, 0)
         self.shown = frozenset(ALWAYS)
+        self._placed = b""
 
     def choose(self, names: Iterable[str]) -> None:
         """Send these of `ON_DEMAND` too, from their next sample on, and no others."""
         self.shown = frozenset((*ALWAYS, *names))
+        self._placed = b""
+
+    def places(self) -> bytes | None:
+        """Return the latest places; None if they are not shown, or still as when last returned."""
+        before, self._placed = self._placed, places_frame(self._windows.places)
+        return self._placed if SCENE in self.shown and self._placed != before else None
 
     def frame(self) -> bytes | None:
         """Return the samples since the last frame, at most the longest window; None if none."""

@@ -24,7 +24,7 @@ from aiohttp.typedefs import Handler
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.pages import asset, template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
-from haptic_accel.scope.frames import ON_DEMAND, SCENE, SOUND, Cursor, places_frame, plots_frame
+from haptic_accel.scope.frames import ON_DEMAND, SOUND, Cursor, plots_frame
 from haptic_accel.scope.windows import Windows
 
 FRAME_RATE = 60.0
@@ -394,16 +394,14 @@ class ScopeServer:
         nothing queues up, and it continues with the newest samples.
         """
         loop = asyncio.get_running_loop()
-        sent, placed = float("-inf"), b""
+        sent = float("-inf")
         try:
             while not page.closed:
                 due = loop.time() + 1 / (SOUND_RATE if SOUND in cursor.shown else FRAME_RATE)
                 if (frame := cursor.frame()) is not None:
                     await self._give(page, frame)
-                if SCENE in cursor.shown:
-                    before, placed = placed, places_frame(self._source.windows.places)
-                    if placed != before:
-                        await self._give(page, placed)
+                if (places := cursor.places()) is not None:
+                    await self._give(page, places)
                 self._refresh(loop.time())
                 if self._updated > sent:
                     sent = self._updated

@@ -166,6 +166,15 @@ def test_a_hand_that_may_not_be_led_is_let_go_with_the_reason(page: Page, bench:
     page.mouse.up()
 
 
+def test_what_is_out_of_sight_is_not_sent_and_not_believed(page: Page) -> None:
+    is_known = "Number.isFinite(hapticScene.here.handle[0])"
+    wait_until(lambda: bool(page.evaluate(is_known)), "the handle's place comes")
+    page.evaluate("scrollTo(0, 1e6)")
+    wait_until(lambda: not page.evaluate(is_known), "it is forgotten")
+    page.evaluate("scrollTo(0, 0)")
+    wait_until(lambda: bool(page.evaluate(is_known)), "it comes again")
+
+
 INK = """([id, colour]) => {
   const canvas = document.querySelector(`#${id} > canvas`);
   const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
