@@ -22,7 +22,7 @@ from haptic_accel.materials.texture_files import write_texture
 SURFACES = ("plywood", "text", "vinyl")
 
 RATE = 1000.0
-SPEEDS = (0.02, 0.04, 0.07, 0.11, 0.16, 0.22)
+SPEEDS = (0.02, 0.03, 0.045, 0.07, 0.11, 0.16, 0.22)
 """Speeds of the tool, m/s: the paper's strokes reach 0.1 m/s, fast ones of a hand 0.2 m/s."""
 
 FORCES = (0.3, 0.6, 1.0, 1.6, 2.4)
@@ -37,15 +37,16 @@ GUIDE = 20.0
 
 def drag(surface: SurfaceParameters, speed: float, force: float, seed: int) -> Recording:
     """Return a recording of the tool, drawn over a surface at a speed in m/s and a force in N."""
-    rig = SlaveRig(replace(SlaveRigParameters(), surface=surface), RATE, seed)
+    parameters = replace(SlaveRigParameters(), surface=surface)
+    rig, tool = SlaveRig(parameters, RATE, seed), parameters.tool
+    friction = surface.friction * force + tool.coulomb_friction + tool.viscous_friction * speed
     rows = []
     for tick in range(round((LANDED + SECONDS) * RATE)):
         rig.advance(tick / RATE)
         sample = rig.measure()
         velocity = sample.velocity[0]
         rows.append((abs(velocity), force, sample.acceleration))
-        guide = GUIDE * (speed - velocity) + surface.friction * force
-        rig.apply_arm_force((guide, 0.0, -force))
+        rig.apply_arm_force((friction + GUIDE * (speed - velocity), 0.0, -force))
     columns = np.array(rows[round(LANDED * RATE) :]).T
     return Recording(f"{speed:g} m/s, {force:g} N", RATE, *columns)
 

@@ -31,8 +31,8 @@ MILLI = 1e-3
 SOUND_RATE = 8000
 """Sampling rate of sound files, Hz: the lowest that every player takes."""
 
-MOST_DRAWN = 6
-"""Spectra in one plot."""
+MOST_DRAWN, MOST_LISTED = 6, 8
+"""Spectra in one plot, and groups of segments in the table of a report."""
 
 _model_argument = click.argument("model", metavar="NAME|FILE")
 _new_file = click.option("--out", type=FILE, metavar="FILE", required=True, help="File to write.")
@@ -247,11 +247,11 @@ def _print(built: Built) -> None:
             f"{each.rms:.2f}",
             f"{each.modelled_rms:.2f}",
         )
-        for each in built.held_out
+        for each in sorted(built.held_out, key=lambda each: -each.distance)[:MOST_LISTED]
     ]
     headings = ("speed (mm/s)", "force (N)", "s", "distance (dB)", "RMS (m/s²)", "model's")
     low, high = BAND
-    title = f"segments against a model of the other half, {low:g} to {high:g} Hz"
+    title = f"least well predicted by a model of the other half, {low:g} to {high:g} Hz"
     print_table(headings, rows, left=0, title=title)
     print(
         f"order {built.order}, {built.measured} measured nodes of {len(built.segments)} segments,"

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.core.folders import config_folder
+from haptic_accel.core.parameters import from_flat
+from haptic_accel.core.rig.slave_rig import SlaveRigParameters
+from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.trial import RigParameters, run_trial
+from haptic_accel.graph.files import surface_parameters
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
 from verbs import refusal, status_of
@@ -17,6 +23,7 @@ from verbs import refusal, status_of
 pytestmark = pytest.mark.usefixtures("here")
 
 RATE = 1000.0
+SHIPPED = config_folder() / "textures"
 
 
 def write_drag(path: Path, force: float) -> None:
@@ -58,7 +65,7 @@ def test_what_is_rendered_is_read_again_with_the_models_rms(tmp_path: Path) -> N
     sound = read_recording(tmp_path / "ply.wav", 0.0, RATE)
     assert len(sound) == 4 * RATE
     frequency = np.linspace(0.0, RATE / 2, 2048)
-    power = read_texture(config_folder() / "textures/plywood.yaml").spectrum(0.11, 1.0, frequency)
+    power = read_texture(SHIPPED / "plywood.yaml").spectrum(0.11, 1.0, frequency)
     assert sound.std() == pytest.approx(np.sqrt(power.mean() * RATE / 2), rel=0.2)
 
 
@@ -96,9 +103,28 @@ def test_what_cannot_be_is_refused_in_one_line(
     assert named in refusal("texture", *words)
 
 
+def test_a_bag_is_a_recording(tmp_path: Path) -> None:
+    surface = from_flat(SurfaceParameters, surface_parameters("plywood"), "simulated.surface.")
+    rig = RigParameters(slave=SlaveRigParameters(surface=surface))
+    write_trial(tmp_path / "ply", run_trial("none", rig, duration=4.0), {}, 0)
+    assert status_of("texture", "build", "ply", "--out", "ply.yaml", "--json", "ply.json") == 0
+    model, built = read_texture(tmp_path / "ply.yaml"), read_texture(SHIPPED / "plywood.yaml")
+    # The scripted hand strokes at 0.1 m/s.
+    assert 0.1 < model.speeds.max() < 0.13
+    rms = [
+        np.sqrt(each.spectrum(0.09, 1.0, np.linspace(20, 450, 500)).mean())
+        for each in (model, built)
+    ]
+    assert rms[0] == pytest.approx(rms[1], rel=0.3)
+    reasons = {
+        each["reason"] for each in json.loads((tmp_path / "ply.json").read_text())["refused"]
+    }
+    assert "out of contact" in reasons
+
+
 @pytest.mark.parametrize("name", ["plywood", "text", "vinyl"])
 def test_shipped_textures_state_their_licence_and_are_small(name: str) -> None:
-    file = config_folder() / f"textures/{name}.yaml"
+    file = SHIPPED / f"{name}.yaml"
     assert file.stat().st_size < 60_000
     about = read_texture(file).provenance
     assert about.licence == "Apache-2.0"

@@ -1,0 +1,28 @@
+"""Shipped textures against other drags over the surfaces that they are built from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from build_textures import RATE, SURFACES, drag
+from scipy import signal
+
+from haptic_accel.core.folders import config_folder
+from haptic_accel.core.parameters import from_flat
+from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.graph.files import surface_parameters
+from haptic_accel.materials.texture_files import read_texture
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_a_drag_at_another_speed_and_force_has_the_shipped_spectrum(name: str) -> None:
+    surface = from_flat(SurfaceParameters, surface_parameters(name), "simulated.surface.")
+    acceleration = drag(surface, 0.13, 0.8, seed=1000).acceleration
+    frequency, measured = signal.welch(acceleration, RATE, nperseg=64)
+    modelled = read_texture(config_folder() / f"textures/{name}.yaml").spectrum(
+        0.13, 0.8, frequency
+    )
+    within = (frequency >= 20) & (frequency <= 450)
+    ratio = modelled[within] / measured[within]
+    assert np.sqrt(np.mean((10 * np.log10(ratio)) ** 2)) <= 3.0
+    assert modelled[within].sum() == pytest.approx(measured[within].sum(), rel=0.3)
