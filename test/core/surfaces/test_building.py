@@ -130,7 +130,8 @@ def test_contact_that_just_began_is_left_to_the_tap() -> None:
 
 
 def test_a_recording_without_contact_is_refused_with_the_reason() -> None:
-    recording = Recording("up.csv", RATE, *np.full((3, 1000), [[0.1], [0.0], [1.0]]))
+    speed, force = np.full((2, 1000), [[0.1], [0.0]])
+    recording = Recording("up.csv", RATE, speed, force, np.arange(1000.0))
     with pytest.raises(ParameterError, match=r"^up\.csv: has 0 segments .* \(out of contact\)$"):
         build("known", [recording], Provenance())
 
@@ -141,12 +142,30 @@ def test_a_recording_without_contact_is_refused_with_the_reason() -> None:
         ({"rate": 100.0}, "drag.csv: rate = 100: must be at least 500 Hz"),
         ({"speed": np.zeros(3)}, "drag.csv: speed: has shape"),
         ({"force": np.full(9, np.nan)}, "drag.csv: force: must be finite"),
+        ({"acceleration": np.ones(9)}, "drag.csv: acceleration: must not be constant"),
+        (dict.fromkeys(("speed", "force", "acceleration"), np.zeros(0)), "must not be constant"),
     ],
 )
 def test_a_wrong_recording_is_refused(changed: dict[str, object], says: str) -> None:
     values = {name: np.zeros(9) for name in ("speed", "force", "acceleration")}
     with pytest.raises(ParameterError, match=says):
         Recording(**{"name": "drag.csv", "rate": RATE, **values, **changed})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "acceleration",
+    [
+        np.sin(2 * np.pi * 100 * np.arange(3000) / RATE),
+        np.where(np.arange(3000) < 1500, 0.0, 1.0),
+        100.0 * (np.arange(3000) == 1500),
+    ],
+    ids=["tone", "step", "impact"],
+)
+@pytest.mark.filterwarnings("error")
+def test_what_can_be_predicted_exactly_gives_a_model_too(acceleration: FloatArray) -> None:
+    speed, force = np.full((2, 3000), [[0.1], [1.0]])
+    found = build("odd", [Recording("odd", RATE, speed, force, acceleration)], Provenance())
+    assert np.isfinite(found.distance)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="recordings of real surfaces are not here")
