@@ -10,13 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from haptic_accel.core.folders import config_folder
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.core.surfaces.building import Recording, build
 from haptic_accel.core.surfaces.texture import Provenance
 from haptic_accel.graph.files import surface_parameters
+from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.texture_files import write_texture
 
 SURFACES = ("plywood", "text", "vinyl")

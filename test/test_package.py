@@ -138,7 +138,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def test_installed_code_reads_the_installed_files(installation: Installation) -> None:
     script = (
-        "import haptic_accel; from haptic_accel.core.folders import share_folder;"
+        "import haptic_accel; from haptic_accel.materials.folders import share_folder;"
         "print(haptic_accel.__path__[0]); print(share_folder())"
     )
     printed = installation.run(sys.executable, "-c", script).splitlines()

@@ -24,9 +24,9 @@ from haptic_accel.cli.options import json_option, verb
 from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.due_forces import MISSED_SHARE
-from haptic_accel.core.folders import config_folder
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.graph.claims import DOMAIN, HIGHEST_FREE_DOMAIN
+from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE
 
 LITTLE_SHARED_MEMORY = 32.0

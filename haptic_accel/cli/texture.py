@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from haptic_accel.cli.options import FILE, json_option, verb
 from haptic_accel.cli.output import check_writable, save
 from haptic_accel.cli.tables import print_table
-from haptic_accel.core.folders import preset_file
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import checked_rate, resampled
@@ -22,6 +21,7 @@ from haptic_accel.core.surfaces.building import BAND, Built, HeldOut, Recording,
 from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
 from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
 from haptic_accel.devices.playback import bag_track, is_bag
+from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.foreign import import_texture
 from haptic_accel.materials.recordings import FULL_SCALE, read_recording
 from haptic_accel.materials.texture_files import read_texture, write_texture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from haptic_accel.core.folders import preset_file
 from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.resampling import crossfaded
@@ -15,6 +14,7 @@ from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, Vibrat
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.devices.interface import Device, Sample
+from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import yaml
 
-from haptic_accel.core.folders import preset_file
 from haptic_accel.core.parameters import ParameterError, checked, shown
 from haptic_accel.core.yaml_text import LARGEST, load_yaml
 from haptic_accel.graph.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
+from haptic_accel.materials.folders import preset_file
 
 SURFACE = "simulated.surface."
 """Prefix of the slave device's parameters of a surface."""

@@ -6,8 +6,8 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from haptic_accel.core.folders import config_folder
 from haptic_accel.core.topics import HANDLE_FRAME, MASTER_FRAME, SLAVE_FRAME, TOOL_FRAME
+from haptic_accel.materials.folders import config_folder
 
 MOVED = {HANDLE_FRAME: MASTER_FRAME, TOOL_FRAME: SLAVE_FRAME}
 """Base of each frame that moves with its arm, with axes parallel to the base's."""

@@ -13,7 +13,6 @@ from typing import Any, TypeAlias
 from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.bags.facts import facts_text
 from haptic_accel.bags.recording_options import RecordingOptions
-from haptic_accel.core.folders import config_folder, preset_file
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS
@@ -25,6 +24,7 @@ from haptic_accel.graph import arguments as names
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.files import parameter_text, read_parameter_file
 from haptic_accel.graph.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
+from haptic_accel.materials.folders import config_folder, preset_file
 
 RESPAWN_DELAY = 1.0
 """Time before a process that has failed is started again, s."""

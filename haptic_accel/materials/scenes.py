@@ -8,13 +8,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from haptic_accel.core.folders import preset_file
 from haptic_accel.core.parameters import ParameterError, Specification, own_schema
 from haptic_accel.core.surfaces.material import Material
 from haptic_accel.core.surfaces.scene import Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import TextureModel
+from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.moving import moving_scene
 from haptic_accel.materials.sampled_shapes import Sampling, read_heights, read_mesh
 from haptic_accel.materials.sections import Section, read_sections

@@ -10,11 +10,11 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from haptic_accel.core.folders import preset_file
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import EMERGENCY_STOP
 from haptic_accel.graph.arguments import RECORDING, SCENE, SIMULATED
 from haptic_accel.graph.files import surface_parameters
+from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.scenes import read_scene
 
 DEVICES = ("slave_device", "master_device")

@@ -10,10 +10,10 @@ from typing import Any
 from std_srvs.srv import SetBool
 
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.folders import config_folder
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.arguments import RECORDING
+from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes import graph_requests as requests
 from haptic_accel.nodes.interface import GraphNode
 from haptic_accel.scope.server import CommandError

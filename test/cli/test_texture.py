@@ -10,12 +10,12 @@ import pytest
 from scipy import signal
 
 from haptic_accel.bags.trial_bag import write_trial
-from haptic_accel.core.folders import config_folder
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.core.trial import RigParameters, run_trial
 from haptic_accel.graph.files import surface_parameters
+from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
 from verbs import refusal, status_of

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import yaml
 
-from haptic_accel.core.folders import config_folder
 from haptic_accel.graph.node_parameters import NODES
+from haptic_accel.materials.folders import config_folder
 
 
 def test_every_node_is_in_one_group() -> None:

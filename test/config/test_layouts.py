@@ -11,9 +11,9 @@ from typing import Any
 
 import yaml
 
-from haptic_accel.core.folders import config_folder
 from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, TOPICS
 from haptic_accel.graph.frames import description
+from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes.interface import message_type
 
 FOLDER = config_folder() / "layouts"

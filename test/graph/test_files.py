@@ -8,7 +8,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
-from haptic_accel.core.folders import config_folder, preset_file
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.files import (
@@ -17,6 +16,7 @@ from haptic_accel.graph.files import (
     surface_parameters,
 )
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
+from haptic_accel.materials.folders import config_folder, preset_file
 
 
 def test_values_that_nodes_share_are_read_back(tmp_path: Path) -> None:

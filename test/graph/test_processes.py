@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from haptic_accel.core.folders import config_folder
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
 from haptic_accel.graph.node_parameters import node_schema
@@ -16,6 +15,7 @@ from haptic_accel.graph.processes import (
     identification_graph,
     rig_parameters,
 )
+from haptic_accel.materials.folders import config_folder
 
 TELEOPERATION = {"recorder", "master_device", "slave_device", "coupler", "compensator"}
 

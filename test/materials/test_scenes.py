@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
-from haptic_accel.core.folders import preset_file
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.shapes import Box, Plane, Sphere
+from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.scenes import read_scene
 
 SCENE = """start: [0.0, 0.0, 0.01]

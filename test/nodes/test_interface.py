@@ -20,7 +20,6 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
-from haptic_accel.core.folders import preset_file
 from haptic_accel.core.model import Vector
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
@@ -34,6 +33,7 @@ from haptic_accel.core.topics import (
     Topic,
 )
 from haptic_accel.graph.files import surface_parameters
+from haptic_accel.materials.folders import preset_file
 from haptic_accel.nodes.interface import message_type, quality
 from observing import Observer
 from running import PATIENCE, Command, wait_until

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haptic_accel.core.folders import preset_file
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.scenes import read_scene
 from haptic_accel.nodes.scope_scene import drawing, scene_of
 
