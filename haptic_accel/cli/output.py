@@ -45,7 +45,7 @@ def make_folder(folder: Path) -> Path:
     return folder
 
 
-def check_writable(file: Path) -> None:
+def check_writable(file: Path, name: str = "json") -> None:
     """Refuse a file that cannot be written, before anything runs for it.
 
     Raises
@@ -57,6 +57,6 @@ def check_writable(file: Path) -> None:
     try:
         file.open("a", encoding="utf-8").close()
     except OSError as error:
-        raise ParameterError(f"json = '{file}': {error.strerror}") from None
+        raise ParameterError(f"{name} = '{file}': {error.strerror}") from None
     if new:
         file.unlink()

@@ -64,7 +64,7 @@ def build_texture(
     is that of the contact or, where it was not recorded, that of the slave's arm. Beside the
     model a plot is written: spectra, measured and modelled, and the plane of speed and force.
     """
-    check_writable(out)
+    check_writable(out, "out")
     read = [_bag(path) if is_bag(str(path)) else _csv(path, rate) for path in recordings]
     source = f"built from {', '.join(path.name for path in recordings)}"
     built = build(out.stem, read, Provenance(source))
@@ -123,7 +123,7 @@ def import_file(file: Path, rate: float, calibration: float | None, out: Path) -
     filter of noise as JSON; or a pattern, AHAP or .haptic, whose frequencies and strengths become
     a texture. Patterns and WAV files of whole numbers need a calibration.
     """
-    check_writable(out)
+    check_writable(out, "out")
     model = import_texture(file, rate, calibration)
     write_texture(out, model)
     loudest = _rms(model).max()
@@ -145,7 +145,7 @@ def show(model: str, out: Path | None, json_file: Path | None) -> None:
     print(*(f"{name}: {text}" for name, text in about.items()), sep="\n")
     _print_nodes(found, rms)
     picture = out or Path(f"{found.name}.png")
-    check_writable(picture)
+    check_writable(picture, "out")
     _draw(found).savefig(picture, dpi=150)
     print(f"plot: {picture}")
     metrics = {
@@ -184,7 +184,7 @@ def render(model: str, speed: float, force: float, seconds: float, seed: int, ou
     """
     from scipy.io import wavfile
 
-    check_writable(out)
+    check_writable(out, "out")
     found = read_texture(preset_file("texture", model))
     texture = Texture(found, found.rate, seed, FULL_SCALE)
     # The speed's low-pass has settled after a tenth of a second.
@@ -254,7 +254,7 @@ def _print(built: Built) -> None:
     title = f"least well predicted by a model of the other half, {low:g} to {high:g} Hz"
     print_table(headings, rows, left=0, title=title)
     print(
-        f"order {built.order}, {built.measured} measured nodes of {len(built.segments)} segments,"
+        f"order {built.order}, {len(built.segments)} segments in {built.measured} measured nodes,"
         f" log-spectral distance {built.distance:.2f} dB; they cover {100 * built.coverage:.0f} %"
         f" of the plane to {built.model.speeds.max() / MILLI:.0f} mm/s and"
         f" {built.model.forces.max():.2f} N"

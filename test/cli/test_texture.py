@@ -92,6 +92,10 @@ def test_a_model_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         (("build", "no.csv", "--rate", "1000", "--out", "a.yaml"), "no.csv"),
         (("build", "drag.csv", "--rate", "100", "--out", "a.yaml"), "at least 500 Hz"),
         (("build", "drag.csv", "--rate", "1000"), "--out"),
+        (
+            ("build", "drag.csv", "--rate", "1000", "--out", "no/a.yaml"),
+            "out = 'no/a.yaml': No such",
+        ),
         (("show", "oak"), "texture = 'oak': must be one of plywood, text, vinyl"),
         (("render", "vinyl", "--speed", "-1", "--force", "1", "--out", "a.wav"), "--speed"),
     ],
