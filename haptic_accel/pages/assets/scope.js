@@ -16,6 +16,8 @@
   const SHRINK = 1.5; // s for which a smaller range would do before a scale is reduced
   const BAND = 1.0; // s whose range the pale band of a gauge shows
   const QUIET = 1.0; // s without samples after which the page reports no signals
+  const PROMPT = 20; // ms to the next picture of a machine that draws all of them
+  const LEFT = 4; // of the time that plots cost beyond that, part that they leave to others
   const CALM = 250; // ms between two frames if the user prefers reduced motion
   const DESCRIBE = 5000; // ms between two descriptions of a plot for screen readers
   const SAID = 10000; // ms for which a message stays visible
@@ -815,18 +817,22 @@
   // ---- Drawing ----------------------------------------------------------------------------
 
   let drawnAt = 0;
+  let plottedAt = 0; // when the plots over time were drawn last
+  let plotsRest = 0; // ms that they then leave to the scene and the sound
 
   function draw(moment) {
     requestAnimationFrame(draw);
     if (calm.matches && !hapticScene.gripped && moment - drawnAt < CALM) return;
+    // A picture that comes late shows what the plots in the one before have cost.
+    if (plottedAt === drawnAt) plotsRest = LEFT * Math.max(0, moment - drawnAt - PROMPT);
     drawnAt = moment;
     hapticScene.draw();
-    if (clock.offset === null) return;
-    if (held === null) {
-      for (const strip of strips) strip.draw();
-      drawGauges();
-      counters.drawn++;
-    }
+    if (clock.offset === null || held !== null) return;
+    counters.drawn++;
+    if (moment - plottedAt < plotsRest) return;
+    plottedAt = moment;
+    for (const strip of strips) strip.draw();
+    drawGauges();
   }
 
   byId("window").addEventListener("change", ({ target }) => {
