@@ -20,6 +20,7 @@ import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.process import CUT_SHORT
 from haptic_accel.core.topics import DIAGNOSTICS, MASTER_STOPPED, SIGNALS, TOPICS, reporter
 from haptic_accel.nodes.device_node import STALL
@@ -159,6 +160,19 @@ def test_diagnostics_come_from_every_node(haptic_accel: Start, observer: Observe
     assert int(values["recorder"]["dropped"]) == 0
     assert values["compensator"]["controller"] == "dynamic"
     assert command.end(signal.SIGINT) == 0, command.text
+
+
+def test_the_coupler_reports_as_evenly_as_the_compensator(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    command = haptic_accel("teleop", "duration:=8", "bag:=bag")
+    assert command.end() == 0, command.text
+    reports = read_bag(tmp_path / "bag").diagnostics
+    coupler, compensator = (
+        np.diff([each.received for each in reports if each.node == node]).max()
+        for node in ("coupler", "compensator")
+    )
+    assert coupler < 2 * compensator
 
 
 def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(
