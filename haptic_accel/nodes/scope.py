@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -178,6 +179,7 @@ class Scope(GraphNode):
         """Return the graph's state for the page; called on the server's thread."""
         now = time.monotonic()
         values = {name: remote.values for name, remote in self._remotes.items()}
+        touched = scene_of(values["slave_device"])
         settings = self.windows.settings
         coupler = self._reports.values("coupler", now)
         master = self._reports.values("master_device", now)
@@ -185,9 +187,9 @@ class Scope(GraphNode):
             "nodes": self._reports.rows(now, self._expected),
             "recorder": dict(self._reports.values("recorder", now)),
             "controller": values["compensator"].get("controller"),
-            "surface": values["slave_device"].get(f"{SURFACE}name"),
+            "surface": Path(touched).stem if touched else None,
             "grip": values["master_device"].get(POSTURE),
-            "scene": scene_of(values["slave_device"]),
+            "scene": touched,
             "led": self._scene.is_led,
             "engaged": {"true": True, "false": False}.get(coupler.get("engaged", "")),
             "stop": {"asked": self._stop_asked, **self._stopped},
