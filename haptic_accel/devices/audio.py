@@ -112,6 +112,8 @@ class SoundCard:
             There is no such card, or it cannot be opened.
         """
         p, library = self._parameters, self._library
+        if not p.device and library.default.device[1] < 0:
+            raise DeviceError("audio.device = '': must name a sound card, as none is the default")
         found = self._opened(lambda: library.query_devices(p.device or None, "output"))
         self.name, self.rate = found["name"], found["default_samplerate"]
         if p.channel > (most := found["max_output_channels"]):
