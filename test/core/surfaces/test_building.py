@@ -16,7 +16,7 @@ from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 RATE = 1000.0
 SPEEDS, FORCES = (0.05, 0.1, 0.15, 0.2), (0.5, 1.0, 2.0)
 BAND = np.linspace(20.0, 450.0, 216)
-REAL = Path("/work/shared/data")
+REAL = Path(__file__).resolve().parents[4] / "shared/data"
 
 
 def texture(speed: float, force: float) -> tuple[FloatArray, float]:
