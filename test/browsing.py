@@ -7,9 +7,11 @@ import shutil
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pytest
+
+from haptic_accel.scope.windows import Windows
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -42,6 +44,35 @@ LISTEN = """() => {
 }"""
 """Script after which ``heard()`` gives frequency (Hz) and level (dB) of the loudest line of what a
 page plays."""
+
+
+class QuietGraph:
+    """A graph that the page's server asks, without processes: nothing runs that could change."""
+
+    SHOWN: ClassVar[dict[str, Any]] = {}
+    """Part of the state that is not that of a graph without a scene."""
+
+    def __init__(self) -> None:
+        self.windows = Windows()
+
+    def choices(self) -> dict[str, list[str]]:
+        return {"controller": ["none"], "surface": ["text"], "grip": ["hook"], "record": ["start"]}
+
+    def state(self) -> dict[str, Any]:
+        return {
+            "nodes": [{"name": "recorder", "state": "OK", "message": ""}],
+            "recorder": {},
+            "controller": None,
+            "surface": None,
+            "grip": None,
+            "scene": None,
+            "led": False,
+            "engaged": None,
+            "stop": {"asked": False},
+            "actuator": {"age_us": None, "due": None, "missed": None},
+            "limits": {"force": 1.0, "travel": 1e-3, "assumed": True},
+            **self.SHOWN,
+        }
 
 
 @contextmanager

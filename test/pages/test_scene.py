@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pytest
 
-from browsing import chromium
+from browsing import QuietGraph, chromium
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
-from haptic_accel.scope.windows import Windows
 from running import wait_until
 
 if TYPE_CHECKING:
@@ -21,11 +20,13 @@ BENCH = [[[-0.1, 0.0], [0.1, 0.0]]]
 BALL = [[[0.04, 0.01], [0.03, 0.02], [0.02, 0.01], [0.03, 0.0], [0.04, 0.01]]]
 
 
-class Bench:
+class Bench(QuietGraph):
     """A scene without a graph, whose tool goes where the hand is led."""
 
+    SHOWN: ClassVar = {"scene": "bench", "led": True}
+
     def __init__(self) -> None:
-        self.windows = Windows()
+        super().__init__()
         self.refusal = ""
         self.led: list[tuple[float, float]] = []
         self.place(0.0, 0.01)
@@ -37,9 +38,6 @@ class Bench:
             "handle": (x, 0.0, z),
             "contact_force": (-0.3, 0.0, 1.0) if z < 0 else (0.0, 0.0, 0.0),
         }
-
-    def choices(self) -> dict[str, list[str]]:
-        return {"controller": ["none"], "surface": ["text"], "grip": ["hook"], "record": ["start"]}
 
     def scene(self) -> dict[str, Any]:
         return {
@@ -54,21 +52,6 @@ class Bench:
             self.led.append((x, z))
             self.place(x, z)
         return self.refusal
-
-    def state(self) -> dict[str, Any]:
-        return {
-            "nodes": [{"name": "recorder", "state": "OK", "message": ""}],
-            "recorder": {},
-            "controller": None,
-            "surface": None,
-            "grip": None,
-            "scene": "bench",
-            "led": True,
-            "engaged": None,
-            "stop": {"asked": False},
-            "actuator": {"age_us": None, "due": None, "missed": None},
-            "limits": {"force": 1.0, "travel": 1e-3, "assumed": True},
-        }
 
 
 @pytest.fixture(scope="module")

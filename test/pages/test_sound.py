@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from browsing import LISTEN, chromium
+from browsing import LISTEN, QuietGraph, chromium
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
-from haptic_accel.scope.windows import Windows
 from running import wait_until
 
 if TYPE_CHECKING:
@@ -34,33 +33,15 @@ FILTER = 4
 """Samples by which the interpolation delays."""
 
 
-class Tones:
+class Tones(QuietGraph):
     """Signals without a graph: a tone of desired acceleration, and another of the actual."""
 
     def __init__(self) -> None:
-        self.windows = Windows()
+        super().__init__()
         self.amplitude = 3.0
         self.playing = True
         self._thread = threading.Thread(target=self._play)
         self._thread.start()
-
-    def choices(self) -> dict[str, list[str]]:
-        return {"controller": ["none"], "surface": ["text"], "grip": ["hook"], "record": ["start"]}
-
-    def state(self) -> dict[str, Any]:
-        return {
-            "nodes": [{"name": "recorder", "state": "OK", "message": ""}],
-            "recorder": {},
-            "controller": None,
-            "surface": None,
-            "grip": None,
-            "scene": None,
-            "led": False,
-            "engaged": None,
-            "stop": {"asked": False},
-            "actuator": {"age_us": None, "due": None, "missed": None},
-            "limits": {"force": 1.0, "travel": 1e-3, "assumed": True},
-        }
 
     def _play(self) -> None:
         start = time.time_ns()
