@@ -35,6 +35,14 @@ MOST_DRAWN, MOST_LISTED = 6, 8
 """Spectra in one plot, and groups of segments in the table of a report."""
 
 _model_argument = click.argument("model", metavar="NAME|FILE")
+_csv_rate = click.option(
+    "--rate",
+    type=float,
+    default=0.0,
+    show_default=False,
+    metavar="HZ",
+    help="Samples per second of CSV files; others state their own.",
+)
 _new_file = click.option("--out", type=FILE, metavar="FILE", required=True, help="File to write.")
 
 
@@ -44,14 +52,7 @@ _new_file = click.option("--out", type=FILE, metavar="FILE", required=True, help
     name="build",
 )
 @click.argument("recordings", type=FILE, metavar="CSV|BAG...", nargs=-1, required=True)
-@click.option(
-    "--rate",
-    type=float,
-    default=0.0,
-    show_default=False,
-    metavar="HZ",
-    help="Samples per second of CSV files; bags state their own.",
-)
+@_csv_rate
 @_new_file
 @json_option
 def build_texture(
@@ -100,14 +101,7 @@ def build_texture(
     name="import",
 )
 @click.argument("file", type=FILE, metavar="FILE")
-@click.option(
-    "--rate",
-    type=float,
-    default=0.0,
-    show_default=False,
-    metavar="HZ",
-    help="Samples per second of a CSV file.",
-)
+@_csv_rate
 @click.option(
     "--calibration",
     type=float,

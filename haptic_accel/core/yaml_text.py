@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any, ClassVar
 
 import yaml
 
 from haptic_accel.core.decimals import read_decimal, read_whole
+from haptic_accel.core.parameters import ParameterError, shown
 
 LARGEST = 1 << 22
 """Size of the largest text that is read, bytes: a bag of ten thousand files has half of it."""
@@ -78,6 +80,42 @@ def load_yaml(text: str, *, exponents: bool = False) -> Any:
     except (yaml.YAMLError, LookupError, TypeError, AttributeError, OverflowError) as error:
         # What its constructors raise for values such as `!!binary ä` is not documented.
         raise ValueError(" ".join(str(error).split())) from None
+
+
+def read_mapping(
+    path: Path, name: str = "", kind: str = "file", content: str = "names to values"
+) -> tuple[dict[Any, Any], str]:
+    """Return a mapping from a YAML file, whose numbers may be as in ROS parameter files.
+
+    Parameters
+    ----------
+    path : Path
+    name, kind, content : str
+        For messages: the file's name, by default its path; its kind; the content it must have.
+
+    Returns
+    -------
+    mapping : dict
+    text : str
+        The file's text.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, or is something else.
+    """
+    try:
+        with path.open(encoding="utf-8") as file:
+            text = file.read(LARGEST + 1)
+        mapping = load_yaml(text, exponents=True)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not text"
+        raise ParameterError(f"{name or path}: must be a readable {kind}: {reason}") from None
+    except ValueError as error:
+        raise ParameterError(f"{name or path}: must be YAML: {shown(str(error))}") from None
+    if not isinstance(mapping, dict):
+        raise ParameterError(f"{name or path}: must map {content}")
+    return mapping, text
 
 
 def texts_of(content: Any) -> dict[str, str]:

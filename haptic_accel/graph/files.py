@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from haptic_accel.core.parameters import ParameterError, checked, shown
-from haptic_accel.core.yaml_text import LARGEST, load_yaml
+from haptic_accel.core.yaml_text import read_mapping
 from haptic_accel.graph.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
 from haptic_accel.materials.folders import preset_file
 
@@ -110,17 +110,7 @@ def check_reached(path: Path, node: str) -> None:
 
 def _content(path: Path, what: str) -> dict[Any, Any]:
     """Return what a parameter file gives by key."""
-    try:
-        with path.open(encoding="utf-8") as file:
-            content = load_yaml(file.read(LARGEST + 1), exponents=True)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not text"
-        raise ParameterError(f"{what}: must be a readable parameter file: {reason}") from None
-    except ValueError as error:
-        raise ParameterError(f"{what}: must be YAML: {shown(str(error))}") from None
-    if not isinstance(content, dict):
-        raise ParameterError(f"{what}: must map nodes to ros__parameters")
-    return content
+    return read_mapping(path, what, "parameter file", "nodes to ros__parameters")[0]
 
 
 def _check_reached(what: str, keys: Iterable[Any], node: str) -> None:

@@ -17,7 +17,7 @@ from haptic_accel.core.parameters import (
     shown,
     suggestion,
 )
-from haptic_accel.core.yaml_text import LARGEST, lines_of, load_yaml
+from haptic_accel.core.yaml_text import lines_of, read_mapping
 
 C = TypeVar("C", bound=Checked)
 T = TypeVar("T")
@@ -128,15 +128,6 @@ def read_sections(path: Path) -> Section:
     ParameterError
         It cannot be read, or is something else.
     """
-    try:
-        with path.open(encoding="utf-8") as file:
-            text = file.read(LARGEST + 1)
-        content, lines = load_yaml(text, exponents=True), lines_of(text)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not text"
-        raise ParameterError(f"{path}: must be a readable file: {reason}") from None
-    except ValueError as error:
-        raise ParameterError(f"{path}: must be YAML: {shown(str(error))}") from None
-    if not isinstance(content, dict):
-        raise ParameterError(f"{path}: must map names to values")
-    return Section(path, lines, (), {str(name): value for name, value in content.items()})
+    content, text = read_mapping(path)
+    values = {str(name): value for name, value in content.items()}
+    return Section(path, lines_of(text), (), values)

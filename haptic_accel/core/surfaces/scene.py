@@ -47,13 +47,15 @@ class SceneObject:
     rotation: Vector = ZERO
     _matrix: FloatArray = field(init=False, repr=False)
     _rows: tuple[Vector, ...] = field(init=False, repr=False)
+    _columns: tuple[Vector, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Compute the rotation's matrix: from the shape's frame to the base frame."""
         roll, pitch, yaw = self.rotation
         matrix = _turn(2, yaw) @ _turn(1, pitch) @ _turn(0, roll)
         object.__setattr__(self, "_matrix", matrix)
-        object.__setattr__(self, "_rows", tuple(tuple(row) for row in matrix.tolist()))
+        object.__setattr__(self, "_rows", tuple(map(tuple, matrix.tolist())))
+        object.__setattr__(self, "_columns", tuple(map(tuple, matrix.T.tolist())))
 
     def distance(self, x: float, y: float, z: float) -> float:
         """Return the signed distance of a point in the base frame, m."""
@@ -61,15 +63,8 @@ class SceneObject:
 
     def normal(self, x: float, y: float, z: float) -> Vector:
         """Return the direction of growing distance at a point, in the base frame."""
-        n_x, n_y, n_z = self.shape.normal(*self._inside(x, y, z))
-        if self.rotation == ZERO:
-            return n_x, n_y, n_z
-        a, b, c = self._rows
-        return (
-            a[0] * n_x + a[1] * n_y + a[2] * n_z,
-            b[0] * n_x + b[1] * n_y + b[2] * n_z,
-            c[0] * n_x + c[1] * n_y + c[2] * n_z,
-        )
+        normal = self.shape.normal(*self._inside(x, y, z))
+        return normal if self.rotation == ZERO else _product(self._rows, *normal)
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3) in the base frame, m."""
@@ -79,14 +74,7 @@ class SceneObject:
         """Return a point of the base frame in the shape's frame."""
         o_x, o_y, o_z = self.position
         x, y, z = x - o_x, y - o_y, z - o_z
-        if self.rotation == ZERO:
-            return x, y, z
-        a, b, c = self._rows
-        return (
-            a[0] * x + b[0] * y + c[0] * z,
-            a[1] * x + b[1] * y + c[1] * z,
-            a[2] * x + b[2] * y + c[2] * z,
-        )
+        return (x, y, z) if self.rotation == ZERO else _product(self._columns, x, y, z)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +125,7 @@ class Scene:
         place : tuple of float
             m.
         direction : tuple of float
-            Of length 1.
+            Direction, of length 1.
         way : float
             m.
 
@@ -189,6 +177,17 @@ class Scene:
             if lines:
                 found[each.name] = [np.asarray(line) for line in lines]
         return found
+
+
+def _product(rows: tuple[Vector, ...], x: float, y: float, z: float) -> Vector:
+    """Return the product of a matrix and a vector."""
+    # In Python: numpy takes longer for three numbers.
+    a, b, c = rows
+    return (
+        a[0] * x + a[1] * y + a[2] * z,
+        b[0] * x + b[1] * y + b[2] * z,
+        c[0] * x + c[1] * y + c[2] * z,
+    )
 
 
 def _turn(axis: int, angle: float) -> FloatArray:
