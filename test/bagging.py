@@ -32,7 +32,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass
 class BagContent:
-    """What to write.
+    """Content of a bag to write.
 
     `signals` are along the actuator's axis, by topic; `changes` are moments in s with node,
     parameter and text; `diagnostics` moments with node, message and values; `gap` is when the arms

@@ -1,4 +1,4 @@
-"""What all tests share: reproducible properties, and a ROS graph of their own."""
+"""Shared by all tests: reproducible properties, and a ROS graph of their own."""
 
 from __future__ import annotations
 

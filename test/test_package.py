@@ -214,7 +214,7 @@ def test_what_needs_rosbags_says_so(words: list[str], status: int) -> None:
 
 
 NEWER = {"compression"}
-"""Of the standard library from Python 3.14 on."""
+"""In the standard library from Python 3.14 on."""
 
 
 def third_party_imports() -> set[str]:

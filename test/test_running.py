@@ -1,4 +1,4 @@
-"""What keeps tests apart from each other, and says that the machine was to blame."""
+"""Separation of tests from each other, and detection of a machine that stood still."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `make` tells somebody who sets the project up."""
+"""Messages of `make` to a user who sets the project up."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ PACKETS = 2
 
 @dataclass(frozen=True)
 class Packet:
-    """What a half tells its peer; `echoed` is when the newest packet it had was sent, s."""
+    """Message of a half to its peer; `echoed` is when the newest packet it had was sent, s."""
 
     sequence: int
     session: int
@@ -141,7 +141,7 @@ class Instant:
 
 
 Event = Callable[[float, Side, Side], None]
-"""What happens to master and slave at a time, s."""
+"""Events at master and slave by time, s."""
 
 
 def nothing(_: float, __: Side, ___: Side) -> None:

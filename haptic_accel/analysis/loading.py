@@ -81,7 +81,7 @@ def analyse(
     perceptual : bool
         Score ST-SIM and SPQI, which takes longest.
     rig, rate
-        Of bags that do not describe themselves, see `cut`.
+        Facts of bags that do not describe themselves, see `cut`.
     spread : callable
         Applies the analysis to each bag: `map`, or what does so in several processes.
     ended : callable, optional

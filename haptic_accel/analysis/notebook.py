@@ -89,7 +89,7 @@ class NotebookTrial(Trial):
         Parameters
         ----------
         axes : Axes, optional
-            Where to draw; default: a new figure.
+            Axes to draw in; default: a new figure.
         """
         if axes is None:
             from matplotlib import pyplot  # which chooses a backend, and so comes late

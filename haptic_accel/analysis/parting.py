@@ -57,7 +57,7 @@ class Parting:
     signals : tuple of str
         Topics that differ at that sample.
     reasons : tuple of str
-        What nodes counted at that time.
+        Counts of the nodes at that time.
     """
 
     bag: Path

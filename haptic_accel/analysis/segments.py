@@ -171,7 +171,7 @@ class Cut:
     ----------
     segments : list of Segment
     problems : list of str
-        What could not be determined, a line each.
+        Quantities that could not be determined, a line each.
     """
 
     segments: list[Segment]

@@ -72,7 +72,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Host:
-    """What one of two hosts recorded of a run.
+    """A run as one of two hosts recorded it.
 
     Attributes
     ----------

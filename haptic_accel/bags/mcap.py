@@ -135,7 +135,7 @@ class McapFile:
     problems : list of str
         Damage found while reading, a line each.
     unfinished : str
-        How the file ended where it was not closed, in one line; empty where it was.
+        End of a file that was not closed, in one line; empty where it was closed.
     """
 
     path: Path

@@ -30,7 +30,7 @@ def on_key(key: bytes, act: Callable[[], None]) -> Iterator[bool]:
     Yields
     ------
     bool
-        Whether keys are read.
+        True while keys are read.
     """
     if not (sys.stdin and sys.stdin.isatty() and _is_ours(sys.stdin.fileno())):
         yield False

@@ -87,7 +87,7 @@ def run_shown(
     ----------
     processes : sequence of Process
     endless : bool
-        Whether the graph is not meant to end by itself.
+        True where the graph is not meant to end by itself.
     expected : float
         Time from engaging to the end, s, for a progress bar in a terminal; 0 for none.
 

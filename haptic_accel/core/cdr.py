@@ -35,7 +35,7 @@ _LENGTH = struct.Struct("<I")
 _VECTORS = {code: struct.Struct(f"{mark}3d") for code, mark in _BYTE_ORDERS.items()}
 _VECTOR_SIZE = _VECTORS[1].size
 _BEHIND = {"pose.position": struct.pack("<4d", 0.0, 0.0, 0.0, 1.0), "vector": b""}
-"""What follows the vector, by its path: an upright quaternion, nothing, or no rotation."""
+"""Bytes after the vector, by its path: an upright quaternion, nothing, or no rotation."""
 _NO_ROTATION = bytes(24)
 
 

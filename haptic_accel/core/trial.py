@@ -97,7 +97,7 @@ class Crossing:
     age : ndarray, shape (n,)
         Time since it was measured, s; NaN while waiting.
     kinds : tuple of str
-        How each sample was played, as in `Played`.
+        Kind of each played sample, as in `Played`.
     energy : ndarray, shape (n, 2)
         Accounts of the master's and the slave's half, J.
     """
@@ -140,7 +140,7 @@ class Trial:
         Positions (m), velocities (m/s) and motor forces (N) of both arms, and the force of a
         scene on the tool, by the name of their topic; empty where they are not known.
     crossing : Crossing or None
-        What a network between the arms did. The tool's acceleration is then that of the time that
+        Counts of a network between the arms. The tool's acceleration is then that of the time that
         was played, as the slave measured it, and the desired one what a compensator without a
         network would have made of it.
     """

@@ -144,7 +144,7 @@ def couple(
     path : callable
         Place of the hand at the master, which begins after `ENGAGING`.
     around_slave : callable
-        What the slave meets.
+        Surface or scene that the slave meets.
     duration : float
         s.
     """

@@ -25,7 +25,7 @@ ROUNDING = 1e-9
 
 
 class Crossed(NamedTuple):
-    """What both hosts do in a sample.
+    """Results of a sample on both hosts.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class TwoHosts:
     ----------
     parameters : PassiveParameters
     network : ChannelParameters
-        Of both directions.
+        Channels of both directions.
     rate : float
         Samples per second.
     latency : int

@@ -70,11 +70,11 @@ class Replay:
     graph : GraphArguments
         Those of the graph that it takes place in.
     inherited : dict
-        Which of these are the bag's.
+        Those that come from the bag.
     bag : Bag or None
-        What was read to find them; None for a CSV or WAV file.
+        Bag that was read to find them; None for a CSV or WAV file.
     touched : str
-        What the tool touched as the bag was recorded, in a table of results.
+        Surface that the tool touched as the bag was recorded, in a table of results.
     """
 
     own: ReplayArguments
@@ -90,7 +90,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
     Parameters
     ----------
     words : iterable of str
-        Of `ReplayArguments` and, for the rest, of `GraphArguments`.
+        Values of `ReplayArguments` and, for the rest, of `GraphArguments`.
 
     Raises
     ------

@@ -84,7 +84,7 @@ def route(peer: str, side: str, transport: str, namespace: str) -> Route:
     peer : str
         As for `host_and_port`; its port takes the place of the pair's first.
     side, transport : str
-        Of this host, from `ARMS` and `TRANSPORTS`.
+        Side of this host, from `ARMS` and `TRANSPORTS`.
     namespace : str
         With a slash before; empty for the root.
 

@@ -44,7 +44,7 @@ SLACK = timedelta(days=1)
 
 @dataclass(frozen=True)
 class Identity:
-    """What a host needs to know another and to be known by it, each as PEM.
+    """Files with which two hosts know each other, each as PEM.
 
     Attributes
     ----------

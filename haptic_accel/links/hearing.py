@@ -1,4 +1,4 @@
-"""What is said of the peer: that it is heard, that it no longer is, and what to check then."""
+"""Messages about the peer: heard, no longer heard, and the points to check then."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Hearing:
     peer : str
         Peer in the lines.
     advice : str
-        What to check while nothing is heard.
+        Points to check while nothing is heard.
     now : float
         Steady time, s.
 

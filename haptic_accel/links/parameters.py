@@ -9,7 +9,7 @@ from haptic_accel.core.topics import ARMS
 from haptic_accel.links.addresses import host_and_port
 
 TRANSPORTS = ("dds", "zenoh")
-"""What carries datagrams between hosts."""
+"""Transports of datagrams between hosts."""
 
 AUTHORITY, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
 """Files of a host: certificate of the authority, its own certificate, and its private key."""

@@ -98,7 +98,7 @@ class ZenohCarrier:
     ----------
     route : Route
     side : str
-        Of this host, from `ARMS`.
+        Side of this host, from `ARMS`.
     namespace : str
         With a slash before; empty for the root.
     keys : str

@@ -27,7 +27,7 @@ FULL_SCALE = 5 * 9.80665
 """Acceleration at full scale of integer samples, m/s^2: the +-5 g of the paper's ADXL320J."""
 
 UNCALIBRATED = "calibration = nothing: must be the acceleration at full scale, m/s^2"
-"""What is asked for where a file's values are relative."""
+"""Requirement for files whose values are relative."""
 
 SHORTEST = 1.0
 """Minimum duration of a recording, s."""

@@ -27,7 +27,7 @@ BORDER = 2
 
 @dataclass(frozen=True)
 class Sampling(Checked):
-    """How a file of a shape is sampled."""
+    """Sampling of a file that describes a shape."""
 
     spacing: float = parameter(1e-3, "distance between two samples", "m", 1e-5, 0.1)
     scale: float = parameter(1.0, "length of the file's unit", "m", 1e-6, 1.0)

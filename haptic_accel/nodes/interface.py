@@ -220,7 +220,7 @@ class GraphNode(SupervisedNode):
     Attributes
     ----------
     task : str
-        What its diagnostics are about.
+        Subject of its diagnostics.
     parameters
         The node's own parameters, checked.
     options : dict

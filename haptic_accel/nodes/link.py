@@ -69,7 +69,7 @@ _ENCAPSULATION = b"\0\1\0\0"  # plain little-endian CDR; then no dimensions, no 
 
 
 class Carrier(Protocol):
-    """What takes datagrams to the peer host and brings those from there."""
+    """Way of datagrams to and from the peer host."""
 
     def send(self, datagram: bytes) -> None:
         """Send a datagram, or drop it."""
@@ -88,7 +88,7 @@ class DdsCarrier:
     ----------
     route : Route
     side : str
-        Of this host, from `ARMS`.
+        Side of this host, from `ARMS`.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def carry(local: LocalEnd, carrier: Carrier, hearing: Hearing, signals: Signals)
     Raises
     ------
     Exception
-        What ended that thread.
+        Error that ended that thread.
     """
     logger = get_logger("link")
     failures: list[Exception] = []

@@ -1,4 +1,4 @@
-"""What the live scope shows of the scene: outlines, tool and handle, and the hand that is led."""
+"""Scene of the live scope: outlines, tool and handle, and the hand that is led."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class ScopeScene:
 
     @property
     def is_led(self) -> bool:
-        """Whether a page can lead the hand."""
+        """True where a page can lead the hand."""
         return self._sender is not None and self._master().get("device") == POINTER
 
     def _look(self) -> None:

@@ -39,7 +39,7 @@ SOUND = "sound"
 """Name by which a page that plays sound asks for frames more often."""
 
 ON_DEMAND = (*CHOSEN, SCENE, SOUND)
-"""What a page may ask for."""
+"""Requests that a page may make."""
 
 PLACES = ("tool", "tool_velocity", "handle", "contact_force")
 """Vectors of a frame of places: m, m/s, m, N; those of the tool in the slave's base frame."""

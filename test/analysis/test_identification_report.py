@@ -76,7 +76,7 @@ def page(two: Identification, tmp_path_factory: pytest.TempPathFactory) -> Page:
 
 
 class Page(HTMLParser):
-    """What a reader meets in a page: tables as lists of rows, links, pictures, and the text."""
+    """Content of a page: tables as lists of rows, links, pictures, and the text."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()

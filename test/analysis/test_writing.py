@@ -66,7 +66,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Page(HTMLParser):
-    """What a reader meets in a page: tables as lists of rows, links, pictures, and the text."""
+    """Content of a page: tables as lists of rows, links, pictures, and the text."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()

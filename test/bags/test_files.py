@@ -27,7 +27,7 @@ START = 1_700_000_000_000_000_000
 
 FORMS = st.sampled_from([{}, {"storage_preset_profile": "zstd_fast"}])
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
-"""What is asked is what a bag holds, not how long a disk takes to say that it has it."""
+"""A bag is asked for its content, not for the time that a disk takes to confirm it."""
 
 SPLITS = st.sampled_from([{}, {"max_bag_size": 300}, {"max_bag_duration": 0.005}])
 MESSAGES = st.lists(

@@ -32,7 +32,7 @@ FACTS = {"haptic_accel.version": "1.2.3"}
 TOPICS = [connection(n + 1, f"/topic_{n}", "std_msgs/msg/String", []) for n in range(2)]
 START = 1_700_000_000_000_000_000
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
-"""What is asked is what a bag holds, not how long a disk takes to say that it has it."""
+"""A bag is asked for its content, not for the time that a disk takes to confirm it."""
 
 FLUSHED = 30
 """Messages after which those so far are brought to the disk."""

@@ -19,7 +19,7 @@ TYPES = get_typestore(Stores.ROS2_JAZZY)
 ACCEL = "geometry_msgs/msg/AccelStamped"
 STRING = "std_msgs/msg/String"
 PERIOD = 1_000_000
-"""Of 1 kHz, ns."""
+"""Period of 1 kHz, ns."""
 
 
 def serialised(value: float, stamp: int = 0) -> bytes:

@@ -1,4 +1,4 @@
-"""What the pieces of a sample's way cost; measured, with no limit that a test could break."""
+"""Costs of the pieces of a sample's way; measured, with no limit that a test could break."""
 
 from __future__ import annotations
 

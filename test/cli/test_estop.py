@@ -34,7 +34,7 @@ Ask = Callable[..., tuple[int, str]]
 STOPPED = (COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED)
 
 APPLIED = ("arm force count", "actuator force count")
-"""What the master device counts of the forces it applied."""
+"""Counts of the forces that the master device applied."""
 
 
 def applied(observer: Observer, said: str = "") -> list[int]:

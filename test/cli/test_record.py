@@ -1,4 +1,4 @@
-"""What `haptic-accel record` says where there is nothing to record; more in test/nodes."""
+"""Messages of `haptic-accel record` where there is nothing to record; more in test/nodes."""
 
 from __future__ import annotations
 

@@ -26,9 +26,9 @@ GOLDEN = json.loads((DATA / "golden.json").read_text(encoding="utf-8"))["conditi
 FIGURES = ("nrmse_percent", "slope_desired_on_actual", "slope_actual_on_desired", "r2")
 
 TOLERANCE = 1e-6
-"""Of figures, as a part of them and of 1. One machine gives the same bits every time, and other
-kernels of its BLAS the same figures within 1e-15; another mathematical library or processor may
-round otherwise. What a change of behaviour does is far larger."""
+"""Tolerance of figures, as a part of them and of 1. One machine gives the same bits every time,
+and other kernels of its BLAS the same figures within 1e-15; another mathematical library or
+processor may round otherwise. What a change of behaviour does is far larger."""
 
 
 def test_golden_bags_give_their_golden_figures_and_the_same_ones_again(tmp_path: Path) -> None:

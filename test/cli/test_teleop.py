@@ -323,7 +323,7 @@ def test_what_makes_forces_is_real_time_where_that_is_allowed(
 
 
 def runs_as(process: int, scheduling_class: int) -> bool:
-    """Whether all threads of a process are scheduled in one way."""
+    """Return True where all threads of a process are scheduled in one way."""
     threads = os.listdir(f"/proc/{process}/task")
     with suppress(ProcessLookupError):  # a thread that has just ended
         return {os.sched_getscheduler(int(thread)) for thread in threads} == {scheduling_class}
@@ -331,7 +331,7 @@ def runs_as(process: int, scheduling_class: int) -> bool:
 
 
 def realtime_is_allowed() -> bool:
-    """Whether a process of this user may be real-time."""
+    """Return True where a process of this user may be real-time."""
     ask = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))"
     command = subprocess.run([sys.executable, "-c", ask], capture_output=True, check=False)
     return command.returncode == 0

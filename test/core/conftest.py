@@ -1,4 +1,4 @@
-"""What several tests of the core start from."""
+"""Fixtures that several tests of the core start from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may stop a node, and when it may be released."""
+"""Senders that may stop a node, and the time of its release."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ CONDITIONS = {
     "left": {"controller": "adaptive", "surface": "vinyl"},
     "right": {"controller": "constant", "surface": "text"},
 }
-"""What each graph is told to run."""
+"""Arguments of each graph."""
 
 COMMON = ("/diagnostics", "/parameter_events", "/rosout")
 """Topics that all graphs of a ROS domain share."""

@@ -1,4 +1,4 @@
-"""What Zenoh's log says, in a user's words; links between processes are in test/nodes."""
+"""Zenoh's log in a user's words; links between processes are in test/nodes."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class Bench:
 
     @property
     def written(self) -> list[dict[str, Any]]:
-        """What was written to the device so far."""
+        """Commands that were written to the device so far."""
         assert isinstance(self.node.device, Witness)
         return self.node.device.written
 

@@ -1,4 +1,4 @@
-"""Where the sockets of a graph's nodes are, and what the user's environment changes."""
+"""Sockets of a graph's nodes, and the effect of the user's environment on them."""
 
 from __future__ import annotations
 

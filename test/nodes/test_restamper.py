@@ -1,4 +1,4 @@
-"""What `ros2 bag play` publishes in the slave's place, beside the replay device."""
+"""`ros2 bag play` in the slave's place, beside the replay device."""
 
 from __future__ import annotations
 

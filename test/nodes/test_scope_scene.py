@@ -1,4 +1,4 @@
-"""What the scope draws of a scene."""
+"""Drawing of a scene in the scope."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the scope keeps and derives, against what is known of it."""
+"""Signals that the scope keeps and derives, against known answers."""
 
 from __future__ import annotations
 

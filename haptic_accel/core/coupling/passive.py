@@ -393,7 +393,7 @@ class PassivePair:
     Attributes
     ----------
     halves : tuple of PassiveHalf
-        Of master and slave.
+        Laws of master and slave.
     """
 
     def __init__(self, parameters: PassiveParameters, rate: float, latency: int = LATENCY) -> None:

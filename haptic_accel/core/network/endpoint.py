@@ -35,7 +35,7 @@ CLOCKS_AGREE = 2e-3
 
 
 class State(NamedTuple):
-    """What a host is doing; meanings as in `Packet`."""
+    """State of a host; meanings as in `Packet`."""
 
     ready: bool = False
     engaged: bool = False

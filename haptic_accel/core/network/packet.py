@@ -62,7 +62,7 @@ class Packet(NamedTuple):
     stamp : int
         System time of the sender at which the position was measured, ns.
     position, velocity : tuple of float
-        Of the sender's arm: relative to where it engaged, m, and in m/s.
+        Motion of the sender's arm: relative to where it engaged, m, and in m/s.
     shipped : float
         Energy that the sender gave away since the session began, J.
     rate : float

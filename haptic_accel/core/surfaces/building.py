@@ -410,7 +410,7 @@ def _order(segments: Sequence[Segment]) -> int:
 
 @dataclass(frozen=True)
 class _Plane:
-    """What all models of some recordings have in common."""
+    """Values that all models of a set of recordings share."""
 
     name: str
     rate: float

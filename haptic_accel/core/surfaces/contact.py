@@ -1,4 +1,4 @@
-"""What a contact is at one sample."""
+"""State of a contact at one sample."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from haptic_accel.core.surfaces.scene import SceneObject
 class Contact(NamedTuple):
     """Contact of a tool with a scene during one sampling period.
 
-    Where the tool touches several objects, `force` is that of all; the rest is of the one that
+    If the tool touches several objects, `force` is that of all; the rest is of the one that
     was touched just now, else of the one that presses most.
 
     Attributes
@@ -20,7 +20,7 @@ class Contact(NamedTuple):
     normal : tuple of float
         Direction out of the object.
     depth : float
-        How far the tool is inside the object, m.
+        Depth of the tool in the object, m.
     force : tuple of float
         Mean force on the tool, N.
     normal_force : float

@@ -104,7 +104,7 @@ def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     polynomial : ndarray, shape (..., p + 1)
         That of order p, 1 first; its roots are inside the unit circle.
     variances : ndarray, shape (..., p + 1)
-        Of orders 0 to p.
+        Variances of the prediction errors of orders 0 to p.
     """
     polynomial = np.zeros(covariance.shape)
     polynomial[..., 0] = 1.0

@@ -11,7 +11,7 @@ from haptic_accel.core.surfaces.texture import TextureModel
 
 @dataclass(frozen=True)
 class Material(Checked):
-    """What the surface of an object does to a tool.
+    """Surface of an object: its stiffness, friction, texture and taps.
 
     Attributes
     ----------

@@ -52,7 +52,7 @@ class Proxy:
     ----------
     scene : Scene
     place : tuple of float
-        Where it begins, m; inside of an object, it comes out to the nearest side.
+        Place at the start, m; inside of an object, it comes out to the nearest side.
     """
 
     def __init__(self, scene: Scene, place: Vector) -> None:

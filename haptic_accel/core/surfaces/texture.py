@@ -52,7 +52,7 @@ FLOOR = 1e-3
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a model comes from, and what may be done with it."""
+    """Origin of a model, and the licence to use it."""
 
     source: str = ""
     licence: str = ""
@@ -68,7 +68,7 @@ class Places(NamedTuple):
     corners : ndarray, shape (m, 3)
         Indices of the nodes.
     weights : ndarray, shape (m, 3)
-        Of the nodes at the point; from 0 to 1, and 1 together.
+        Shares of the nodes at the point; from 0 to 1, with the sum 1.
     affine : ndarray, shape (m, 3, 3)
         Around the point, the weights are its product with (speed, force, 1).
     """

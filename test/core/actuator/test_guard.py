@@ -1,4 +1,4 @@
-"""What keeps the actuator whole: peak and heat for any command, travel on the simulated rig."""
+"""Protection of the actuator: peak and heat for any command, travel on the simulated rig."""
 
 from __future__ import annotations
 

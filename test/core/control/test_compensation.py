@@ -38,7 +38,7 @@ PAIRS = list(permutations(NAMES, 2))
 
 COIL = ActuatorParameters()
 UNLIMITED = ActuatorParameters(travel=0.1, continuous_force=100.0)
-"""Of travel and heat, for what is not about them."""
+"""Limits of travel and heat for tests that are not about them."""
 
 STIFF = Plant(handle=HandleParameters(k_s=1e4, b_s=20.0))
 """An actuator that no force moves far."""

@@ -1,4 +1,4 @@
-"""What takes over from a controller that is worse than none, when it returns; nothing jumps."""
+"""Fallback from a controller that is worse than none, and its return; nothing jumps."""
 
 from __future__ import annotations
 

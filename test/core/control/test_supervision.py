@@ -1,4 +1,4 @@
-"""What is told of a handle: unknown modes at once, ordinary hands and noise never."""
+"""Messages about a handle: unknown modes at once, ordinary hands and noise never."""
 
 from __future__ import annotations
 

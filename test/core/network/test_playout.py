@@ -22,7 +22,7 @@ CLEAN = ChannelParameters(delay=0.0204)
 
 
 class Tick(NamedTuple):
-    """What a tick played, and from where."""
+    """Sample that a tick played, and its source."""
 
     played: Played
     position: float

@@ -37,7 +37,7 @@ def path(exploration: Exploration, step: float = 1e-3) -> FloatArray:
 
 
 def stroke_ends(x: FloatArray) -> list[float]:
-    """Where the motion along the surface turns round; nothing below 10 nm is motion."""
+    """Return the places where the motion along the surface turns; below 10 nm nothing moves."""
     moves = [(a, b) for a, b in pairwise(x.tolist()) if abs(a - b) > 1e-8]
     return [
         here

@@ -15,7 +15,7 @@ from haptic_accel.core.rig.guided_hand import SPEED, WORKSPACE, GuidedHand
 
 RATE = 1000
 TACTILE = 20.0
-"""Where the tactile band begins, Hz."""
+"""Lower end of the tactile band, Hz."""
 
 
 def followed(seconds: float, points: list[tuple[float, float, float]]) -> FloatArray:

@@ -235,7 +235,7 @@ def test_at_rest_it_stays_at_rest(ideal_master: MasterRigParameters) -> None:
 
 
 def overrun(energy: float, force: float) -> float:
-    """How deep a stop of 3e4 N/m is pressed by an energy in J and a force in N, without loss."""
+    """Return how deep an energy in J and a force in N press a stop of 3e4 N/m, without loss."""
     return (force + math.sqrt(force**2 + 2 * 3e4 * energy)) / 3e4
 
 

@@ -82,7 +82,7 @@ class Bench:
         return torques(self.sent)
 
     def released(self) -> bool:
-        """Whether the last that every axis was told is no torque, and to be idle."""
+        """Return True where every axis was last told no torque, and to be idle."""
         last = {frame.id: parse_order(frame) for frame in self.sent}
         return all(
             last.get(node << 5 | Command.SET_INPUT_TORQUE) == SetTorque(node, 0.0)

@@ -64,7 +64,7 @@ class Plugged:
 
     @property
     def exerted(self) -> bool:
-        """Whether any motor has a torque."""
+        """Return True where any motor has a torque."""
         return any(axis.torque for axis in self.arm.axes)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What frames take of a bus."""
+"""Load of a bus by frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user may say of an arm."""
+"""Parameters of an arm that a user may set."""
 
 from __future__ import annotations
 

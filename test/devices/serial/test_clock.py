@@ -14,10 +14,10 @@ from haptic_accel.devices.serial.clock import DeviceClock, unwrapped
 from haptic_accel.devices.serial.protocol import CLOCKS
 
 SHORTEST = 200e-6
-"""Of all frames' time on the way, s."""
+"""Least time of a frame on the way, s."""
 
 START = 4_000_000_000
-"""Of the device's clock, us."""
+"""Start of the device's clock, shortly before it wraps, us."""
 
 
 def errors(

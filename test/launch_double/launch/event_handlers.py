@@ -1,4 +1,4 @@
-"""What is done at events."""
+"""Handlers of events."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 class OnShutdown:
-    """What is done when a launch ends."""
+    """Handler of the end of a launch."""
 
     def __init__(self, *, on_shutdown: Callable[..., None]) -> None:
         self._on_shutdown = on_shutdown

@@ -312,7 +312,7 @@ def nearest(keeps: Callable[[float], bool], start: float, end: float, halvings: 
     Parameters
     ----------
     keeps : callable
-        Whether a number keeps the limit; taken to be true at the end, false at the start.
+        True where a number keeps the limit; taken to be true at the end, false at the start.
     start, end : float
         Ends of the range; the end may be the smaller.
     halvings : int

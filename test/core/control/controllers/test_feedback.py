@@ -124,7 +124,7 @@ def test_it_follows_better_than_the_inverse_where_the_grip_is_another(
 
 @pytest.mark.parametrize("feedforward", ["constant", "dynamic", "inverse"])
 def test_a_handle_that_does_as_foreseen_gets_the_feedforward_alone(feedforward: str) -> None:
-    """What the model said, or the desired acceleration two samples late, is no surprise."""
+    """The model's prediction, or the desired acceleration two samples late, is no surprise."""
     controller, alone = fresh(feedforward), CONTROLLERS[feedforward]
     parameters = alone.Parameters()
     if feedforward == "dynamic":
