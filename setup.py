@@ -21,6 +21,8 @@ NODES = (
     "restamper",
     "scope",
     "composed",
+    "composed_master",
+    "composed_slave",
 )
 
 

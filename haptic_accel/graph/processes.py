@@ -42,7 +42,8 @@ HALF_COUPLER = "half_coupler"
 """Executable of the node `coupler` where each arm has a host of its own."""
 
 COMPOSED = "composed"
-"""Executable that runs all nodes but the recorder in one process."""
+"""Executable that runs all nodes but the recorder in one process; with the name of the side behind
+it, those of one of two hosts, but the link."""
 
 
 Arguments: TypeAlias = GraphArguments | IdentifyArguments
@@ -136,8 +137,13 @@ def _processes(
     asked = _own_parameters(arguments)
     nodes = {name: values[name] for name in asked if name not in (RECORDER, SCOPE)}
     process = partial(Process, namespace=arguments.namespace, log_level=arguments.log_level)
-    parts = {COMPOSED: nodes} if composed else {name: {name: nodes[name]} for name in nodes}
-    if LINK in nodes:
+    parts = {name: {name: nodes[name]} for name in nodes}
+    if composed:
+        apart = {LINK: parts.pop(LINK)} if LINK in parts else {}
+        side = getattr(arguments, "side", "")
+        name = f"{COMPOSED}_{side}" if side else COMPOSED
+        parts = {name: {name: nodes[name] for name in parts}, **apart}
+    elif LINK in nodes:
         parts = {HALF_COUPLER if name == "coupler" else name: parts[name] for name in parts}
     processes = [
         # A link holds no arm: while it is away both arms are free, and nothing needs it to go on.
@@ -316,8 +322,6 @@ def _check_side(arguments: GraphArguments) -> None:
     if not arguments.side:
         return
     side = f"side:={arguments.side}"
-    if arguments.composed:
-        raise ParameterError(f"composed = true: not with {side}")
     for arm in ("master", "slave"):
         device = getattr(arguments, arm)
         if device in (names.REPLAY, names.PLAYED_TOPICS):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import socket
+from collections import deque
 from contextlib import suppress
 
 from haptic_accel.core.parameters import ParameterError
@@ -19,6 +20,11 @@ COUPLER, LINK = "coupler", "link"
 LONGEST = 1100
 """Longest datagram, bytes: with the headers of a transport and a tunnel it stays below 1280, which
 every network of IPv6 carries whole (RFC 8200)."""
+
+MOST_WAITING = 100
+"""Most datagrams that wait for an end which does not take them: with a packet each millisecond
+those of 0.1 s, after which the peer counts as silent. The kernel keeps net.unix.max_dgram_qlen
+datagrams, 10 by default."""
 
 _OTHER = {COUPLER: LINK, LINK: COUPLER}
 
@@ -38,8 +44,7 @@ class LocalEnd:
     Attributes
     ----------
     dropped : int
-        Datagrams that were not sent, as the other end was not there or did not take them: the
-        kernel keeps net.unix.max_dgram_qlen of them, 10 by default.
+        Datagrams that were not sent, as the other end was not there or took none for too long.
 
     Raises
     ------
@@ -49,6 +54,7 @@ class LocalEnd:
 
     def __init__(self, end: str, domain: int, namespace: str) -> None:
         self.dropped = 0
+        self._waiting: deque[bytes] = deque()
         self._other = _address(_OTHER[end], domain, namespace)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
@@ -68,11 +74,23 @@ class LocalEnd:
         return self._socket.fileno()
 
     def send(self, datagram: bytes) -> bool:
-        """Send a datagram; return whether the other end will find it."""
+        """Send a datagram after those that wait; return whether the other end will find it.
+
+        What the other end has no room for waits until the next call.
+        """
+        self._waiting.append(datagram)
         try:
-            self._socket.sendto(datagram, self._other)
-        except (BlockingIOError, ConnectionRefusedError):
-            self.dropped += 1
+            while self._waiting:
+                self._socket.sendto(self._waiting[0], self._other)
+                self._waiting.popleft()
+        except BlockingIOError:
+            if len(self._waiting) > MOST_WAITING:
+                self._waiting.popleft()
+                self.dropped += 1
+            return False
+        except ConnectionRefusedError:
+            self.dropped += len(self._waiting)
+            self._waiting.clear()
             return False
         return True
 

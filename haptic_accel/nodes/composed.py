@@ -1,4 +1,4 @@
-"""Executable `composed`: all nodes but the recorder in one process.
+"""Executable `composed`: all nodes of a host with both arms but the recorder in one process.
 
 Messages then pass without waking another process, which costs most of a force's age and of the
 CPU; but a fault in one node ends all. The recorder stays apart, so that writing delays no force.

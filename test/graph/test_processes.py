@@ -57,6 +57,16 @@ def test_beside_a_peer_each_host_has_its_arm_a_half_of_the_coupling_and_a_link(
     )
 
 
+def test_beside_a_peer_composed_leaves_the_link_apart() -> None:
+    given = GraphArguments(side="master", peer="desk", composed=True)
+    processes = {process.executable: process for process in graph(given)}
+    assert list(processes) == ["recorder", "composed_master", "link"]
+    assert set(processes["composed_master"].parameters) == {
+        *("master_device", "coupler", "compensator"),
+    }
+    assert processes["link"].respawn
+
+
 def test_with_both_arms_here_there_is_no_link_and_the_coupling_is_the_papers() -> None:
     values = graph_parameters(GraphArguments())["coupler"]
     assert (values["coupling"], values["side"]) == ("spring", "")
@@ -80,7 +90,6 @@ def test_with_both_arms_here_there_is_no_link_and_the_coupling_is_the_papers() -
             "side:=slave peer:=desk keys:=mine",
             "keys = 'mine': must come with transport:=zenoh",
         ),
-        ("side:=slave peer:=desk composed:=true", "composed = true: not with side:=slave"),
         ("side:=slave peer:=desk slave:=replay", "slave = 'replay': not with side:=slave"),
         ("side:=master peer:=desk slave:=topics", "slave = 'topics': not with side:=master"),
         (

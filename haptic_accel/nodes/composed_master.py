@@ -1,0 +1,21 @@
+"""Executable `composed_master`: the nodes of the master's host, as in `composed`, but the link.
+
+The link stays apart: it is the only process that the network reaches.
+"""
+
+from __future__ import annotations
+
+from haptic_accel.nodes.compensator import Compensator
+from haptic_accel.nodes.half_coupler import HalfCoupler
+from haptic_accel.nodes.master_device import MasterDevice
+from haptic_accel.nodes.scheduling import run
+
+
+def main() -> None:
+    """Run the nodes."""
+    # The order in which a sample from the peer passes through them.
+    run("composed_master", HalfCoupler, Compensator, MasterDevice)
+
+
+if __name__ == "__main__":
+    main()

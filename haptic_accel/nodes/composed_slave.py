@@ -1,0 +1,20 @@
+"""Executable `composed_slave`: the nodes of the slave's host, as in `composed`, but the link.
+
+The link stays apart: it is the only process that the network reaches.
+"""
+
+from __future__ import annotations
+
+from haptic_accel.nodes.half_coupler import HalfCoupler
+from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.slave_device import SlaveDevice
+
+
+def main() -> None:
+    """Run the nodes."""
+    # The order in which a sample of the tool passes through them.
+    run("composed_slave", SlaveDevice, HalfCoupler)
+
+
+if __name__ == "__main__":
+    main()
