@@ -24,7 +24,8 @@ WINDOW = 3.0
 """Time whose arrivals count, s: hundreds of packets; a drift of 100 ppm is 0.3 ms in it."""
 
 LOWERING = 1e-3
-"""Rate at which the target falls, s/s: after a lull the next burst needs it again."""
+"""Least rate at which the target falls, s/s: after a lull the next burst needs it again. The
+excess fades out with the time constant `WINDOW`."""
 
 STEPS = 50
 """Samples in which the delay changes by one sample: a change of pace by 2 %, which is not felt."""
@@ -45,8 +46,9 @@ RESTING = 0.05
 """Time constant of the mean that it fades to, s: an accelerometer at rest shows gravity."""
 
 MISSED = 0.04
-"""Delay beyond the target that is not waited off but left out, s: ticks were missed; a texture is
-felt as late from here on (Okamoto et al., IEEE Trans. Haptics 2(3), 2009)."""
+"""Delay beyond what is needed that is not waited off but left out, s: ticks were missed, or a host
+stood still; a texture is felt as late from here on (Okamoto et al., IEEE Trans. Haptics 2(3),
+2009)."""
 
 JUMP = 1.0
 """Change of a sample's age that is a new clock rather than the network, s."""
@@ -73,10 +75,10 @@ class Playout:
 
     The age of a sample is the time of its first arrival less its number over the rate; offset of
     the clocks and least delay of the network are part of it and cancel. What is played is as old
-    as the 99 % quantile of the last `WINDOW`, the target, which rises at once and falls by
-    `LOWERING`. While nothing has to change each tick plays the next sample as it is; the delay
-    changes by resampling over `STEPS` samples, or by standing still where there is nothing to
-    play. So it follows a drift of the clocks as well.
+    as the 99 % quantile of the last `WINDOW`, the target, which rises at once and falls slowly,
+    but by more than `MISSED` at once. While nothing has to change each tick plays the next sample
+    as it is; the delay changes by resampling over `STEPS` samples, or by standing still where
+    there is nothing to play. So it follows a drift of the clocks as well.
 
     Parameters
     ----------
@@ -232,10 +234,14 @@ class Playout:
         bisect.insort(self._sorted, age)
 
     def _aim(self, now: float) -> None:
-        """Raise the target to the quantile at once, or lower it slowly."""
+        """Raise the target to the quantile at once; lower it slowly, but at once if far above."""
         if self._sorted:
             quantile = self._sorted[math.ceil(QUANTILE * len(self._sorted)) - 1]
-            self._target = max(quantile, self._target - LOWERING * (now - self._aimed))
+            excess = self._target - quantile
+            if excess > MISSED:
+                self._target = quantile
+            lowering = max(LOWERING, excess / WINDOW) * (now - self._aimed)
+            self._target = max(quantile, self._target - lowering)
         self._aimed = now
 
     def _age(self, number: float, now: float) -> float:

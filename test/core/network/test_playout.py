@@ -108,6 +108,18 @@ def test_a_longer_delay_is_met_at_once_and_a_shorter_one_slowly() -> None:
     assert ages[-1] <= 22
 
 
+@pytest.mark.parametrize(("stall", "seconds"), [(0.06, 14), (0.4, 4)])
+def test_after_a_host_stood_still_the_delay_is_soon_as_before(stall: float, seconds: int) -> None:
+    def change(tick: int) -> ChannelParameters:
+        left = stall - (tick - 5000) / RATE
+        return ChannelParameters(delay=0.0204 + max(0.0, left if left <= stall else 0.0))
+
+    found = list(ticks(Playout(RATE), texture(20.0), change=change))
+    ages = [tick - position for tick, (_, position, _) in enumerate(found)]
+    assert max(ages[5000:]) > ages[4999] + 10.0
+    assert max(ages[5000 + 1000 * seconds :]) <= ages[4999] + 1.0
+
+
 def test_the_pace_changes_by_no_more_than_two_percent() -> None:
     jittery = ChannelParameters(delay=0.03, jitter=0.02, loss=0.1)
     found = list(ticks(Playout(RATE), texture(20.0), jittery))
