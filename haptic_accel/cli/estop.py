@@ -106,9 +106,13 @@ def _stop(node: Node, topic: Topic) -> tuple[set[str], set[str]]:
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     node.create_publisher(Bool, topic.name, latched).publish(Bool(data=True))
     answers: dict[str, bool] = {}
+    asked: set[str] = set()
     begin = time.monotonic()
     while (passed := time.monotonic() - begin) < PATIENCE:
-        for device, name in _devices(node, everywhere=topic is COMMON_STOP):
+        # Anew each time: that an arm is elsewhere is known when its coupler has been found.
+        devices = dict(_devices(node, everywhere=topic is COMMON_STOP))
+        asked = set(devices)
+        for device, name in devices.items():
             if device not in answers:
                 answers[device] = False
                 node.create_subscription(
@@ -117,11 +121,11 @@ def _stop(node: Node, topic: Topic) -> tuple[set[str], set[str]]:
                     lambda message, device=device: answers.update({device: message.data}),
                     latched,
                 )
-        if answers and all(answers.values()) and passed >= LEAST_LOOK:
+        if asked and all(answers[device] for device in asked) and passed >= LEAST_LOOK:
             break
         rclpy.spin_once(node, timeout_sec=LOOK_PERIOD)
-    confirmed = {device for device, stopped in answers.items() if stopped}
-    return confirmed, (answers.keys() or set(DEVICES.values())) - confirmed
+    confirmed = {device for device in asked if answers[device]}
+    return confirmed, (asked or set(DEVICES.values())) - confirmed
 
 
 def _devices(node: Node, *, everywhere: bool) -> Iterator[tuple[str, str]]:

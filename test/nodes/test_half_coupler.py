@@ -20,6 +20,8 @@ SIDES = ("master", "slave")
 QUIETER = ("rate:=500", "record:=false")
 """Both graphs share the cores of one machine."""
 
+COMPOSED = "composed:=true"
+
 Start = Callable[..., Command]
 
 
@@ -37,8 +39,8 @@ class Hosts:
         self._environment.setenv("ROS_DOMAIN_ID", str(self.domains[side]))
         return self._start(verb, self.namespace, *words)
 
-    def teleop(self, side: str) -> Command:
-        return self.run(side, "teleop", f"side:={side}", "peer:=127.0.0.1", *QUIETER)
+    def teleop(self, side: str, *words: str) -> Command:
+        return self.run(side, "teleop", f"side:={side}", "peer:=127.0.0.1", *QUIETER, *words)
 
     def stop(self, side: str, *words: str) -> str:
         """Stop a side, or release it; return what is said."""
@@ -54,7 +56,7 @@ def hosts(haptic_accel: Start, domain: int, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_two_hosts_couple_stop_and_lose_each_other(hosts: Hosts) -> None:
-    graphs = {side: hosts.teleop(side) for side in SIDES}
+    graphs = {"master": hosts.teleop("master"), "slave": hosts.teleop("slave", COMPOSED)}
     for graph in graphs.values():
         graph.wait_for("engaged$")
     observers = {side: Observer(hosts.domains[side]) for side in SIDES}
@@ -105,7 +107,7 @@ def _kill_and_return(hosts: Hosts, graphs: dict[str, Command]) -> None:
             os.kill(pid, signal.SIGKILL)
     lost.end()
     graphs["slave"].wait_for("let go: waiting for the peer's packets", seen)
-    graphs["master"] = hosts.teleop("master")
+    graphs["master"] = hosts.teleop("master", COMPOSED)
     for side, after in (("master", 0), ("slave", seen)):
         graphs[side].wait_for("engaged$", after)
 
