@@ -69,7 +69,8 @@ venv: $(RUNTIME) ## create .venv with everything that runs, .venv/bin/haptic-acc
 
 .PHONY: demo
 demo: $(RUNTIME) ## run the paper's experiment through the live ROS 2 graph
-	@$(BIN)/haptic-accel experiment --controllers none,constant,dynamic,adaptive $(ARGS)
+	@$(BIN)/haptic-accel experiment --controllers none,constant,dynamic,adaptive \
+	    composed:=true $(ARGS)
 
 .PHONY: test
 test: $(DEV) ## run the test suite: what needs no graph on all cores, then one graph at a time

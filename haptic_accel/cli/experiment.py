@@ -312,7 +312,7 @@ def _report(
     """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
     with stop_on_signal() as stop:
         analysis = analyse(list(done), spread=spread_over(jobs, stop))
-    warnings = list(_warnings(analysis))
+    warnings = list(_warnings(analysis, composed=arguments.composed))
     expected = {} if lockstep else _in_lockstep(done, jobs)
     beside = _beside_lockstep(analysis, expected)
     notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, AVERAGE_NOTE]
@@ -421,7 +421,7 @@ def _metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:
     return metrics
 
 
-def _warnings(analysis: Analysis) -> Iterator[str]:
+def _warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
     """Yield reasons to doubt the metrics: missing samples, late forces.
 
     What the nodes warned of is among the page's notes on single trials.
@@ -447,4 +447,5 @@ def _warnings(analysis: Analysis) -> Iterator[str]:
                 yield f"{name}: {100 * share:.1f} % of the {what}, which makes the error larger."
         too_late |= missed > LOST_SHARE
     if too_late:
-        yield "latency:=4 gives forces more time; haptic-accel doctor looks at the machine."
+        change = "latency:=4" if composed else "composed:=true or latency:=4"
+        yield f"Fewer are late with {change}; haptic-accel doctor looks at the machine."
