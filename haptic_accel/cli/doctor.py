@@ -39,6 +39,10 @@ graph's messages at 1 kHz, and the recorder may wait longer for a core."""
 MUCH_TIMER_SLACK = 1000
 """Timer slack that delays ticks, ns; a node sets 1, Linux's default is 50000."""
 
+LEAST_CORES, ENOUGH_CORES = 2, 4
+"""Cores below which a graph cannot keep time, and from which five processes need not wait for each
+other: on two they missed 1 to 50 % of their deadlines at 1 kHz, and one process next to none."""
+
 CAP_SYS_NICE = 23
 """Bit number of the capability, from linux/capability.h."""
 
@@ -56,8 +60,8 @@ ADVICE = {
     ),
     "cores": (
         "the processes of the graph have to wait for each other",
-        "give it two cores or more: taskset, docker run --cpuset-cpus (instead of --cpus), or the"
-        " settings of the virtual machine",
+        "run it with composed:=true, or give it more cores: taskset, docker run --cpuset-cpus"
+        " (instead of --cpus), or the settings of the virtual machine",
     ),
     "load": ("other programs compete for the cores", "stop other programs; top lists them"),
     "kernel": (
@@ -216,7 +220,8 @@ def processor(cores: int, quota: str) -> Finding:
     found = f"{cores}"
     if limited:
         found += f", paused after {int(limited[1]) / int(limited[2]):g} cores' worth of time"
-    return _judged("cores", found, warning=limited, problem=cores < 2)
+    few = cores < ENOUGH_CORES
+    return _judged("cores", found, warning=limited or few, problem=cores < LEAST_CORES)
 
 
 def load(mean: float, cores: int) -> Finding:

@@ -34,6 +34,7 @@ CONTAINER = "Name:\tpython\nCapEff:\t00000000a80425fb\n"
         (doctor.realtime_permission(98, 30, CONTAINER), "ok", ["up to 98", "down to -10"]),
         (doctor.realtime_permission(-1, -1, ""), "ok", ["up to 99", "down to -20"]),
         (doctor.processor(1, ""), "problem", ["1"]),
+        (doctor.processor(2, ""), "warning", ["2"]),
         (doctor.processor(8, ""), "ok", ["8"]),
         (doctor.processor(8, "max 100000"), "ok", ["8"]),
         (doctor.processor(8, "150000 100000"), "warning", ["8", "1.5"]),
