@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+from haptic_accel.core.process import module_command
 from running import (
     Command,
     MachineStoodStillError,
@@ -167,7 +168,8 @@ def start(tmp_path: Path, domain: int) -> Iterator[Callable[..., Command]]:
 @pytest.fixture
 def haptic_accel(start: Callable[..., Command]) -> Callable[..., Command]:
     """Start ``haptic-accel WORDS`` as the console script does."""
-    return lambda *words: start("-m", "haptic_accel.cli.main", *words)
+    _, *main = module_command("haptic_accel.cli.main")
+    return lambda *words: start(*main, *words)
 
 
 @pytest.fixture

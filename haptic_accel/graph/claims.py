@@ -190,11 +190,15 @@ def _holder(address: bytes) -> int:
 
 
 def _described(process: int) -> str:
-    """Return the number of a process, and its command line without folders and ROS' arguments."""
+    """Return the number of a process, and its command line without folders and ROS' arguments.
+
+    A program among the words, as in `module_command`, is left out, too.
+    """
     try:
         line = Path(f"/proc/{process}/cmdline").read_bytes().decode(errors="replace")
     except OSError:
         return f"process {process or 'unknown'}"
-    words = takewhile(lambda word: word not in ("", "--ros-args"), line.split("\0"))
+    own = takewhile(lambda word: word not in ("", "--ros-args"), line.split("\0"))
+    words = (word for word in own if not (word == "-c" or word.startswith("import ")))
     shown = " ".join(Path(word).name if word.startswith("/") else word for word in words)
     return f"process {process} ({shown})"

@@ -10,7 +10,6 @@ import os
 import queue
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections import deque
@@ -20,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from haptic_accel.core.process import CUT_SHORT, DONE, EMERGENCY, SUPERVISOR
+from haptic_accel.core.process import CUT_SHORT, DONE, EMERGENCY, SUPERVISOR, module_command
 from haptic_accel.graph.processes import RESPAWN_DELAY, Process
 
 LAST_LINES = 20
@@ -213,5 +212,5 @@ class Supervisor:
 
 def command(process: Process, folder: Path) -> list[str]:
     """Return the command line that runs a process of the graph; its parameters are in a folder."""
-    words = [sys.executable, "-m", f"haptic_accel.nodes.{process.executable}"]
+    words = module_command(f"haptic_accel.nodes.{process.executable}")
     return [*words, *process.ros_arguments(folder), "-r", f"__ns:={process.namespace or '/'}"]

@@ -12,6 +12,7 @@ import sys
 import time
 from typing import Any
 
+from haptic_accel.core.process import module_command
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.nodes.scheduling import RateKeeper, ask_for_realtime, sharpen_timers, wake_time
 
@@ -40,7 +41,7 @@ def empty_loop(rate: float, seconds: float) -> dict[str, Any]:
     RuntimeError
         The process did not start or end.
     """
-    words = [sys.executable, "-m", __name__, str(rate), str(seconds)]
+    words = [*module_command(__name__), str(rate), str(seconds)]
     try:
         done = subprocess.run(
             words, capture_output=True, text=True, timeout=seconds + STARTING_TIME, check=True

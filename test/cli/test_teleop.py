@@ -337,6 +337,15 @@ def realtime_is_allowed() -> bool:
     return command.returncode == 0
 
 
+def test_what_lies_in_the_working_directory_is_not_taken_for_a_module(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    (tmp_path / "haptic_accel").mkdir()  # as after `git clone` and `cd ..`
+    (tmp_path / "queue.py").write_text("raise SystemExit('mine')")
+    command = haptic_accel("teleop", "bag:=bag", "duration:=1", "rate:=250", "composed:=true")
+    assert command.end() == 0, command.text
+
+
 def test_composed_the_graph_is_two_processes_and_does_the_same(
     haptic_accel: Start, tmp_path: Path, domain: int
 ) -> None:
