@@ -35,6 +35,7 @@ from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.topics import ANALYSED
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import (
+    POINTER,
     SIMULATED,
     VIRTUAL,
     GraphArguments,
@@ -194,6 +195,8 @@ def _checked(
 ) -> GraphArguments:
     """Return the arguments with the duration of a condition; refuse those that cannot be run."""
     check_both_arms(arguments)
+    if arguments.master == POINTER:
+        raise ParameterError(f"master = '{POINTER}': not for an experiment, which nobody leads")
     if "duration" not in given:
         arguments = replace(arguments, duration=DURATION)
     elif arguments.duration < 1:

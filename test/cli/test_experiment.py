@@ -215,6 +215,10 @@ def test_a_recording_is_the_input_of_all_controllers(haptic_accel: Start, tmp_pa
     assert {c["surface"] for c in conditions} == {"recording"}
 
 
+def test_an_experiment_needs_a_hand_that_moves_by_itself() -> None:
+    assert "master = 'pointer': not for an experiment" in refusal("experiment", "master:=pointer")
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [
