@@ -193,3 +193,21 @@ def test_what_is_chosen_is_heard_while_there_is_contact(page: Page, tones: Tones
     wait_until(lambda: bool(re.fullmatch(pattern, shown.inner_text())), "the delay is shown")
     page.locator("#sound-on").click()
     wait_until(lambda: shown.inner_text() == "off", "off")
+
+
+def test_while_sound_comes_late_the_page_draws_less(page: Page) -> None:
+    page.locator("#sound-on").click()
+    wait_until(lambda: page.evaluate("hapticSound.stream.rate") is not None, "sound is played")
+    # As on a machine on which drawing holds up what is to be played.
+    page.evaluate(
+        "Object.defineProperty(hapticSound.stream, 'delay', { get: () => 0.1, set: () => {} })"
+    )
+    drawn, seconds = page.evaluate(
+        """async () => {
+          const [before, begin] = [hapticScope.counters.drawn, performance.now()];
+          await new Promise((resolve) => setTimeout(resolve, 1000));
+          return [hapticScope.counters.drawn - before, (performance.now() - begin) / 1e3];
+        }"""
+    )
+    assert 1 <= drawn <= seconds / 0.045 + 2
+    page.locator("#sound-on").click()

@@ -19,6 +19,7 @@
   const PROMPT = 20; // ms to the next picture of a machine that draws all of them
   const LEFT = 4; // of the time that plots cost beyond that, part that they leave to others
   const CALM = 250; // ms between two frames if the user prefers reduced motion
+  const HEARD = 45; // ms between two frames where they hold up the sound
   const DESCRIBE = 5000; // ms between two descriptions of a plot for screen readers
   const SAID = 10000; // ms for which a message stays visible
   const FIRST_RETRY = 250; // ms
@@ -822,7 +823,8 @@
 
   function draw(moment) {
     requestAnimationFrame(draw);
-    if (calm.matches && !hapticScene.gripped && moment - drawnAt < CALM) return;
+    const pause = calm.matches && !hapticScene.gripped ? CALM : hapticSound.heldUp ? HEARD : 0;
+    if (moment - drawnAt < pause) return;
     // A picture that comes late shows what the plots in the one before have cost.
     if (plottedAt === drawnAt) plotsRest = LEFT * Math.max(0, moment - drawnAt - PROMPT);
     drawnAt = moment;

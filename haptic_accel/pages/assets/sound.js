@@ -12,6 +12,7 @@ const hapticSound = (() => {
   const RESERVE = 0.008; // s that shall be left to play whenever samples arrive
   const MEMORY = 10; // s of which all but one shall be without underrun
   const BEND = 0.02; // largest change of speed, by which the reserve is corrected: a third of a semitone
+  const HELD_UP = 0.04; // s of delay that only a page which draws too much needs; at rest it is 0.02
   const STALE = 0.25; // s by which samples may come late, or wait, before playing begins anew
   const GAP = 0.02; // s of lost samples across which a line is drawn, beyond which is silence
   const FADE = 0.005; // s in which sound begins, and ends where samples are late
@@ -245,6 +246,9 @@ const hapticSound = (() => {
     Stream,
     get on() {
       return pressed(on);
+    },
+    get heldUp() {
+      return pressed(on) && stream.delay > HELD_UP;
     },
     get context() {
       return context;
