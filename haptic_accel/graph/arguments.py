@@ -182,10 +182,11 @@ class GraphArguments(
     """Arguments of the graph."""
 
     def __post_init__(self) -> None:
-        """Check all fields, and that there is no scene without a tool in it."""
+        """Check all fields, and that what is chosen can be under the slave's tool."""
         super().__post_init__()
-        if self.slave != VIRTUAL and self.scene != schema(ConditionArguments)["scene"][0]:
-            raise ParameterError(f"scene = {self.scene!r}: must come with slave:={VIRTUAL}")
+        unused, how = ("surface", "without") if self.slave == VIRTUAL else ("scene", "with")
+        if (given := getattr(self, unused)) != schema(ConditionArguments)[unused][0]:
+            raise ParameterError(f"{unused} = {given!r}: must come {how} slave:={VIRTUAL}")
 
     @property
     def touched(self) -> str:

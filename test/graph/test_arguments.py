@@ -57,10 +57,12 @@ def test_any_value_of_a_number_is_read_or_refused_by_name(key: str, value: str) 
         assert getattr(arguments, key) == float(value)
 
 
-def test_a_scene_needs_a_tool_in_it() -> None:
+def test_the_virtual_slave_touches_a_scene_and_no_other_does() -> None:
     with pytest.raises(
         ParameterError, match=r"scene = 'mine\.yaml': must come with slave:=virtual"
     ):
         parse_arguments(["scene:=mine.yaml"])
+    with pytest.raises(ParameterError, match="surface = 'text': must come without slave:=virtual"):
+        parse_arguments(["slave:=virtual", "surface:=text"])
     assert parse_arguments(["slave:=virtual", "scene:=mine.yaml"]).touched == "mine.yaml"
     assert parse_arguments(["surface:=text"]).touched == "text"
