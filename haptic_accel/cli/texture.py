@@ -70,7 +70,7 @@ def build_texture(
     source = f"built from {', '.join(path.name for path in recordings)}"
     built = build(out.stem, read, Provenance(source))
     write_texture(out, built.model)
-    picture = out.with_suffix(".png")
+    picture = out.with_name(f"{out.stem}_report.png")  # `show` draws the model as NAME.png
     _draw(built.model, built.held_out, built.segments).savefig(picture, dpi=150)
     _print(built)
     print(f"model: {out}; it states no licence yet", f"plot: {picture}", sep="\n")
@@ -248,7 +248,7 @@ def _print(built: Built) -> None:
     title = f"least well predicted by a model of the other half, {low:g} to {high:g} Hz"
     print_table(headings, rows, left=0, title=title)
     print(
-        f"order {built.order}, {len(built.segments)} segments in {built.measured} measured nodes,"
+        f"order {built.order}, {len(built.segments)} segments, measured nodes: {built.measured},"
         f" log-spectral distance {built.distance:.2f} dB; they cover {100 * built.coverage:.0f} %"
         f" of the plane to {built.model.speeds.max() / MILLI:.0f} mm/s and"
         f" {built.model.forces.max():.2f} N"
@@ -310,9 +310,11 @@ def _draw_compared(panel: Axes, held_out: Sequence[HeldOut]) -> None:
 
 
 def _draw_spectra(panel: Axes, model: TextureModel) -> None:
-    """Draw the model's spectra at its loudest nodes."""
+    """Draw the model's spectra at its loudest nodes; those at rest have none."""
     frequency = np.linspace(1.0, model.rate / 2, 500)
-    for node in np.argsort(-_rms(model))[:MOST_DRAWN].tolist():
+    rms = _rms(model)
+    loudest = np.argsort(-rms)[: min(MOST_DRAWN, np.count_nonzero(rms))]
+    for node in loudest.tolist():
         speed, force = float(model.speeds[node]), float(model.forces[node])
         label = f"{speed / MILLI:.0f} mm/s, {force:.2f} N"
         panel.plot(frequency, model.spectrum(speed, force, frequency), label=label)

@@ -56,7 +56,11 @@ def test_a_model_is_built_from_files_with_a_report(tmp_path: Path) -> None:
     assert report["held_out_spectral_distance_db"] < 1.5
     assert report["coverage"] == pytest.approx(0.25, abs=0.01)
     assert report["refused"] == []
-    assert (tmp_path / "wood.png").stat().st_size > 10_000
+    picture = (tmp_path / "wood_report.png").read_bytes()
+    assert len(picture) > 10_000
+    assert status_of("texture", "show", "wood.yaml") == 0
+    assert (tmp_path / "wood_report.png").read_bytes() == picture
+    assert (tmp_path / "wood.png").read_bytes() != picture
 
 
 def test_what_is_rendered_is_read_again_with_the_models_rms(tmp_path: Path) -> None:
