@@ -6,7 +6,9 @@ SPQI, both as `vibromaf` 0.0.8 has them (Noll et al., IEEE Haptics Symposium 202
 library fixes for signals of 8 kHz, whatever it is given; its documentation states neither a rate
 nor a unit. Here signals are resampled to that rate and given in m/s^2. SPQI does not depend on the
 unit, as the threshold only weighs frequencies against each other there. ST-SIM does, in its
-spectral part: scores of one unit compare with each other, not with those of another.
+spectral part: scores of one unit compare with each other, not with those of another. Both divide
+by what was desired, block by block, and so say nothing where nothing was to be felt: a block of
+silence with a sensor's noise beside it has an ST-SIM of up to 10^79. Such blocks are left out.
 """
 
 from __future__ import annotations
@@ -34,8 +36,10 @@ MOST_PIECES = 60
 """Maximum number of pieces that are scored, evenly spread over a trial: those of ten minutes, so
 that an hour takes no longer."""
 
-SILENT = 1e-9
-"""RMS below which a signal counts as zero, m/s^2."""
+FELT = 0.01
+"""RMS of the desired acceleration below which nothing is to be felt, m/s^2: a sine of 0.01 um at
+200 Hz, which the most sensitive people just feel through a cylinder that they grasp (Brisben,
+Hsiao and Johnson, J. Neurophysiology 81(4), 1999)."""
 
 MISSING = "ST-SIM and SPQI need the library vibromaf: pip install 'haptic_accel[perceptual]'"
 
@@ -49,7 +53,8 @@ class Perception:
     Attributes
     ----------
     st_sim, spqi : float
-        0 to 1, no unit; NaN where undefined.
+        No unit, 1 for equal signals; NaN where undefined. SPQI is 0 to 1; ST-SIM is above 1
+        where the actual acceleration has more of the desired one's frequencies.
     note : str
         Reason for a missing score; empty otherwise.
     """
@@ -72,17 +77,15 @@ def perceive(desired: FloatArray, actual: FloatArray, rate: float) -> Perception
     Returns
     -------
     Perception
-        The mean over pieces of about `PIECE`, at most `MOST_PIECES`; without scores where the
-        library is not installed, the desired acceleration is zero, or there is less than one
-        block.
+        The mean over pieces of about `PIECE`, at most `MOST_PIECES`, that have something to be
+        felt; without scores where the library is not installed, there is no such piece, or less
+        than one block.
     """
     try:
         from vibromaf.metrics.spqi import spqi  # type: ignore[import-untyped]
         from vibromaf.metrics.stsim import st_sim  # type: ignore[import-untyped]
     except ImportError:
         return Perception(note=MISSING)
-    if np.sqrt(np.mean(desired**2)) < SILENT:
-        return Perception(note="nothing was to be felt: ST-SIM and SPQI are undefined")
     number = max(round(len(desired) / rate / PIECE), 1)
     scores = []
     edges = np.linspace(0, len(desired), number + 1).astype(int)
@@ -91,13 +94,26 @@ def perceive(desired: FloatArray, actual: FloatArray, rate: float) -> Perception
         reference, distorted = (_resampled(signal[piece], rate) for signal in (desired, actual))
         if len(reference) < BLOCK:
             return Perception(note=f"shorter than {BLOCK / RATE:g} s: no ST-SIM, no SPQI")
+        reference, distorted = _felt(reference, distorted)
+        if not len(reference):
+            continue
         with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
             # Silence is minus infinity in dB, which the library then takes as it should.
             warnings.simplefilter("ignore", RuntimeWarning)
             scores.append((_real(st_sim(distorted, reference)), spqi(distorted, reference)))
+    if not scores:
+        return Perception(note="nothing was to be felt: ST-SIM and SPQI are undefined")
     similarity, quality = np.mean(np.array(scores, dtype=float), axis=0).tolist()
     note = "ST-SIM is undefined: the signals are opposed" if math.isnan(similarity) else ""
     return Perception(similarity, quality, note)
+
+
+def _felt(reference: FloatArray, distorted: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the blocks of both in which the reference is to be felt, one after the other."""
+    whole = len(reference) // BLOCK * BLOCK
+    blocks, others = (signal[:whole].reshape(-1, BLOCK) for signal in (reference, distorted))
+    felt = np.sqrt(np.mean(blocks**2, axis=1)) >= FELT
+    return blocks[felt].ravel(), others[felt].ravel()
 
 
 def _real(score: complex) -> float:

@@ -70,6 +70,18 @@ def test_silence_and_moments_are_not_scored(desired: FloatArray) -> None:
     assert "shorter than" in perceive(desired[:20], desired[:20], RATE).note
 
 
+def test_rests_change_no_score(desired: FloatArray) -> None:
+    # A sensor's noise at rest, and what a filter of the desired acceleration leaves there.
+    noise = 0.05 * np.random.default_rng(2).normal(0.0, 1.0, 8000)
+    fading = 1e-9 * np.sin(2 * np.pi * 100 * np.arange(4000) / RATE)
+    rested = np.concatenate([desired[:2000], fading, desired[2000:]])
+    found = perceive(rested, rested + noise, RATE)
+    active = np.r_[:2000, 6000:8000]
+    alone = perceive(rested[active], (rested + noise)[active], RATE)
+    assert found.st_sim == pytest.approx(alone.st_sim, abs=0.02)
+    assert found.spqi == pytest.approx(alone.spqi, abs=0.02)
+
+
 def test_a_long_trial_is_the_mean_of_its_pieces(desired: FloatArray) -> None:
     rate = 200.0  # 20 s
     noise = np.random.default_rng(2).normal(0.0, 3.0, 4000)
