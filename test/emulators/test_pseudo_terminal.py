@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 from pathlib import Path
 
 from haptic_accel.emulators.pseudo_terminal import PseudoTerminal
@@ -14,6 +15,7 @@ def test_bytes_pass_both_ways_while_a_host_has_it_open(tmp_path: Path) -> None:
     assert port.plugged
     host = os.open(path, os.O_RDWR | os.O_NOCTTY)
     os.write(host, b"to\0the\nboard\r")
+    assert select.select([port], [], [], 10.0)[0]  # the kernel passes bytes on in its own time
     assert port.read() == b"to\0the\nboard\r"
     assert port.read() == b""
     assert port.write(b"to\0the\nhost\r")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import select
+import struct
+import termios
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -33,7 +36,9 @@ from haptic_accel.devices.simulated import (
     SimulatedSlave,
     SimulatedSlaveParameters,
 )
+from haptic_accel.emulators.pseudo_terminal import PseudoTerminal
 from haptic_accel.emulators.serial_line import CLOCK_START, CoupledArms, EmulatedBoard, SerialLines
+from running import wait_until
 
 HANDLE = Identity((1, 0, 0), 0b100, 5000, 49.0, 2.75, "handle")
 STEP = 1e-3  # s
@@ -68,14 +73,20 @@ class Bench:
         ]
         self.encoder = Encoder()
         self.now = 0.0
+        self.lines.step(self.now)  # the boards see their hosts
 
     def drive(self, time: float, current: float) -> None:
         self.changes.append(time)
         self.currents.append(current)
 
     def say(self, place: int, *messages: Message) -> None:
-        for message in messages:
-            os.write(self.hosts[place], self.encoder.encode(message, 0))
+        terminal = self.boards[place].terminal
+        assert terminal
+        data = b"".join(self.encoder.encode(message, 0) for message in messages)
+        there = waiting(terminal) + len(data)
+        os.write(self.hosts[place], data)
+        # The kernel passes bytes on in its own time.
+        wait_until(lambda: waiting(terminal) == there, "all bytes are at the board's end")
 
     def go_on(self, seconds: float) -> None:
         for _ in range(round(seconds / STEP)):
@@ -84,11 +95,16 @@ class Bench:
 
     def received(self, place: int) -> list[Samples]:
         data = b""
-        # The kernel passes bytes on in its own time.
         while select.select([self.hosts[place]], [], [], 0.1)[0]:
             data += os.read(self.hosts[place], 1 << 16)
         messages = map(read_message, Decoder().feed(data))
         return [message for message in messages if isinstance(message, Samples)]
+
+
+def waiting(terminal: PseudoTerminal) -> int:
+    """Return the number of bytes that can be read."""
+    (count,) = struct.unpack("i", fcntl.ioctl(terminal, termios.FIONREAD, bytes(4)))
+    return int(count)
 
 
 @pytest.fixture
