@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 # Set-up, demonstration, tests. `make` or `make help` lists the targets.
 
 # The Python to build the virtual environment with, and where to put it.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Build the shipped texture models from the simulated surfaces that they are named after.
 
 ``python benchmarks/build_textures.py [SURFACE ...]`` writes ``config/textures/SURFACE.yaml``.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Fit unknown parameters of the paper's rig to its Table II and regressions.
 
 Run as ``python benchmarks/fit_rig.py``. The result is in config/rigs/paper.yaml and, for the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Speed of a trial in lockstep, relative to real time: ``python benchmarks/lockstep_speed.py``."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Growth of memory and open files of the graph's processes: ``python benchmarks/memory.py``."""
 
 from __future__ import annotations

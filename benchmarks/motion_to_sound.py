@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Measure the time from a motion on the scope's page to its sound, in a real browser.
 
 Run as ``python benchmarks/motion_to_sound.py``. A mouse taps the surface of a graph with

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cost of the live scope for the graph that it shows: ``python benchmarks/scope_cost.py``."""
 
 from __future__ import annotations

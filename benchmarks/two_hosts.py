@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Both hosts of a coupling live over a bad network: ``python benchmarks/two_hosts.py`` as root.
 
 Each host is a network namespace of its own; the wire between them delays and loses frames.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Draws figures of the documentation that come from lockstep trials.
 
 ``python docs/figures.py bounds FILE`` draws the trials of a JSON file of ``bench fidelity``

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes the tables of arguments in the documentation, which come from the code.
 
 ``python docs/tables.py`` puts each between its marks in a page: a line with the comment

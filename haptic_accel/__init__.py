@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Teleoperation with high-frequency acceleration feedback.
 
 For notebooks: `run_trial` runs a condition of the experiment in lockstep, on a `Rig`, and

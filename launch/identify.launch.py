@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Excites and records a handle: ``ros2 launch haptic_accel identify.launch.py bag:=pinch``.
 
 Afterwards ``haptic-accel identify --from pinch`` fits the models.

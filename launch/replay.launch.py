@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Plays a bag again: ``ros2 launch haptic_accel replay.launch.py bag:=BAG controller:=inverse``.
 
 `rate` is the speed, as with ``ros2 bag play``. Arguments of the graph that are left empty default

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The teleoperation graph: ``ros2 launch haptic_accel teleop.launch.py controller:=dynamic``."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Publishes a bag as `ros2 bag play` does: ``python bag_player.py BAG [all]``.
 
 At their original times, with their old stamps: the slave's signals below ``/played``, once all

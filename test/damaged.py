@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A small bag of every kind of message that is read, and what was written into it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Generated damage to what decoders read: `pytest --fuzz 1000000` for a million cases of each."""
 
 from __future__ import annotations

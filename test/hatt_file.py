@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of the shape of the Penn Haptic Texture Toolkit's, with textures made up."""
 
 from __future__ import annotations

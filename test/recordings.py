@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recorded tool accelerations made by us: the simulated tool dragged over a surface."""
 
 from __future__ import annotations

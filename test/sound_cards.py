@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A sound card for tests: ALSA's file plug-in over its null plug-in."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rules of which part of the package may import which, read from the syntax trees.
 
 Every import counts: those inside functions and those for type checkers alone, too.

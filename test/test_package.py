@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The package as colcon installs it and as `ros2 run` and `ros2 launch` find it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Separation of tests from each other, and detection of a machine that stood still."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Two arms, each with its half of the coupling, over a network that may do anything."""
 
 from __future__ import annotations

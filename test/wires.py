@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A bad wire: two network namespaces joined by a network that delays, loses and doubles frames.
 
 Each namespace has a TAP device. One process reads frames from either, sends them through a

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The device's side of the protocol: obeys the host, sends samples, takes the current off.
 //
 // Nothing here knows the time, a port or a pin: all are given, so that the host compiles it too.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Handle or tool on a Teensy 4.0: analogue accelerometer in, current of a voice coil out.
 //
 // Protocol and rules are in board.cpp and protocol.cpp; here are only clock, pins and port. Wiring

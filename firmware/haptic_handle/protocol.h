@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Bytes and frames of the serial protocol (docs/serial_protocol.md): no port, no clock, no Arduino.
 //
 // The same as haptic_accel/devices/serial/protocol.py, with which a test compares it byte for byte.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Turns bags into metrics, tables, plots and pages, without ROS.
 
 In a notebook::

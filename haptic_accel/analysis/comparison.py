@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Compares two controllers, or two runs: pairs their trials and tests the differences."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Metrics of bags as data frames: the basis of every table, file and page."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Plots of an identification: the paper's Figs. 4 and 5, and the coherence."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes the report of an identification: a page with its parameters, models and plots."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Metrics of one trial: error, likeness, delay, force, travel, deadlines."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Lockstep trials for notebooks: run in one line, looked at as data frame, number and plot."""
 
 from __future__ import annotations

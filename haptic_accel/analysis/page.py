@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes the page of an analysis: one file that holds its plots and their data."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The first sample at which a live trial parts from the same trial in lockstep, and why.
 
 With simulated devices both give the same bits from engaging on, as long as every force comes

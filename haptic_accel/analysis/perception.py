@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Perceptual similarity of two accelerations, by metrics of the library `vibromaf`.
 
 ST-SIM (Hassen and Steinbach, IEEE Trans. Haptics 2020, ieeexplore.ieee.org/document/8943164) and

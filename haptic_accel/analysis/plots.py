@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Palette, axes and plots of every report: the paper's Figs. 9 to 11, errors by band.
 
 The rest of the package names no colour and draws nothing without this module. What is drawn of a

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cuts a bag into segments of one condition, each on its sampling grid."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Signals of a trial over time as a page draws them: thinned, and one part in full."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Compares a handle with the tool of a robot that another host recorded.
 
 The bags of both hosts of one run are put on one axis of time, the operator's, by the offset of the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes an analysis into a folder: page, plots for a paper, tables; and as JSON."""
 
 from __future__ import annotations

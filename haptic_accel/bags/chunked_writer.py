@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes one MCAP file so that every chunk is on the disk soon and stays readable.
 
 Chunks reach the disk while recording, each has messages, their index and a checksum, and a file

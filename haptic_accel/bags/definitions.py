@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Type definitions, which a bag carries so that it can be read where a type is not installed."""
 
 from __future__ import annotations

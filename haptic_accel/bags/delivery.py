@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Delivery of samples through the graph: losses, missed deadlines, and the age of forces."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Facts stored in a bag, so that it is known later which run it holds, and on which machine."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The files of a bag while it is recorded: split, described, and saved."""
 
 from __future__ import annotations

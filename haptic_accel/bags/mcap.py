@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Reads an MCAP file by chunks, as far as it is intact.
 
 The readers of `rosbags` and `mcap` give one message at a time, which for ten minutes of this graph

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Records of the MCAP format, as both reader and writer need them.
 
 Format: https://mcap.dev/spec.

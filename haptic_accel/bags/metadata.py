@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A bag's metadata.yaml, which rosbag2 reads before it opens the bag's files."""
 
 from __future__ import annotations

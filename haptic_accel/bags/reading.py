@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Reads a bag of the graph: its signals as arrays, and its facts.
 
 A bag that is damaged, or that another program wrote, is read as far as that is possible, and the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Repairs bags that were cut off or damaged: by kill -9, a power cut, a full or failing disk."""
 
 from __future__ import annotations

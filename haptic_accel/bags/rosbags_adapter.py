@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Names that rosbags does not document, imported nowhere else.
 
 `setup.py` admits the versions of rosbags that have them, and a test imports each: a release that

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A recording that is started, paused, split and stopped: one bag after another."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes a trial that ran in lockstep as a bag, so that it is read and analysed as a live one."""
 
 from __future__ import annotations

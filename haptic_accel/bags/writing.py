@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes a bag on a thread of its own, so that nothing waits for the disk."""
 
 from __future__ import annotations

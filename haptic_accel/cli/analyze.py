@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel analyze``: the paper's table, plots and a page from bags."""
 
 from __future__ import annotations

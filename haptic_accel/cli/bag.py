@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel bag``: contents of a bag, and repair of one that was cut off or damaged."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel bench latency``: missed deadlines, ages and cost, beside an empty loop."""
 
 from __future__ import annotations

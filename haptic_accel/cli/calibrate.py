@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel calibrate``: gain and offset of an accelerometer, from gravity."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel design``: predict the performance of a controller before anything runs."""
 
 from __future__ import annotations

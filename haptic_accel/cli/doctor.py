@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel doctor``: causes of timing jitter on this machine, with suggested fixes.
 
 Nothing is changed. ``haptic-accel bench latency`` measures the graph itself.

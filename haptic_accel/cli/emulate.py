@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel emulate``: boards or arms behind pseudo-terminals, with the virtual rig."""
 
 from __future__ import annotations

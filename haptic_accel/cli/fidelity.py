@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel bench fidelity``: tracking error of each controller, beside its lower bound."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Independent runs of a verb side by side, each in a process of its own."""
 
 from __future__ import annotations

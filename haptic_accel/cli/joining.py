@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Joining a running graph from a process of its own.
 
 Imports ROS, which takes a while: load it where it is used.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Groups of verbs whose code is imported when a verb is asked for."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The command ``haptic-accel``: the verbs there are, and what their errors look like."""
 
 from __future__ import annotations

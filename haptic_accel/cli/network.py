@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel bench network``: energy, stability and error of the coupling over networks."""
 
 from __future__ import annotations

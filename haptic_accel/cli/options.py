@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Declarations that the verbs share: ``key:=value`` words, options, and their help."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel record``: start, pause, split and stop the recording of a graph that runs."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel replay``: a bag once more through the graph, or through a controller alone."""
 
 from __future__ import annotations

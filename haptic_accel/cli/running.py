@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Running graphs from a verb: signals, progress, and how a graph ended."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel teleop``: the graph as supervised processes, where there is no ros2 launch."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The end of a coupling over a network at one arm: its half of the law, and its packets."""
 
 from __future__ import annotations

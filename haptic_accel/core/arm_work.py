@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Work of an arm's motors, from the forces that were applied and the positions measured."""
 
 from __future__ import annotations

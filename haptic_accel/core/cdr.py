@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Stamped vectors and states as serialised by ROS: one layout for all signals of the graph.
 
 PoseStamped, TwistStamped, WrenchStamped, AccelStamped and Vector3Stamped are a header followed by

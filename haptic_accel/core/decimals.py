@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Numbers in files and on command lines: plain decimals in ASCII.
 
 Python's own `float` and `int` also take digits of other scripts, underscores, ``nan`` and ``inf``.

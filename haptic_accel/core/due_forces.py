@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Forces that wait for the tick at which they are due.
 
 A force is due a whole number of samples after the one that caused it, neither earlier nor later:

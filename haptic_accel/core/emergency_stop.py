@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rule by which a node follows the emergency stop: anyone stops, only a request releases.
 
 It has no clock: times are the caller's, in s from any origin and never backwards.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The handle model of McMahan and Kuchenbecker (IROS 2009): parameters and transfer functions."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Operating states of CRTK, and the transitions of a managed node that its commands ask for."""
 
 from __future__ import annotations

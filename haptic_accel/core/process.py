@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Command lines, exit statuses and environment variables shared by the processes of a graph."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Moves the stamps of signals that are played again to the time at which they are."""
 
 from __future__ import annotations

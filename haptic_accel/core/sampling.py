@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Stamped samples: their rate, the sampling grid they lie on, gaps, and when arms are coupled.
 
 Everything that reads stamps asks here, so that a bag has one rate, one grid and one beginning,

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Succession of a signal's samples by their stamps, also where a clock is set meanwhile.
 
 Stamps are system time, which can be set while samples keep coming. A single wrong stamp must not

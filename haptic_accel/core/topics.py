@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The graph's topics: names, types, frames and quality of service (no ROS imported)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A recorded arm: its samples on a sampling grid, and a rig that plays them."""
 
 from __future__ import annotations

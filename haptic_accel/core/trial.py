@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Lockstep runs of the virtual rig: a condition of the experiment, and an identification."""
 
 from __future__ import annotations

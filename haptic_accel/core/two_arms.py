@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Two point masses, a hand and a wall: the least that shows whether a coupling is stable."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The arms of two hosts in lockstep: each half beside its arm, and a simulated network between."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Reads YAML that may be damaged or hostile, in bounded time and memory."""
 
 from __future__ import annotations

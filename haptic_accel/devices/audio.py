@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Actuator behind a sound card and an amplifier, beside the master's own device."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Devices made of two: motion and force of an arm, and the accelerometer of a handle or tool."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Connection that a thread of its own reads, and makes again after it was lost."""
 
 from __future__ import annotations

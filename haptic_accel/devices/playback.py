@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Devices that play a recording in place of an arm: a bag, or a CSV or WAV file."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Emulated ODrives: axes that speak CANSimple, and the arm of a simulated device behind them.
 
 No bus and no clock: frames go in and out with their times, s.

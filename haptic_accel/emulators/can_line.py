@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Emulated arms on a bus of python-can, or behind slcan adapters on pseudo-terminals."""
 
 from __future__ import annotations

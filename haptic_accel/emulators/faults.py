@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Fault injection: kinds of faults, and the times when they act."""
 
 from __future__ import annotations

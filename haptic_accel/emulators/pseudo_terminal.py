@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pseudo-terminal with a name of its own, as a USB port has."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """State machine of the firmware, the same as `firmware/haptic_handle/board.cpp`.
 
 Time and port are given from outside. Times are us of the device's clock, modulo 2**32; periods

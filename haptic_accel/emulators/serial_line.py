@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Emulated boards on pseudo-terminals, and the coupling of the arms that carry them.
 
 Bytes are exchanged when the emulator wakes. Samples and forces are then made up for in order, each

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Adapter's side of slcan, a CAN bus as lines of text on a serial port.
 
 The commands are those of the Lawicel CAN232 manual, which adapters with slcan understand; the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The arguments of the graph: the same ``key:=value`` words everywhere."""
 
 from __future__ import annotations

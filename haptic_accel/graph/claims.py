@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Claims on a ROS domain of this machine: one graph in a namespace, one sender of each signal.
 
 A claim is a socket with an abstract name. The kernel releases it however its process ends, it

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Frames of the graph's topics in the world, by the description of the arms (no ROS imported)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs a condition of the graph in lockstep, and records it as the graph's recorder would."""
 
 from __future__ import annotations

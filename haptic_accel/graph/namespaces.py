@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The namespace of a graph, one argument of every verb and launch file (light to import)."""
 
 from __future__ import annotations

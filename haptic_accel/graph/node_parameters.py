@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The parameters of each node, by the dotted names ROS has for them (no ROS imported)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The processes of the graph and their parameters, for given arguments."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Arguments of a replay: its own, and those of the graph, which default to the bag's."""
 
 from __future__ import annotations

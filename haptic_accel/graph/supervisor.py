@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Starts the graph's processes, watches them, and leaves none behind."""
 
 # Our own rather than honcho, the well-kept library for this: its processes hang on forked

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Reading and describing ``key:=value`` words by the dataclass that declares them.
 
 Imports nothing heavy, so that an emergency stop starts at once.

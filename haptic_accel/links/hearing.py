@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages about the peer: heard, no longer heard, and the points to check then."""
 
 from __future__ import annotations

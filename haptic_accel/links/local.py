@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Datagrams between the half coupler and the link of one host.
 
 The sockets have abstract names: the kernel releases them however a process ends, and they are not

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pace of datagrams through a transport that queues what the network does not take."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Datagrams between two hosts by Zenoh: encrypted, for holders of a certificate alone.
 
 The slave's host opens a router on one port of UDP, which the master's connects to. Both must show

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Texture models from the files of other programs.
 
 Of a recording, a filter or a pattern the spectrum is kept: it becomes a texture that is the same

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Texture models in the XML of the Penn Haptic Texture Toolkit (Culbertson and others 2014).
 
 Its licence allows non-profit research, and no redistribution: users read files of their own.

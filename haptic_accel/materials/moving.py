@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Scenes that move, by MuJoCo: what the tool touches, and how hard; textures and taps are ours.
 
 The forces of its soft contacts oscillate, so no acceleration is taken from them; friction on the

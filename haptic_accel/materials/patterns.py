@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Vibration patterns of phones and controllers as waveforms: AHAP and ``.haptic`` files."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recorded accelerations as input: read from CSV or WAV files, and resampled."""
 
 from __future__ import annotations

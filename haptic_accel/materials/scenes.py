@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Scenes as YAML files: materials, and the objects that are made of them."""
 
 from __future__ import annotations

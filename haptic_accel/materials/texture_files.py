@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Texture models as files: YAML for people, NPZ for programs, with the same names and units."""
 
 from __future__ import annotations

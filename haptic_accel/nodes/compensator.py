@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Executable `compensator`: from the tool's acceleration to the force of the actuator."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Executable `composed`: all nodes of a host with both arms but the recorder in one process.
 
 Messages then pass without waking another process, which costs most of a force's age and of the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Executable `composed_slave`: the nodes of the slave's host, as in `composed`, but the link.
 
 The link stays apart: it is the only process that the network reaches.

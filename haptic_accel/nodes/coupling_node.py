@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Base of the nodes that couple arms: engagement, emergency stop, services, joined samples."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """CRTK's side of a device node: queries, motion commands and operating state of its arm.
 
 The graph itself needs none of it, and so it costs nothing until somebody asks: queries are

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Base of the two device nodes: samples a device, and applies each command when it is due."""
 
 from __future__ import annotations

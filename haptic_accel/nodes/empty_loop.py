@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An empty loop on the sampling grid: the ticks that this machine can hold, whatever the nodes do.
 
 ``python -m haptic_accel.nodes.empty_loop RATE SECONDS`` runs it with the priority of a node, and

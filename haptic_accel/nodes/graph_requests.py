@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Service requests to a running graph: for the command line and for the scope."""
 
 from __future__ import annotations

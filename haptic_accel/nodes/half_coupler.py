@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Executable `half_coupler`: the half of the coupling at this host's arm.
 
 Its datagrams go to and come from the link of this host, which carries them to the peer's.

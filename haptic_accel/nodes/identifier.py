@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Executable `identifier`: excites the handle, so that a model can be fitted to its recording."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """ROS 2 installation that nodes run on, and the domain that they join."""
 
 from __future__ import annotations

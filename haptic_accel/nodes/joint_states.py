@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Joint states of the arms; positions as the joints that their description has, for displays."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Executable `link`: carries datagrams between the half couplers of two hosts, and nothing else.
 
 It is no node of the graph, whose topics stay on their machine. What it carries it does not read.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A managed node, which ROS 2 calls a lifecycle node, on this package's base."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Executable `master_device`: the arm that the user holds, with the actuator in its handle."""
 
 from __future__ import annotations

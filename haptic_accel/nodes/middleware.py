@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Default settings of the middleware: a graph stays on its machine, without shared memory."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Executable `restamper`: replaces the slave device by the topics of `ros2 bag play`.
 
 A bag's stamps are those of the day it was recorded. Here they are moved to now, all by the same

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Running a node: executor, timing, signals, parent, garbage collection, exit status."""
 
 from __future__ import annotations

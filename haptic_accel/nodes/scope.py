@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Executable `scope`: a page that shows the graph while it runs."""
 
 from __future__ import annotations

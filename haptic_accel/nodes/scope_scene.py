@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Scene of the live scope: outlines, tool and handle, and the hand that is led."""
 
 from __future__ import annotations

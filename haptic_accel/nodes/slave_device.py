@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Executable `slave_device`: the arm whose tool touches the surface."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Entry points of the nodes' executables, by the nodes' names."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The emergency stop in ROS: words on its topics, and the coupler's service that releases it."""
 
 from __future__ import annotations

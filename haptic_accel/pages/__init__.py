@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Templates, style sheets and scripts of the pages that are written or served.
 
 The plots are drawn by uPlot (MIT), which is here whole because a page must not need the network.

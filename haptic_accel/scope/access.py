@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Access control of the scope's page: host names, origins and the token."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Binary frames sent to a page: samples and plots, little-endian.
 
 A frame of samples: kind, number of samples of each trace (uint32 each), padding to a multiple of

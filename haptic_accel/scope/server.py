@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Server of the live scope's page and of the data that it shows, on a thread of its own."""
 
 from __future__ import annotations

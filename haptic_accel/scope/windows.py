@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The latest seconds of the graph's signals, with derived signals and metrics."""
 
 from __future__ import annotations

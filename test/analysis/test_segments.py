@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags cut into segments of one condition, and what is said of what they lack."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags of both hosts of one run, with a network and a clock that the test knows."""
 
 from __future__ import annotations

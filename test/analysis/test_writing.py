@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The report through what it writes: page, plots, tables and signals of small trials."""
 
 from __future__ import annotations

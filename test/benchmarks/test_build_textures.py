@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Shipped textures against other drags over the surfaces that they are built from."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Time from a motion to its sound, with a graph and a real browser."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Costs of the pieces of a sample's way; measured, with no limit that a test could break."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Acts on a graph. An act leaves nothing in the way of forces, unless they are stopped."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A graph whose processes are started, hurt and started anew one by one."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Surprises without end: a graph that is right after the first has to be right after the tenth.
 
 ``CHAOS_SEED=7 CHAOS_MINUTES=30 python -m pytest --slow -s -p no:rerunfailures test/chaos`` goes on

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A node of the graph as it is, but with a trace of its device, and a clock that can be set.
 
 Run as ``python traced_node.py EXECUTABLE FOLDER --ros-args ...``.

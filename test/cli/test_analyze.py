@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``haptic-accel analyze`` through what it prints and writes; its page in a real browser."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The flip test of an accelerometer, with a board that is turned over by the test."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The controller of a running graph, changed as a user changes it."""
 
 from __future__ import annotations

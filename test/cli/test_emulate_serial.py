@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The whole experiment through pyserial, with boards that are not there."""
 
 from __future__ import annotations

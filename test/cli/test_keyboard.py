@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The key that stops a graph, pressed in a real terminal."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages of `haptic-accel record` where there is nothing to record; more in test/nodes."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags played once more: in lockstep against golden figures, and what a user says of it."""
 
 from __future__ import annotations

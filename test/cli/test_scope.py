@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The scope as a process: beside a graph, and of a graph."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The layouts for other programs: well-formed, and about topics and fields that there are."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The handle model against the equations of motion, and the approximate model's numbers."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters: what is let through, what is refused, and in which words."""
 
 from __future__ import annotations

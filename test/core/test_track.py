@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recorded arms: put on a grid, resampled, looped, brought to rest, played."""
 
 from __future__ import annotations

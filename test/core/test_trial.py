@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The lockstep trial: repeatable, in the paper's order, with the delay that it must have."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Two hosts in lockstep: what a network between them does to vibration, force and energy."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The actuator behind a sound card, through ALSA's file and null plug-ins."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recorded arms behind the interface of all devices: bags, CSV and WAV files."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The commands that the documentation shows: what runs as printed, and what they name exists."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The documentation: its tables agree with the code, its links lead somewhere."""
 
 from __future__ import annotations

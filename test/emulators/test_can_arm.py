@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Drives that are not there, and the arm behind them; driven by the real arm, without a bus."""
 
 from __future__ import annotations

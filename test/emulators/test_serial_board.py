@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The device's side of the protocol: what it obeys, when it samples, and which current flows."""
 
 from __future__ import annotations

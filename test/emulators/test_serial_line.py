@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Emulated boards and their coupled arms, stepped without a clock."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Runs the firmware's protocol on the host: what happens to a board comes in on standard input,
 // what the board does goes out on standard output. Records begin with a letter; numbers are
 // little-endian.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware's protocol, compiled on the host, beside the Python side: byte for byte."""
 
 from __future__ import annotations

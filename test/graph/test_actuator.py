@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Another voice coil, described once in one file, is what every part of the graph uses."""
 
 from __future__ import annotations

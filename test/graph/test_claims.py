@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One graph in a namespace of a ROS domain, and one sender of each signal."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The description of the arms: one tree, with the frames and joints that topics have."""
 
 from __future__ import annotations

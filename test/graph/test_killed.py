@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Each process of a graph killed while forces flow: the others are left without force."""
 
 from __future__ import annotations

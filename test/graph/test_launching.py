@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The launch files: what they declare, what they start, and what the end of a node does."""
 
 from __future__ import annotations

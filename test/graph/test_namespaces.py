@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Two graphs side by side, each in a namespace of its own."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The arguments of a replay: what a bag says itself, and what a user says."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Zenoh's log in a user's words; links between processes are in test/nodes."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Textures from other programs' files: their spectrum in m/s^2, and what each file must have."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Scenes that MuJoCo moves: what the tool touches in them, and what a file must have."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Patterns of phones and controllers: their level and frequency over time, and refusals."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Height fields and meshes from files: as they were, kept, or refused in one line."""
 
 from __future__ import annotations

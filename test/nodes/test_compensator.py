@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The compensator in a graph that runs, with samples of a foreign sender."""
 
 from __future__ import annotations

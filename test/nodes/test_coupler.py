@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The coupler in a graph: gains that change while the arms are coupled."""
 
 from __future__ import annotations

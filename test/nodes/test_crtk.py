@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A simulated slave, commanded by a client of CRTK with its quality of service."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Two links on this machine, as on two hosts: each with a ROS domain of its own."""
 
 from __future__ import annotations

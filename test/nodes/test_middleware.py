@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Sockets of a graph's nodes, and the effect of the user's environment on them."""
 
 from __future__ import annotations

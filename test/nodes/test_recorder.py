@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The recorder in a graph that runs, asked and hurt as users do it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`ros2 bag play` in the slave's place, beside the replay device."""
 
 from __future__ import annotations

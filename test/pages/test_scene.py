@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page's scene in a real browser, without a graph: what is drawn, and who leads the hand."""
 
 from __future__ import annotations

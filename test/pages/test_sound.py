@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The page's sound in a real browser, without a graph: what is played, and from when on."""
 
 from __future__ import annotations

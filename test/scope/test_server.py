@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The server as pages and others meet it: real sockets, without a graph."""
 
 from __future__ import annotations

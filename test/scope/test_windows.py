@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Signals that the scope keeps and derives, against known answers."""
 
 from __future__ import annotations

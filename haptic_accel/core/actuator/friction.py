@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Feedforward compensation of the dry friction in the actuator's bearing."""
 
 from __future__ import annotations

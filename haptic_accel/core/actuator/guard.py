@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Protection of the actuator: limits of peak force, heat and travel."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Description of the actuator: one set of numbers for its drivers, limits and simulation."""
 
 from __future__ import annotations

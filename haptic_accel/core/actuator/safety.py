@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Safety layer between commands and devices, simulated devices included.
 
 It only reduces forces: the applied force lies between zero and the commanded one. It does not

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Estimate of the actuator's displacement from its force and the handle's acceleration."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From tool acceleration to actuator force: high-pass, controller, the actuator's limits."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Feedback on the handle's acceleration with a stated margin over a range of grips.
 
 With the sampled plant P of a grip, B the high-pass of the measurement, and one sample of delay

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Discrete filters that take one sample at a time, as second-order sections."""
 
 from __future__ import annotations

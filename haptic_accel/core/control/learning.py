@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Learning of the tool's spectrum and of the plant, and redesign of the inverse for both."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The latest samples of a cause and of its measured effect, with gaps."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Comparison of the handle's response with that of the plant model, by band, while it is used."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The decision when the two arms are coupled: engage, release, take again, end.
 
 It has no clock: times are the caller's, in s from any origin and never backwards.

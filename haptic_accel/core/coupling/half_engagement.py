@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The decision when the arm of one host is coupled to that of its peer on another.
 
 It has no clock: times are the caller's, in s from any origin and never backwards.

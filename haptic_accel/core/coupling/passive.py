@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Coupling of two arms over a network: a spring with local damping, and an account of energy.
 
 One half is beside each arm. The law, its proof and what it reaches: docs/passive_coupling.md.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Position control of one arm, for CRTK's commands `servo_cp` and `hold`."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Delay between two signals to a fraction of a sample, and its compensation."""
 
 from __future__ import annotations

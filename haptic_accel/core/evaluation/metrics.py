@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Metrics of the paper: how closely an actual acceleration follows the desired one.
 
 The paper is McMahan and Kuchenbecker, "Haptic display of realistic tool contact via dynamically

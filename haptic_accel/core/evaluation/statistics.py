@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Confidence intervals of metrics, and paired tests of differences between conditions.
 
 Student (1908) for means, Efron (1979) for the bootstrap, Wilcoxon (1945) for signed ranks; the

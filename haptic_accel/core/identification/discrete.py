@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A discrete rational model of the handle, where its physics does not explain all."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Estimates of the handle's frequency response from recorded force and acceleration."""
 
 from __future__ import annotations

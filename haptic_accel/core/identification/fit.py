@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Physical parameters of the handle, fitted to estimates of its frequency response."""
 
 from __future__ import annotations

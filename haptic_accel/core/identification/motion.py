@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Handle and dry friction, fitted to recorded motion.
 
 A response takes dry friction for damping that it is not. Here the motion is simulated, eq. (1) and

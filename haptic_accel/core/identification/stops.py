@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Travel of the actuator in a recording: at its stops the handle is another one."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Logarithmic sine sweep that excites the handle, and its trials in a recording."""
 
 from __future__ import annotations

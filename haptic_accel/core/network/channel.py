@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A network between two hosts with delay, jitter, loss and blackouts, from a seed."""
 
 from __future__ import annotations

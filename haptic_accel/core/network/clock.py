@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Offset of a peer's clock from packets that echo each other.
 
 Times are system times in ns, of which those of the two hosts need not agree.

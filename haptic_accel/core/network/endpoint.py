@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One host's end of a coupling over a network: what it says to its peer, and what it knows of it.
 
 It has no clock: times are the caller's. `now` is monotonic, in s; `system` is the host's system

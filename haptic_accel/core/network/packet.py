@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The datagram that the two hosts of a coupling send each other: one layout, both ways."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Playout of samples that come over a network: as early as they can be had without gaps."""
 
 from __future__ import annotations

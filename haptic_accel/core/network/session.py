@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Admission of a peer's packets: of one peer at a time, each once and in order.
 
 It has no clock: times are the caller's, in s from any origin and never backwards.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The scripted hand: set-points of its motion while it explores a surface."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Detection of the moment at which a coupling lets an arm go."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Accelerometer, converters and encoders of the simulated rig."""
 
 from __future__ import annotations

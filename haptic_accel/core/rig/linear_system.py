@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Exact discretisation of a linear system whose inputs are constant between events."""
 
 from __future__ import annotations

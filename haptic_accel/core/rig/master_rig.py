@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The master of the virtual rig: hand, handle, voice coil, arm and accelerometer."""
 
 from __future__ import annotations

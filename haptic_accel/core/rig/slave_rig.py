@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The slave of the virtual rig: an arm's tip dragged over a surface, with its accelerometer."""
 
 from __future__ import annotations

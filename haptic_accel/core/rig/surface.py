@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Surfaces: what the tool touches, and the height profile that makes a texture."""
 
 from __future__ import annotations

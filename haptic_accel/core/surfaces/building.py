@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Texture models from recordings of a tool dragged over a surface.
 
 Recordings are cut into stationary segments by exact dynamic programming with the minimum

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Prediction polynomials and their line spectral frequencies (Itakura 1975; Soong, Juang 1984).
 
 A polynomial A(z) = 1 + a_1 z^-1 + ... + a_p z^-p is half the sum of a symmetric and an

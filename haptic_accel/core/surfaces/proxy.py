@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The place of a tool's tip if surfaces were rigid: a god-object (Zilles and Salisbury, 1995)."""
 
 from __future__ import annotations

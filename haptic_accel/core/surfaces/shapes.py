@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Shapes by their signed distance, each in its own frame: m, negative inside."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Taps: what follows the impact of a tool, as modes that ring down or as recordings."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Textures: what the tool's acceleration is while it slides, by speed and normal force.
 
 Noise through an autoregressive filter whose line spectral frequencies are interpolated between

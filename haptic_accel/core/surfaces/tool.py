@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Mechanics of a tool that touches a scene: a point mass, motors, joints, contacts."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Mechanics of a tool on one object: spring, damper, and friction by a bristle."""
 
 from __future__ import annotations

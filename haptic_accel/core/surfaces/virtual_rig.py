@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The virtual slave: a tool that touches a scene, and the acceleration that this would give it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Arm of ODrives: arming, torques and position of its tip, without a bus and without a clock."""
 
 from __future__ import annotations

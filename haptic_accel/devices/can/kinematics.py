@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Kinematics of arms: turns of motors to motion of the tip, force at the tip to torques.
 
 Base frame: z up, x forwards when the waist is at zero, y to the left (REP-103).

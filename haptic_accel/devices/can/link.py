@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Connection of an arm to its bus: send its commands, receive the reports of its drives."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """ODrive's CANSimple as bytes: build and read frames, without a bus.
 
 Frames have standard ids: the axis' node in the upper 6 of 11 bits, the command in the lower 5.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Client of an arm's CRTK topics. Imports ROS: load it where it is used."""
 
 from __future__ import annotations

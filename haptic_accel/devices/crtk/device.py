@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Devices `crtk`: arms of other ROS 2 nodes, without accelerometer and actuator."""
 
 from __future__ import annotations

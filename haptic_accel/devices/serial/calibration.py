@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Gain and offset of an accelerometer from gravity: one axis held up, then down.
 
 At rest an accelerometer measures the acceleration that balances gravity: one standard gravity

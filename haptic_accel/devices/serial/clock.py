@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A device's clock by the host's: a line fitted to the arrival of its frames.
 
 A frame arrives some time after it was stamped, never before, and some much later than others. Of

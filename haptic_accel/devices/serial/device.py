@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Devices `serial`: an accelerometer and, at the master, a voice coil; they have no arm."""
 
 from __future__ import annotations

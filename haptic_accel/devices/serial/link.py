@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Connection to a board: identify, configure and arm it, receive samples, send set-points."""
 
 from __future__ import annotations

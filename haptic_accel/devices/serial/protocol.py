@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bytes and frames of the serial protocol (docs/serial_protocol.md): no port, no clock.
 
 A frame is version, type, sequence number, sender's clock, payload and CRC-16, all little-endian,

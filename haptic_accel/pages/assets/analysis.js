@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // Draws the trial that is chosen, and sorts tables. The data stand in the page as JSON.
 (() => {
   "use strict";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The live scope's scene: a side view of what the tool touches, and the pointer that leads the hand.
 // Frames of places are described in haptic_accel/scope/frames.py. Units are SI until they are shown.
 "use strict";

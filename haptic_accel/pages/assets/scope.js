@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The live scope's page: receives frames of samples, draws them, and sends commands.
 // The frames are described in haptic_accel/scope/frames.py. Units are SI until they are shown.
 "use strict";

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The handle's acceleration as sound: what arrives in frames is played without gaps.
 // An AudioWorklet needs a secure context, which a phone that opens the page by http lacks; hence
 // blocks are scheduled one after the other, each from the frame where the one before ends.

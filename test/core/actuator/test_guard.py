@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Protection of the actuator: peak and heat for any command, travel on the simulated rig."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """High-pass, controller and limits as one: limits hold, no bad sample stays, no change is felt."""
 
 from __future__ import annotations

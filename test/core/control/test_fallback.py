@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Fallback from a controller that is worse than none, and its return; nothing jumps."""
 
 from __future__ import annotations

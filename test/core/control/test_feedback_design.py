@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Margins against loops computed by hand, and the feedback's design against what it states."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The high-pass against the analytic Butterworth, the inverse against the model it inverts."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Learning of the tool's spectrum and of the plant: known ratios, spectra and optima."""
 
 from __future__ import annotations

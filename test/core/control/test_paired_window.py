@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pairs of samples: when a window is due, and what stands for missing samples."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages about a handle: unknown modes at once, ordinary hands and noise never."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The coupling of the arms as a spring and a damper between two motions."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The discrete model against the rig, against known filters, and its stability."""
 
 from __future__ import annotations

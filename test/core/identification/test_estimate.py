@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Estimates of a frequency response against filters that are known, and what is refused."""
 
 from __future__ import annotations

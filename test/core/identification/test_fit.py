@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Fits to the simulated rig, which knows nothing of them, and to many seeds of noise."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Motion against theory and against the virtual rig, which has a friction of its own."""
 
 from __future__ import annotations

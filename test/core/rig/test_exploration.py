@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The scripted hand: speeds and depths as asked, motion that is smooth and repeats itself."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The hand that is led: it arrives in time, without vibration, and stays within its reach."""
 
 from __future__ import annotations

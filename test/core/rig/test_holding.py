@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Arms that are let go and taken again: both rigs under the coupling and its engagement."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Converters, the accelerometer's noise, and what an arm's motors and encoders do."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The exact discretisation against the damped oscillator of every textbook."""
 
 from __future__ import annotations

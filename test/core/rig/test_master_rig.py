@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulated master against the transfer function, energy, and its own limits."""
 
 from __future__ import annotations

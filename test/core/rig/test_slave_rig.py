@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulated slave: contact and friction by their laws, energy, texture, recordings."""
 
 from __future__ import annotations

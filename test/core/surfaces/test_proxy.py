@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The proxy is never inside, never behind, and as near to the tool as it can be."""
 
 from __future__ import annotations

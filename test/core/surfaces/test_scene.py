@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Scenes: objects at their places, what a straight way meets, and outlines."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Taps: their first sample, their peak, what two of them do, and modes found again."""
 
 from __future__ import annotations

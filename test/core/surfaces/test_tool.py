@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The tool on virtual surfaces: its laws, its energy, and what it cannot pass."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Tests of the virtual slave: a tool in a scene."""
 
 from __future__ import annotations

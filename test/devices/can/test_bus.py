@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Opening a bus as users of python-can expect it, and what stands in the way."""
 
 from __future__ import annotations

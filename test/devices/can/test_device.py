@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The real driver through real interfaces of python-can, with emulated drives at the other end."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The driver of arms that speak CRTK, against the simulated slave as an arm of somebody else."""
 
 from __future__ import annotations

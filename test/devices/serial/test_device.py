@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The drivers through real pseudo-terminals: samples, forces, and everything that goes wrong."""
 
 from __future__ import annotations

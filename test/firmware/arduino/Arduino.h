@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // As much of Teensy's Arduino as the sketch uses, to compile it on the host; nothing of it runs.
 #pragma once
 

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Stand-in for the package `launch`, of which the binary wheels of ROS 2 have none.
 
 It has what the launch files use, with the names and the behaviour of the original; tests import

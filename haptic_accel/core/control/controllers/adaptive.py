@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The inverse that follows the user's grip while the handle is used."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Inverse of the approximate handle model, the paper's third condition."""
 
 from __future__ import annotations

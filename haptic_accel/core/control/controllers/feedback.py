@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Feedforward with feedback on the handle's acceleration, Fig. 2 of the paper complete."""
 
 from __future__ import annotations

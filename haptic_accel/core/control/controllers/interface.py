@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Interface of controllers: parameters, one sample in and out, slow work between, a reset."""
 
 from __future__ import annotations

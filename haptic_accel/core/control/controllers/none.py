@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """No compensation: position coupling alone, the paper's first condition."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The exact inverse of an identified handle as one causal filter, its prediction and its bound.
 
 `design.design_inverse` makes the filter and `family.design_family` one for every grip,

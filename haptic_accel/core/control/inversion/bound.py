@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Smallest errors of causal linear filters on a known plant, without limits and within them."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A filter of finite impulse response that takes one sample at a time."""
 
 from __future__ import annotations

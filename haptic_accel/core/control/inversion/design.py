@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Least-squares design of the inverse, and of its parts that are linear in the user's grip."""
 
 from __future__ import annotations

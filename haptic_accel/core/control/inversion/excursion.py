@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Excursion control: give up low frequencies as far as the actuator's travel needs it."""
 
 from __future__ import annotations

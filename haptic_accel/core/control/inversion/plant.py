@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Plant to be inverted: from a force at one tick to the handle's acceleration at later ones."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Prediction of a filter's error, force and travel from the tool's spectrum."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The feedback as a controller: its samples, the rig in its loop, and its way out and back."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The inverse as a controller: its parameters, its samples, and a rig that follows it."""
 
 from __future__ import annotations

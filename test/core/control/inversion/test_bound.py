@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The bound within limits of travel and force against what theory says of it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Excursion control: what is predicted, what is given up, and what stays exact."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Toeplitz equations solved piece by piece, against Levinson's recursion."""
 
 from __future__ import annotations
