@@ -5,13 +5,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import resource
+import signal
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.bounded_work import data_in_use
 from haptic_accel.core.parameters import ParameterError
 
 T = TypeVar("T", bytes, str)
@@ -55,9 +61,18 @@ ODD_TEXTS = (
 """Texts that break parsers, and lines of output."""
 
 
+SECONDS, MEGABYTES = 2.0, 500.0
+"""Most that a file may take, whatever is in it."""
+
+
 def fuzz(test: Callable[..., Any]) -> Callable[..., Any]:
     """Give a property the number of cases that was asked for, and its mark."""
     return pytest.mark.fuzz(settings.get_profile("fuzz")(test))
+
+
+def fuzz_few(test: Callable[..., Any]) -> Callable[..., Any]:
+    """As `fuzz`, with a tenth of the cases by default: each of them takes long."""
+    return pytest.mark.fuzz(settings.get_profile("fuzz few")(test))
 
 
 def mutated(valid: st.SearchStrategy[T], pieces: st.SearchStrategy[T]) -> st.SearchStrategy[T]:
@@ -88,6 +103,40 @@ def _changed(text: T, changes: list[tuple[str, int, int, T]]) -> T:
     return text
 
 
+class TooSlowError(Exception):
+    """Something took longer than it may."""
+
+
+@contextmanager
+def measured(seconds: float = SECONDS, megabytes: float = MEGABYTES) -> Iterator[None]:
+    """Fail if what is inside takes longer, or more memory at a time, than is allowed.
+
+    Time is that of the processor, so that a busy machine changes nothing. Memory is that which is
+    asked for: more of it is refused, as on a machine that has no more, and none is filled.
+
+    Raises
+    ------
+    TooSlowError
+        After the time.
+    MemoryError
+        Where more memory is asked for.
+    """
+
+    def over(*_: object) -> None:
+        raise TooSlowError(f"took more than {seconds:g} s")
+
+    before = resource.getrlimit(resource.RLIMIT_DATA)
+    handler = signal.signal(signal.SIGVTALRM, over)
+    resource.setrlimit(resource.RLIMIT_DATA, (data_in_use() + int(megabytes * 1e6), before[1]))
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        resource.setrlimit(resource.RLIMIT_DATA, before)
+        signal.signal(signal.SIGVTALRM, handler)
+
+
 def accepted(read: Callable[[], object]) -> bool:
     """Return whether something is read; what is refused must be in one line fit for a terminal."""
     try:
@@ -96,3 +145,34 @@ def accepted(read: Callable[[], object]) -> bool:
         assert str(error).isprintable(), repr(str(error))
         return False
     return True
+
+
+def in_child(read: Callable[[], object]) -> None:
+    """Do something in a process forked of this one, for libraries that may not come back from it.
+
+    Time and memory are bounded as by `measured`, and beyond them the process is ended, which is no
+    failure: the same bounds are those of the code under test. An error is one.
+    """
+    received, sent = os.pipe()
+    child = os.fork()
+    if not child:
+        os.close(received)
+        failure = b""
+        try:
+            signal.setitimer(signal.ITIMER_REAL, 10 * SECONDS)  # where it waits
+            limit = resource.getrlimit(resource.RLIMIT_DATA)[1]
+            most = data_in_use() + int(MEGABYTES * 1e6)
+            resource.setrlimit(resource.RLIMIT_DATA, (most, limit))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS)
+            read()
+        except BaseException:
+            failure = traceback.format_exc().encode()
+        finally:
+            os.write(sent, failure[-4000:])
+            os._exit(0)
+    os.close(sent)
+    with open(received, "rb") as file:
+        failure = file.read()
+    os.waitpid(child, 0)
+    assert not failure, failure.decode()

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -17,6 +18,7 @@ import numpy as np
 from haptic_accel.bags.reading import Bag, Diagnosis, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.decimals import read_decimal, read_whole
+from haptic_accel.core.due_forces import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.evaluation.histogram import QUANTILES
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, places
@@ -30,6 +32,9 @@ COMMANDS = {
     "slave arm force": ("slave_device", "arm force"),
 }
 """Node and name in its diagnostics of each kind of command."""
+
+DEVICES = tuple(dict.fromkeys(node for node, _ in COMMANDS.values()))
+"""Nodes that apply forces."""
 
 LABELS = (*QUANTILES, "max")
 """Labels of durations in diagnostics."""
@@ -51,8 +56,13 @@ class Delivery:
         Age of the actuator's forces where they were applied, us, as the device reported last: p50,
         p90, p99, p99_9, max.
     deadlines : dict
-        Forces that had a due time, and those that came after it, by kind of command, as the
-        devices reported last: ``{"actuator force": {"due": n, "missed": n}, ...}``.
+        Forces that had a due time, and those that took effect after it, by kind of command, as the
+        devices reported last: ``{"actuator force": {"due": n, "missed": n, "past_tick": n,
+        "longest_us": t, "late_s": t}, ...}``. In older bags the last three are not there, and what
+        came after its tick was carried out was counted as missed, however late that was.
+    ticks_late_us : float
+        Longest time that a tick of a device began late since the device was opened, us; NaN where
+        none is reported.
     warnings : list of str
         Warnings of nodes in their diagnostics, each kind once with its largest number; missed
         deadlines are among the counts.
@@ -63,9 +73,15 @@ class Delivery:
     lost: dict[str, int]
     missed: dict[str, int]
     age_us: dict[str, float]
-    deadlines: dict[str, dict[str, int]]
+    deadlines: dict[str, dict[str, float]]
+    ticks_late_us: float
     warnings: list[str]
     nodes: dict[str, dict[str, str]]
+
+    @property
+    def by_clock(self) -> bool:
+        """True if missed deadlines were counted by the clock, or there are none."""
+        return all("longest_us" in counts for counts in self.deadlines.values())
 
 
 def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
@@ -90,25 +106,33 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         within = (where >= 0) & (where < length)
         if within.any():
             seen[topic.name] = np.bincount(where[within], minlength=length) > 0
-    found = [topic for topic in topics.SIGNALS if topic.name in seen]
+    known = [topic for topic in topics.SIGNALS if topic.name in seen]
     # A sample was taken if any message that it caused is there.
     taken = {
-        arm: np.any([seen[topic.name] for topic in found if topic.source == arm], axis=0)
+        arm: np.any([seen[topic.name] for topic in known if topic.source == arm], axis=0)
         for arm in topics.ARMS
-        if any(topic.source == arm for topic in found)
+        if any(topic.source == arm for topic in known)
     }
     end = start + round(length * (NANOSECONDS / rate))
     # Before and after a trial, nodes wait for each other.
     reports = [said for said in recorded.diagnostics if start <= said.received < end]
     return Delivery(
-        lost={topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name])) for topic in found},
+        lost={topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name])) for topic in known},
         missed={arm: length - int(np.sum(there)) for arm, there in taken.items()},
         age_us=durations(_report(recorded, "master_device", end), f"{AGE_OF} age"),
         deadlines={
             name: counts
             for name, (node, command) in COMMANDS.items()
-            if (counts := _deadlines(_report(recorded, node, end), command))
+            if (counts := _deadlines(_counts(recorded, node, end), command))
         },
+        ticks_late_us=max(
+            (
+                found["max"]
+                for node in DEVICES
+                if "max" in (found := durations(_counts(recorded, node, end), "tick lateness"))
+            ),
+            default=math.nan,
+        ),
         warnings=_warnings(reports),
         nodes={said.node: said.values for said in recorded.diagnostics},
     )
@@ -176,7 +200,26 @@ def _report(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
     return within[-1].values if within else {}
 
 
-def _deadlines(values: Mapping[str, str], command: str) -> dict[str, int]:
+def _counts(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
+    """Return what a node reported first after the end of a span, or last before it.
+
+    A pause that ended the span, as arms let go then, is in no earlier report.
+    """
+    reports = [d for d in recorded.diagnostics if d.node == node]
+    after = [d for d in reports if d.received >= end] or reports[-1:]
+    return after[0].values if after else {}
+
+
+def _deadlines(values: Mapping[str, str], command: str) -> dict[str, float]:
     """Return the counts of a kind of command; nothing where it has no due time."""
     due, missed = count(values, f"{command} due"), count(values, f"{command} deadlines missed")
-    return {"due": due, "missed": missed} if due else {}
+    if not due:
+        return {}
+    found: dict[str, float] = {"due": due, "missed": missed}
+    with suppress(ValueError):  # as where it was not counted yet
+        found |= {
+            "past_tick": count(values, f"{command} {PAST_TICK}"),
+            "longest_us": read_decimal(values.get(f"{command} {LONGEST}", "")),
+            "late_s": read_decimal(values.get(f"{command} {LATE_TIME}", "")),
+        }
+    return found

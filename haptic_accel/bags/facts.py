@@ -22,6 +22,9 @@ PREFIX = "haptic_accel."
 
 VERSION, ARGUMENTS, PARAMETERS, HOST = "version", "arguments", "parameters", "host"
 
+RUN, LOCKSTEP = "run", "lockstep"
+"""Name and value of the fact that a bag was made in lockstep, not by a live graph."""
+
 
 def custom_data(text: str) -> dict[str, str]:
     """Return a bag's facts as rosbag2 stores them: text by name.

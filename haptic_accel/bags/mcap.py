@@ -11,9 +11,10 @@ of bytes with the places of the messages in it. What differs from its checksum i
 from __future__ import annotations
 
 import io
+import itertools
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -23,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.bags import mcap_format as mcap
+from haptic_accel.bags.expanding import LARGEST, Allowance
 from haptic_accel.bags.mcap_format import MAGIC, NEVER, RECORD, Channel, Schema, Tally
 from haptic_accel.bags.rosbags_adapter import lz4, zstd
 from haptic_accel.core.sampling import IntArray
@@ -33,8 +35,11 @@ ByteArray = npt.NDArray[np.uint8]
 LOOSE = 1 << 20
 """Size of the blocks in which records outside chunks are read, bytes."""
 
-LARGEST = 1 << 28
-"""Size of the largest record and chunk that are read, bytes: rosbag2's chunks have 768 KiB."""
+MOST_INDEXED = 500_000
+"""Records of an index that are read: rosbag2 writes one for each chunk, and a few more."""
+
+MOST_PROBLEMS = 100
+"""Problems of a file that are told."""
 
 _LOOSE_KINDS = (mcap.SCHEMA, mcap.CHANNEL, mcap.MESSAGE)
 _READ_KINDS = (*_LOOSE_KINDS, mcap.CHUNK, mcap.MESSAGE_INDEX, mcap.METADATA, mcap.DATA_END)
@@ -57,6 +62,8 @@ _HEAD = np.dtype(
         ("publish_time", "<u8"),
     ]
 )
+
+_DECOMPRESSORS = {"lz4": lz4.LZ4FrameDecompressor, "zstd": zstd.ZstdDecompressor}
 
 DATA = _HEAD.itemsize
 """Distance of a message's data from the start of its record, bytes."""
@@ -147,6 +154,7 @@ class McapFile:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
     unfinished: str = ""
+    _allowance: Allowance = field(init=False, repr=False)
 
     @property
     def custom_data(self) -> dict[str, str]:
@@ -188,7 +196,7 @@ class McapFile:
         Raises
         ------
         ValueError
-            It is not an MCAP file.
+            It is not an MCAP file, or expands to more than is allowed.
         OSError
             It cannot be read.
         """
@@ -216,6 +224,7 @@ class McapFile:
         ValueError, OSError
             As `blocks`.
         """
+        self._allowance = Allowance(self.path)
         with self._open() as file:
             size = _checked_size(file)
             index = self._intact_index(file, size)
@@ -238,7 +247,9 @@ class McapFile:
         return self.path.open("rb")
 
     def _report(self, problem: object) -> None:
-        self.problems.append(f"{self.path.name}: {' '.join(str(problem).split())}")
+        told = f"{self.path.name}: {' '.join(str(problem).split())}"
+        if len(self.problems) < MOST_PROBLEMS and told not in self.problems:
+            self.problems.append(told)
 
     def _intact_index(self, file: BinaryIO, size: int) -> _Index | None:
         """Return the index, or say why there is none."""
@@ -275,6 +286,7 @@ class McapFile:
             if length > LARGEST or place + length > size:
                 self._report(f"a record of {length} bytes is not where the index has it")
                 continue
+            self._allowance.spend(length)  # the index may have one place a thousand times
             file.seek(place)
             yield kind, file.read(length)[RECORD.size :]
         yield mcap.DATA_END, b""
@@ -323,7 +335,10 @@ class McapFile:
             if size > LARGEST:
                 raise ValueError(f"it claims {size} bytes, {LARGEST} are read")
             stored = stream.read()
-            records = _DECOMPRESSORS[compression](stored[:length], size)
+            records = stored[:length]
+            if compression:
+                decompressor = _DECOMPRESSORS[compression]()
+                records = bytes(decompressor.decompress(records, max_length=size))
             # A chunk that was cut off and is not compressed has whole messages all the same.
             if len(records) != size and (compression or len(stored) >= length):
                 raise ValueError(f"{len(records)} bytes in place of {size}")
@@ -332,6 +347,8 @@ class McapFile:
         except DAMAGE_ERRORS as error:
             self._report(f"a chunk cannot be read: {error}{span}")
             return Chunk(b"")
+        if compression:
+            self._allowance.spend(len(records))
         return Chunk(records, compression)
 
     def _placed(self, chunk: Chunk) -> Chunk:
@@ -429,7 +446,7 @@ def _index(file: BinaryIO, size: int) -> _Index:
     if mark != MAGIC or not start:
         raise ValueError("was not closed: it has no index")
     end = size - _FOOTER.size
-    is_footer = (kind, length) == (mcap.FOOTER, mcap.FOOTER_SIZE - RECORD.size)
+    is_footer = (kind, length) == (mcap.FOOTER, mcap.SPAN.size + mcap.SUM.size)
     if not (is_footer and len(MAGIC) + _DATA_END.size <= start <= end < start + LARGEST):
         raise DamagedIndexError("its index is damaged")
     file.seek(start)
@@ -438,7 +455,9 @@ def _index(file: BinaryIO, size: int) -> _Index:
     if checksum and crc32(footer[: -len(MAGIC) - mcap.SUM.size], crc32(content)) != checksum:
         raise DamagedIndexError("its index is damaged: it differs from its checksum")
     try:
-        records = list(_index_records(content))
+        records = list(itertools.islice(_index_records(content), MOST_INDEXED + 1))
+        if len(records) > MOST_INDEXED:
+            raise ValueError(f"it has more than {MOST_INDEXED} records")
         places = [
             (*mcap.SPAN.unpack_from(content, offset), kind)
             for found, content in records
@@ -532,19 +551,3 @@ def _heads(records: bytes, starts: IntArray) -> npt.NDArray[np.void]:
 
 def _moment(nanoseconds: int) -> str:
     return f"{np.datetime64(min(nanoseconds, NEVER), 'ns').astype('datetime64[ms]')}Z"
-
-
-def _decompressed_zstd(data: bytes, size: int) -> bytes:
-    return zstd.ZstdDecompressor().decompress(data, max_length=size)
-
-
-def _decompressed_lz4(data: bytes, size: int) -> bytes:
-    return bytes(lz4.LZ4FrameDecompressor().decompress(data, max_length=size))
-
-
-_DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
-    "": lambda data, _: data,
-    "lz4": _decompressed_lz4,
-    "zstd": _decompressed_zstd,
-}
-"""Functions from a chunk's stored bytes, and its size, to its records."""

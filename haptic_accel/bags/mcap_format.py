@@ -36,10 +36,6 @@ LENGTH = struct.Struct("<Q")
 TEXT_LENGTH = struct.Struct("<I")
 SUM = struct.Struct("<I")  # CRC-32; 0 where none is given
 
-DATA_END_SIZE = RECORD.size + SUM.size
-FOOTER_SIZE = RECORD.size + SPAN.size + SUM.size
-"""Sizes of these records with kind and length, bytes."""
-
 
 class Schema(NamedTuple):
     """Definition of a message type: number from 1, name, encoding as ``ros2msg``, and text."""

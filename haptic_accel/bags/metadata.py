@@ -22,8 +22,11 @@ from haptic_accel.bags.folder import METADATA
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
 from haptic_accel.bags.mcap_format import NEVER, Channel, Tally, read_text_map
 from haptic_accel.bags.rosbags_adapter import dump_qos_v9, parse_qos
+from haptic_accel.core.bounded_files import read_bytes
+from haptic_accel.core.document import Document
+from haptic_accel.core.parameters import Specification, one_line
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.yaml_text import LARGEST, load_yaml, texts_of
+from haptic_accel.core.yaml_text import load_yaml, texts_of
 
 VERSION = 9
 """Version of metadata.yaml, as Jazzy and newer write it."""
@@ -38,6 +41,7 @@ _SUM = "# CRC-32 of the lines above: "
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 _ROOT = "rosbag2_bagfile_information"
+_COUNT = Specification("number of messages, or time", "", 0, NEVER)
 _LONG = 2**31 - 1
 """Line width, columns, at which no text is broken."""
 
@@ -205,12 +209,12 @@ def read_metadata(folder: Path) -> Metadata:
     """
     path = folder / METADATA
     try:
-        return _metadata(load_yaml(_checked_text(path))[_ROOT])
+        text = _checked_text(path)
+        return _metadata(Document(Path(METADATA), load_yaml(text), text).at(_ROOT))
     except OSError as error:
         raise MetadataError(f"{path}: {error.strerror}") from None
     except (ReaderError, *DAMAGE_ERRORS) as error:
-        reason = " ".join(str(error).split())
-        raise MetadataError(f"{path}: is not metadata of a bag: {reason}") from None
+        raise MetadataError(f"{path}: is not metadata of a bag: {one_line(error)}") from None
 
 
 def _checked_text(path: Path) -> str:
@@ -219,12 +223,11 @@ def _checked_text(path: Path) -> str:
     Raises
     ------
     ValueError
-        It is not a file, too large, or differs from its checksum.
+        It is not text, or differs from its checksum.
+    OSError
+        It is not a file, or too large.
     """
-    if path.exists() and not path.is_file():
-        raise ValueError("it is not a file")
-    with path.open("rb") as file:
-        content = file.read(LARGEST + 1)
+    content = read_bytes(path)
     given = re.search(rb"%s([0-9a-f]{8})\n?\Z" % _SUM.encode(), content)
     if given and crc32(content[: given.start()]) != int(given[1], 16):
         raise ValueError("it differs from its checksum, which is its last line")
@@ -236,62 +239,55 @@ def qos_text(offered: Sequence[Qos]) -> str:
     return _yaml(dump_qos_v9(list(offered))).strip()
 
 
-def _metadata(content: dict[str, Any]) -> Metadata:
-    mode = _text(content.get("compression_mode") or "").lower()
+def _metadata(content: Document) -> Metadata:
+    mode = content.get("compression_mode", "").text().lower()
     return Metadata(
         files=tuple(_files(content)),
-        topics=tuple(_read_topic(topic) for topic in content["topics_with_message_count"]),
-        custom=texts_of(content.get("custom_data")),
-        storage=_text(content["storage_identifier"]),
+        topics=tuple(map(_read_topic, content.at("topics_with_message_count").items())),
+        custom=texts_of(content.get("custom_data").value),
+        storage=content.at("storage_identifier").text(),
         compression_mode="" if mode == "none" else mode,
-        compression_format=_text(content.get("compression_format") or ""),
-        distro=_text(content.get("ros_distro") or ""),
+        compression_format=content.get("compression_format", "").text(),
+        distro=content.get("ros_distro", "").text(),
     )
 
 
-def _files(content: dict[str, Any]) -> list[FileEntry]:
-    names = [Path(name).name for name in content["relative_file_paths"]]
-    if not content.get("files"):  # before version 5
-        counts = [_number(content["message_count"])] + [0] * (len(names) - 1)
-        span = _span(content) if counts[0] else (NEVER, 0)
-        return [FileEntry(name, *span, n) for name, n in zip(names, counts, strict=True)]
-    described = [(file, _number(file["message_count"])) for file in content["files"]]
-    return [
-        FileEntry(name, *_span(file), count) if count else FileEntry(name)
-        for name, (file, count) in zip(names, described, strict=True)
-    ]
+def _files(content: Document) -> list[FileEntry]:
+    names = [Path(each.text()).name for each in content.at("relative_file_paths").items()]
+    described = list(content.get("files", []).items())
+    if not described:  # before version 5
+        first, *others = names
+        return [_read_file(first, content), *map(FileEntry, others)]
+    return [_read_file(name, file) for name, file in zip(names, described, strict=True)]
 
 
-def _span(content: dict[str, Any]) -> tuple[int, int]:
-    """Return the times of the first and the last message, ns."""
-    start = content["starting_time"]["nanoseconds_since_epoch"]
-    return _number(start), _number(start + content["duration"]["nanoseconds"])
+def _read_file(name: str, content: Document) -> FileEntry:
+    count = _count(content, "message_count")
+    if not count:
+        return FileEntry(name)
+    start = _count(content, "starting_time", "nanoseconds_since_epoch")
+    end = start + _count(content, "duration", "nanoseconds")
+    if end > NEVER:
+        content.at("duration").wrong(f"must end at {NEVER} ns")
+    return FileEntry(name, start, end, count)
 
 
-def _read_topic(content: dict[str, Any]) -> TopicEntry:
-    topic = content["topic_metadata"]
-    name, kind, form = (_text(topic[key]) for key in ("name", "type", "serialization_format"))
-    offered = _read_qos(topic.get("offered_qos_profiles") or [])
-    digest = _text(topic.get("type_description_hash") or "")
-    return TopicEntry(name, kind, form, offered, digest, _number(content["message_count"]))
+def _count(content: Document, *keys: str) -> int:
+    """Return a number of messages or a time, ns."""
+    return int(content.at(*keys).checked(0, _COUNT))
+
+
+def _read_topic(content: Document) -> TopicEntry:
+    topic = content.at("topic_metadata")
+    name, kind, form = (topic.at(key).text() for key in ("name", "type", "serialization_format"))
+    offered = _read_qos(topic.get("offered_qos_profiles", []).value)
+    digest = topic.get("type_description_hash", "").text()
+    return TopicEntry(name, kind, form, offered, digest, _count(content, "message_count"))
 
 
 def _read_qos(offered: Any) -> tuple[Qos, ...]:
     """Return quality of service, which was YAML in a text before version 9."""
     return tuple(parse_qos(load_yaml(offered) if isinstance(offered, str) else offered))
-
-
-def _number(value: Any) -> int:
-    """Return what must be a number of messages or a time, ns."""
-    if not (isinstance(value, int) and 0 <= value <= NEVER):
-        raise ValueError("a count or a time is none")
-    return value
-
-
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise ValueError("a name is not a text")
-    return value
 
 
 def _topic(topic: TopicEntry) -> dict[str, Any]:

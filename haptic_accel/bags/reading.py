@@ -10,11 +10,14 @@ result names what is missing.
 from __future__ import annotations
 
 import os
+import sqlite3
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -22,9 +25,10 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
+from haptic_accel.bags.expanding import Allowance, decompressed_file, decompressed_message
 from haptic_accel.bags.facts import facts_of
 from haptic_accel.bags.folder import COMPRESSED, MCAP, METADATA, MUST_BE, is_storage, storage_files
-from haptic_accel.bags.mcap import DAMAGE_ERRORS, Block, McapFile
+from haptic_accel.bags.mcap import DAMAGE_ERRORS, MOST_PROBLEMS, Block, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
@@ -199,7 +203,7 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     collected, custom, failures = _Collected(bag, vectors), dict(metadata.custom), []
     for source in sources:
         try:
-            for block in _blocks(source, bag.problems, custom):
+            for block in _blocks(source, metadata, bag.problems, custom):
                 collected.take(block)
         except (OSError, *DAMAGE_ERRORS) as error:
             failures.append(f"{source.name} cannot be read: {error}")
@@ -226,7 +230,7 @@ def _metadata(bag: Bag) -> Metadata:
 
 
 def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
-    """Return the files that hold messages, in order, or a folder that rosbags reads as a whole."""
+    """Return the files that hold messages, in order."""
     path = bag.path
     if not os.path.isdir(path):
         path.stat()
@@ -239,22 +243,31 @@ def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
         raise ParameterError(f"{path}: {MUST_BE}")
     named = [path / file.name for file in metadata.files]
     missing = [f"{file.name} is missing" for file in named if not os.path.isfile(file)]
-    if metadata.compression_mode and not missing:
-        return [path]
     bag.problems.extend(missing)
     first = [file for file in named if file in found]
     return first + [file for file in found if file not in first]
 
 
-def _blocks(source: Path, problems: list[str], custom: dict[str, str]) -> Iterator[Block]:
-    """Yield the messages of a file or folder, and complete the custom data from a file's own."""
+def _blocks(
+    source: Path, metadata: Metadata, problems: list[str], custom: dict[str, str]
+) -> Iterator[Block]:
+    """Yield the messages of a file, and complete the custom data from a file's own."""
     if source.suffix == COMPRESSED:
-        raise ValueError(f"a compressed file is read with the {METADATA} of its folder")
-    if source.suffix != MCAP:
-        yield from _foreign_blocks(source)
+        with TemporaryDirectory(prefix="haptic_accel-") as folder:
+            whole = decompressed_file(source, Path(folder))
+            yield from _blocks(whole, metadata, problems, custom)
         return
-    mcap = McapFile(source)
-    yield from mcap.blocks()
+    if source.suffix == MCAP:
+        mcap = McapFile(source)
+        blocks = mcap.blocks()
+    else:
+        blocks = _foreign_blocks(source)
+    if metadata.compression_mode == "message":
+        allowance = Allowance(source)
+        blocks = (_decompressed(block, allowance) for block in blocks)
+    yield from blocks
+    if source.suffix != MCAP:
+        return
     if not custom:
         custom |= mcap.custom_data
     problems += mcap.problems
@@ -263,9 +276,10 @@ def _blocks(source: Path, problems: list[str], custom: dict[str, str]) -> Iterat
 
 
 def _foreign_blocks(source: Path) -> Iterator[Block]:
-    """Yield the messages of a bag that is not made of plain MCAP files, by topic."""
+    """Yield the messages of a file that is not MCAP, by topic."""
     rows: dict[tuple[str, str], list[tuple[int, bytes]]] = defaultdict(list)
     try:
+        _check_tables(source)
         with Reader(source) as reader:
             for connection, received, data in reader.messages():
                 rows[connection.topic, connection.msgtype].append((received, bytes(data)))
@@ -274,9 +288,34 @@ def _foreign_blocks(source: Path) -> Iterator[Block]:
         raise ValueError(" ".join(str(error).split())) from None
     for (topic, kind), messages in rows.items():
         times, contents = zip(*messages, strict=True)
-        lengths = np.array([len(content) for content in contents], dtype=np.int64)
-        ends, joined = np.cumsum(lengths), np.frombuffer(b"".join(contents), np.uint8)
-        yield Block(topic, kind, np.array(times, np.int64), joined, ends - lengths, ends)
+        yield _joined(topic, kind, np.array(times, np.int64), contents)
+
+
+def _check_tables(source: Path) -> None:
+    """Refuse a database whose rows are computed when they are read: those may have no end."""
+    with closing(sqlite3.connect(f"{source.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        rows = database.execute("SELECT type, name, sql FROM sqlite_master").fetchall()
+        for kind, name, statement in rows:
+            words = str(statement).upper()
+            is_stored = kind in ("table", "index") and not words.startswith("CREATE VIRTUAL")
+            columns = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden != 0"
+            if not is_stored or database.execute(columns, (name,)).fetchone():
+                raise ValueError("it has rows that are not stored in it, which are not read")
+
+
+def _decompressed(block: Block, allowance: Allowance) -> Block:
+    """Return a block whose messages rosbag2 compressed one by one, without compression."""
+    contents = []
+    for start, end in zip(block.starts.tolist(), block.ends.tolist(), strict=True):
+        contents.append(decompressed_message(block.bytes[start:end].tobytes()))
+        allowance.spend(len(contents[-1]))
+    return _joined(block.topic, block.type, block.received, contents)
+
+
+def _joined(topic: str, kind: str, received: IntArray, contents: Sequence[bytes]) -> Block:
+    lengths = np.array([len(content) for content in contents], dtype=np.int64)
+    ends, joined = np.cumsum(lengths), np.frombuffer(b"".join(contents), np.uint8)
+    return Block(topic, kind, received, joined, ends - lengths, ends)
 
 
 class _Collected:
@@ -376,7 +415,7 @@ class _Collected:
 
     def _once(self, text: str) -> None:
         problem = " ".join(text.split())
-        if problem not in self._bag.problems:
+        if problem not in self._bag.problems and len(self._bag.problems) < MOST_PROBLEMS:
             self._bag.problems.append(problem)
 
 

@@ -1,14 +1,17 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers in files and on command lines: plain decimals in ASCII.
+"""Numbers in files and on command lines: plain decimals in ASCII, and null for none in JSON.
 
 Python's own `float` and `int` also take digits of other scripts, underscores, ``nan`` and ``inf``.
 """
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Mapping
+from typing import Any
 
 _BLANKS = " \t"
 _WHOLE = re.compile(r"[-+]?[0-9]{1,300}")  # which a float can hold
@@ -35,6 +38,15 @@ def read_whole(text: str) -> int:
         It is none, or has more than 300 digits.
     """
     return int(_matched(_WHOLE, text))
+
+
+def defined(value: Any) -> Any:
+    """Return a value for JSON, which has no number that is not finite: None in place of it."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: defined(inner) for key, inner in value.items()}
+    return [defined(inner) for inner in value] if isinstance(value, (list, tuple)) else value
 
 
 def _matched(pattern: re.Pattern[str], text: str) -> str:

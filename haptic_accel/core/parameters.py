@@ -9,6 +9,8 @@ import dataclasses
 import difflib
 import math
 from collections.abc import Iterable, Mapping
+from functools import cache
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -17,7 +19,11 @@ _SPECIFICATION = "parameter"
 
 
 class ParameterError(ValueError):
-    """A value given by the user is not allowed; the message is one line for the user."""
+    """A value given by the user is not allowed; the message is one printable line for the user."""
+
+    def __init__(self, message: str) -> None:
+        # Names from files and command lines are in it.
+        super().__init__(printable(message))
 
 
 def check_positive_rate(rate: float) -> None:
@@ -32,10 +38,35 @@ def check_positive_rate(rate: float) -> None:
         raise ParameterError(f"rate = {rate}: must be above 0 Hz")
 
 
+def printable(text: str, kept: str = "") -> str:
+    r"""Return a text whose characters a terminal prints, and does not obey.
+
+    Controls, those of the direction of writing, ends of lines, and bytes that are no text become
+    what Python writes for them, such as ``\x1b``.
+
+    Parameters
+    ----------
+    text : str
+    kept : str
+        Characters that stay as they are.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        each if each.isprintable() or each in kept else each.encode("unicode_escape").decode()
+        for each in text
+    )
+
+
 def shown(text: str) -> str:
     """Return a text from outside as it fits into a message of one line."""
     printable = text if text.isprintable() else repr(text)
     return printable if len(printable) <= 200 else printable[:200] + "..."
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error's text in one line."""
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -133,13 +164,13 @@ def checked(name: str, value: Any, default: Any, specification: Specification) -
     ParameterError
         Wrong type, not finite, out of range, or not one of the choices.
     """
-    found = repr(value) if isinstance(value, str) else value
+    found = shown(repr(value) if isinstance(value, str) else str(value))
     wrong = ParameterError(f"{name} = {found}: must be {allowed_values(default, specification)}")
     if isinstance(default, (bool, str)):
         if not isinstance(value, type(default)):
             raise wrong
         if specification.choices and value not in (*specification.choices, default):
-            raise ParameterError(f"{wrong}{suggestion(str(value), specification.choices)}")
+            raise ParameterError(f"{wrong}{suggestion(str(value)[:200], specification.choices)}")
         return value
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not (number and specification.admits(value)):
@@ -182,13 +213,19 @@ Schema = dict[str, tuple[Any, Specification]]
 """Default and specification by dotted name."""
 
 
-def own_schema(parameters: type) -> Schema:
+def own_schema(parameters: type) -> Mapping[str, tuple[Any, Specification]]:
     """Return the parameters of a dataclass without those nested in it, by field name."""
-    return {
+    return _collected(parameters)
+
+
+@cache  # as many are built in a run
+def _collected(parameters: type) -> Mapping[str, tuple[Any, Specification]]:
+    own = {
         field.name: (field.default, field.metadata[_SPECIFICATION])
         for field in dataclasses.fields(parameters)
         if _SPECIFICATION in field.metadata
     }
+    return MappingProxyType(own)
 
 
 def schema(parameters: type, prefix: str = "") -> Schema:

@@ -6,19 +6,17 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any, ClassVar
 
 import yaml
 
+from haptic_accel.core.bounded_files import DEEPEST, LARGEST_TEXT
 from haptic_accel.core.decimals import read_decimal, read_whole
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.parameters import one_line
 
-LARGEST = 1 << 22
-"""Size of the largest text that is read, bytes: a bag of ten thousand files has half of it."""
-
-DEEPEST = 32
-"""Levels of nesting that are read; rosbag2 has seven. libyaml's loader overflows its stack."""
+MOST_VALUES = 200_000
+"""Values, names and collections that are read, each of which takes a kilobyte and 10 us: a bag of
+ten thousand files has 150,000."""
 
 # With libyaml, where PyYAML has it, ten times as fast.
 _FASTEST: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -75,50 +73,14 @@ def load_yaml(text: str, *, exponents: bool = False) -> Any:
         It is not YAML, too large, too deep, or has aliases, which may stand for any amount of
         data; the message is one line.
     """
-    if len(text) > LARGEST:
-        raise ValueError(f"it has {len(text)} characters, and may have {LARGEST}")
+    if len(text) > LARGEST_TEXT:
+        raise ValueError(f"it has {len(text)} characters, and may have {LARGEST_TEXT}")
     try:
         _check(text)
         return yaml.load(text, _ExponentLoader if exponents else _Loader)
     except (yaml.YAMLError, LookupError, TypeError, AttributeError, OverflowError) as error:
         # What its constructors raise for values such as `!!binary ä` is not documented.
-        raise ValueError(" ".join(str(error).split())) from None
-
-
-def read_mapping(
-    path: Path, name: str = "", kind: str = "file", content: str = "names to values"
-) -> tuple[dict[Any, Any], str]:
-    """Return a mapping from a YAML file, whose numbers may be as in ROS parameter files.
-
-    Parameters
-    ----------
-    path : Path
-    name, kind, content : str
-        For messages: the file's name, by default its path; its kind; the content it must have.
-
-    Returns
-    -------
-    mapping : dict
-    text : str
-        The file's text.
-
-    Raises
-    ------
-    ParameterError
-        It cannot be read, or is something else.
-    """
-    try:
-        with path.open(encoding="utf-8") as file:
-            text = file.read(LARGEST + 1)
-        mapping = load_yaml(text, exponents=True)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not text"
-        raise ParameterError(f"{name or path}: must be a readable {kind}: {reason}") from None
-    except ValueError as error:
-        raise ParameterError(f"{name or path}: must be YAML: {shown(str(error))}") from None
-    if not isinstance(mapping, dict):
-        raise ParameterError(f"{name or path}: must map {content}")
-    return mapping, text
+        raise ValueError(one_line(error)) from None
 
 
 def texts_of(content: Any) -> dict[str, str]:
@@ -136,8 +98,11 @@ def texts_of(content: Any) -> dict[str, str]:
 
 
 def _check(text: str) -> None:
-    depth = 0
+    depth = values = 0
     for event in yaml.parse(text, _FASTEST):
+        values += isinstance(event, yaml.NodeEvent)
+        if values > MOST_VALUES:
+            raise ValueError(f"it has more than {MOST_VALUES} values and names")
         if isinstance(event, yaml.AliasEvent):
             raise ValueError("it has an alias (*), which is not read")
         depth += isinstance(event, yaml.CollectionStartEvent)

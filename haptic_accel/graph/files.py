@@ -6,19 +6,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from haptic_accel.core.parameters import ParameterError, checked, shown
-from haptic_accel.core.yaml_text import read_mapping
+from haptic_accel.core.bounded_files import located
+from haptic_accel.core.document import Document, read_yaml_document
+from haptic_accel.core.parameters import checked, shown
 from haptic_accel.graph.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
 from haptic_accel.materials.folders import preset_file
 
 SURFACE = "simulated.surface."
 """Prefix of the slave device's parameters of a surface."""
+
+_PARAMETERS = "ros__parameters"
 
 _WILDCARDS = ("**", "*")
 """Last parts of keys that name no node, but any."""
@@ -47,6 +50,7 @@ def surface_parameters(surface: str) -> dict[str, Any]:
     }
 
 
+@located("params_file")
 def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, dict[str, Any]]:
     """Read a ROS 2 parameter file.
 
@@ -68,26 +72,27 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
         It cannot be read, has another form, names an unknown node or parameter, or a node that
         it gives nothing to in this namespace.
     """
-    what = f"params_file = '{path}'"
-    content = _content(path, what)
+    content = read_yaml_document(path)
+    if not isinstance(content.value, dict):
+        content.wrong(f"must map nodes to {_PARAMETERS}")
     values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
-    for key, section in content.items():
-        node = shown(str(key))
-        if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
-            raise ParameterError(f"{what}: {node}: must hold ros__parameters, nothing else")
-        flat = _flat(section["ros__parameters"] or {}, f"{what}: {node}")
-        check_clock(flat.pop(USE_SIM_TIME, False))
-        name = node.rpartition("/")[2]
+    for key, section in content.members():
+        if not isinstance(section.value, dict) or set(section.value) != {_PARAMETERS}:
+            content.refuse(f"{shown(key)}: must hold {_PARAMETERS}, nothing else", key)
+        flat = dict(_flat(section.get(_PARAMETERS, {})))
+        if USE_SIM_TIME in flat:
+            check_clock(flat.pop(USE_SIM_TIME).value)
+        name = key.rpartition("/")[2]
         for executable in NODES if name in _WILDCARDS else [name]:
             if executable not in NODES:
                 names = ", ".join(NODES)
-                raise ParameterError(f"{what}: {node}: must be /** or one of {names}")
-            known = _known(flat, executable, node, what)
-            if namespace is None or _holds(node, f"{namespace}/{executable}"):
+                content.refuse(f"{shown(key)}: must be /** or one of {names}", key)
+            known = _known(flat, executable, name)
+            if namespace is None or _holds(key, f"{namespace}/{executable}"):
                 values[executable] |= known
     if namespace is not None:
         for executable in NODES:
-            _check_reached(what, content, f"{namespace}/{executable}")
+            _check_reached(content, f"{namespace}/{executable}")
     return values
 
 
@@ -107,23 +112,17 @@ def check_reached(path: Path, node: str) -> None:
     ParameterError
         Naming the file, the key and one that would hold.
     """
-    what = str(path)
-    _check_reached(what, _content(path, what), node)
+    _check_reached(read_yaml_document(path), node)
 
 
-def _content(path: Path, what: str) -> dict[Any, Any]:
-    """Return what a parameter file gives by key."""
-    return read_mapping(path, what, "parameter file", "nodes to ros__parameters")[0]
-
-
-def _check_reached(what: str, keys: Iterable[Any], node: str) -> None:
+def _check_reached(content: Document, node: str) -> None:
     """Refuse keys that name a node without any of them holding for it."""
     name = node.rpartition("/")[2]
-    naming = [key for key in map(str, keys) if key.rpartition("/")[2] == name]
+    naming = [key for key in content.mapping() if key.rpartition("/")[2] == name]
     if naming and not any(_holds(key, node) for key in naming):
-        raise ParameterError(
-            f"{what}: {shown(naming[0])}: holds in another namespace, not for {node};"
-            f" write /**/{name}"
+        content.refuse(
+            f"{shown(naming[0])}: holds in another namespace, not for {node}; write /**/{name}",
+            naming[0],
         )
 
 
@@ -140,7 +139,7 @@ def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
 
     It holds for nodes of these names in any namespace.
     """
-    content = {f"/**/{node}": {"ros__parameters": values} for node, values in nodes.items()}
+    content = {f"/**/{node}": {_PARAMETERS: values} for node, values in nodes.items()}
     return str(yaml.dump(_quoted(content), Dumper=_Plain, sort_keys=False, width=2**31))
 
 
@@ -168,24 +167,20 @@ _Plain.add_representer(
 )
 
 
-def _flat(section: Any, what: str, prefix: str = "") -> dict[str, Any]:
-    if not isinstance(section, dict):
-        where = shown(prefix) or "ros__parameters"
-        raise ParameterError(f"{what}: {where}: must map names to values")
-    flat: dict[str, Any] = {}
-    for name, value in section.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, what, f"{prefix}{name}.")
+def _flat(section: Document, prefix: str = "") -> Iterator[tuple[str, Document]]:
+    """Yield values by dotted name."""
+    for name, value in section.members():
+        if isinstance(value.value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
         else:
-            flat[f"{prefix}{name}"] = value
-    return flat
+            yield f"{prefix}{name}", value
 
 
-def _known(flat: dict[str, Any], executable: str, node: str, what: str) -> dict[str, Any]:
+def _known(flat: Mapping[str, Document], executable: str, name: str) -> dict[str, Any]:
     """Keep a node's own parameters; refuse unknown ones, of a named node also other nodes'."""
     schema = node_schema(executable)
-    others = NODES if node.rpartition("/")[2] in _WILDCARDS else ()
-    for name in flat:
-        if name not in schema and not any(name in node_schema(other) for other in others):
-            raise ParameterError(f"{what}: {node}: {shown(name)}: no such parameter")
-    return {name: value for name, value in flat.items() if name in schema}
+    others = NODES if name in _WILDCARDS else ()
+    for parameter, value in flat.items():
+        if not any(parameter in node_schema(other) for other in (executable, *others)):
+            value.wrong("no such parameter")
+    return {name: value.value for name, value in flat.items() if name in schema}

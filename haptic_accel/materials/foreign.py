@@ -9,22 +9,23 @@ at all speeds and forces, but for its strength.
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_motion
+from haptic_accel.core.document import Document, read_json_document
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, Specification, checked, shown
+from haptic_accel.core.parameters import ParameterError, Specification, checked
 from haptic_accel.core.resampling import HIGHEST_RATE, LOWEST_RATE
 from haptic_accel.core.surfaces.building import FRAME, LARGEST_ORDER, RENDER_RATE
 from haptic_accel.core.surfaces.line_spectrum import from_polynomial, levinson
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 from haptic_accel.materials.hatt import read_hatt
-from haptic_accel.materials.patterns import JsonValue, read_json, read_pattern
+from haptic_accel.materials.patterns import read_pattern
 from haptic_accel.materials.recordings import LARGEST, UNCALIBRATED, read_samples
+from haptic_accel.materials.texture_files import read_npz
 
 REFERENCE = np.array([0.08, 1.0])
 """Speed, m/s, and force, N, from which a texture is as strong as in a file that states neither:
@@ -73,10 +74,7 @@ def import_texture(
         checked("calibration", calibration, 1.0, wanted)
         if read in (_from_hatt, _from_csv):
             raise ParameterError(f"calibration = {calibration:g}: {path} has units: leave it out")
-    try:
-        return read(path, rate, calibration)
-    except OSError as error:
-        raise ParameterError(f"{path}: must be a readable file: {error.strerror}") from None
+    return read(path, rate, calibration)
 
 
 def _from_hatt(path: Path, _rate: float, _calibration: float | None) -> TextureModel:
@@ -101,15 +99,9 @@ def _from_pattern(path: Path, _rate: float, calibration: float | None) -> Textur
 
 
 def _from_npz(path: Path, _rate: float, calibration: float | None) -> TextureModel:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            data = np.atleast_2d(np.asarray(file["data"], dtype=np.float64))
-            rate = checked("sample_rate", file["sample_rate"].item(), 1.0, _RATE)
-            names = [str(name) for name in file["channel_names"]]
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise ParameterError(
-            f"{path}: must hold numbers data, sample_rate and channel_names: {shown(str(error))}"
-        ) from None
+    file = read_npz(path)
+    data, rate = np.atleast_2d(file.at("data").array()), file.at("sample_rate").number(_RATE)
+    names = [str(name) for name in np.atleast_1d(file.at("channel_names").value)]
     if data.shape[1] == len(names) != data.shape[0]:
         data = data.T
     if data.ndim != 2 or not data.size or len(data) != len(names):
@@ -134,19 +126,19 @@ def _from_signals(
 
 
 def _from_filter(path: Path, _rate: float, calibration: float | None) -> TextureModel:
-    file = JsonValue(str(path), read_json(path))
-    rate = file.number("sample_rate", _RATE)
+    file = read_json_document(path)
+    rate = file.at("sample_rate").number(_RATE)
     b, a = (_coefficients(path, file, name) for name in ("b", "a"))
     if not a[0] or np.any(np.abs(np.roots(a)) >= 1):
         raise ParameterError(f"{path}: a: must have its roots inside the unit circle")
     delay = np.exp(-1j * np.linspace(0.0, np.pi, 4097))
     response = (calibration or 1.0) * np.polyval(b[::-1], delay) / np.polyval(a[::-1], delay)
-    name = file.word("name") if "name" in file else path.stem
+    name = file.at("name").text() if "name" in file else path.stem
     return _texture(path, name, np.abs(response) ** 2 * 2 / rate, rate, calibration)
 
 
-def _coefficients(path: Path, file: JsonValue, name: str) -> FloatArray:
-    found = np.array([each.as_number(_COEFFICIENT) for each in file.at(name).items()])
+def _coefficients(path: Path, file: Document, name: str) -> FloatArray:
+    found = np.array([each.number(_COEFFICIENT) for each in file.at(name).items()])
     if not 1 <= len(found) <= MOST_COEFFICIENTS or not found.any():
         raise ParameterError(
             f"{path}: {name}: must be 1 to {MOST_COEFFICIENTS} coefficients that are not all 0"

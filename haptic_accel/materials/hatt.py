@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from haptic_accel.core.bounded_files import located, read_xml
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
@@ -39,18 +40,12 @@ def read_hatt(path: Path) -> TextureModel:
     Raises
     ------
     ParameterError
-        In one line: the file is not of that form, or its model is not one.
-    OSError
-        The file cannot be read.
+        In one line: the file cannot be read, is not of that form, or its model is not one.
     """
-    try:
-        model_set = ElementTree.fromstring(path.read_bytes())
-    except ElementTree.ParseError as error:
-        raise ParameterError(f"{path}: not XML: {error}") from None
-    try:
+    with located(path, "not XML"):
+        model_set = read_xml(path)
+    with located(path):
         return _model(model_set, path.stem)
-    except ParameterError as error:
-        raise ParameterError(f"{path}: {error}") from None
 
 
 def _model(model_set: ElementTree.Element, name: str) -> TextureModel:

@@ -17,13 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.model import FloatArray, Vector, vector
 from haptic_accel.core.parameters import ParameterError, shown, suggestion
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.contact import Contact
 from haptic_accel.core.surfaces.material import Material
 from haptic_accel.core.surfaces.scene import Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
+from haptic_accel.materials.moving_check import check_mjcf, compiled, specification
 
 TIP_RADIUS = 1e-3
 """Radius of the tool's tip, m."""
@@ -50,7 +51,8 @@ def moving_scene(path: Path, materials: Mapping[str, Material], start: Vector, n
         MuJoCo is not installed, or cannot read the file; or a geom is not in it.
     """
     mujoco = _mujoco(path)
-    model = _specification(path).compile()
+    check_mjcf(path)
+    model = compiled(path, specification(path))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     names = [model.geom(index).name or f"geom {index}" for index in range(model.ngeom)]
@@ -79,15 +81,6 @@ def _mujoco(path: Path) -> Any:
     except ImportError:
         raise ParameterError(f"{path}: needs MuJoCo: pip install 'haptic_accel[mujoco]'") from None
     return mujoco
-
-
-def _specification(path: Path) -> Any:
-    """Return what an MJCF file states."""
-    try:
-        return _mujoco(path).MjSpec.from_file(str(path))
-    except ValueError as error:
-        reason = shown(" ".join(str(error).split()))
-        raise ParameterError(f"{path}: must be MJCF that MuJoCo reads: {reason}") from None
 
 
 def _shape(geom: Any) -> Shape:
@@ -178,18 +171,15 @@ class MovingTool:
         if not contacts:
             return None
         number = max(contacts, key=lambda each: (each in begun, contacts[each].normal_force))
-        x, y, z = sum(forces.values(), np.zeros(3)).tolist()
         return contacts[number]._replace(
-            force=(x, y, z),
+            force=vector(sum(forces.values(), np.zeros(3))),
             normal_force=float(forces[number] @ contacts[number].normal),
             impact_speed=contacts[number].impact_speed if number in begun else 0.0,
         )
 
     def _note(self) -> None:
-        x, y, z = self._data.xpos[self._body].tolist()
-        v_x, v_y, v_z = self._data.qvel[self._axes].tolist()
-        self.position: Vector = (x, y, z)
-        self.velocity: Vector = (v_x, v_y, v_z)
+        self.position: Vector = vector(self._data.xpos[self._body])
+        self.velocity: Vector = vector(self._data.qvel[self._axes])
 
     def _touch(self, contact: Any, other: int, motors: Vector, approaching: FloatArray) -> Contact:
         """Return a contact of the last step, and let its friction act in the next one."""
@@ -211,11 +201,11 @@ class MovingTool:
         self._data.xfrc_applied[body] -= np.concatenate([friction, self._cross(lever, friction)])
         return Contact(
             self.scene.objects[other],
-            _vector(normal),
+            vector(normal),
             max(0.0, -float(contact.dist)),
-            _vector(pushing * normal + friction),
+            vector(pushing * normal + friction),
             pushing,
-            _vector(along),
+            vector(along),
             math.sqrt(along @ along),
             max(0.0, -float((approaching - ground) @ normal)),
             size > bound,
@@ -240,19 +230,14 @@ def _along(vector: FloatArray, normal: FloatArray) -> FloatArray:
     return np.asarray(vector - (vector @ normal) * normal)
 
 
-def _vector(values: FloatArray) -> Vector:
-    x, y, z = values.tolist()
-    return x, y, z
-
-
 def _with_tool(path: Path, start: Vector, parameters: ToolParameters) -> Any:
     """Return the model of a file with a tool in it, whose geom is the last."""
     from mujoco import mjtGeom, mjtJoint
 
-    specification = _specification(path)
+    stated = specification(path)
     x, y, z = start
     place = [x, y, z + parameters.height + TIP_RADIUS]
-    body = specification.worldbody.add_body(name=_TOOL, pos=place, gravcomp=1)
+    body = stated.worldbody.add_body(name=_TOOL, pos=place, gravcomp=1)
     for axis in np.eye(3):
         body.add_joint(
             type=mjtJoint.mjJNT_SLIDE,
@@ -264,4 +249,4 @@ def _with_tool(path: Path, start: Vector, parameters: ToolParameters) -> Any:
     ball = body.add_geom(name=_TOOL, type=mjtGeom.mjGEOM_SPHERE, size=size, mass=parameters.mass)
     ball.contype = ball.conaffinity = 1  # whatever the file's defaults are
     ball.condim = ball.priority = 1  # no friction with anything
-    return specification.compile()
+    return compiled(path, stated)

@@ -5,17 +5,17 @@
 
 from __future__ import annotations
 
-import json
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from haptic_accel.core.document import Document, read_json_document
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, Specification, checked, shown
+from haptic_accel.core.parameters import ParameterError, Specification
 
 DULLEST, SHARPEST = 65.0, 300.0
 """Frequencies of sharpness 0 and 1, Hz, as in the reference encoder of MPEG-I haptics."""
@@ -29,30 +29,37 @@ TRANSIENT_DECAY = 150.0
 LONGEST = 60.0
 """Longest pattern, s."""
 
-MOST_BYTES = 10_000_000
-"""Largest file; patterns are a few kilobytes."""
+MOST_EVENTS = 10_000
+"""Events of a pattern, most of which have a hundred."""
+
+LONGEST_IN_ALL = 1200.0
+"""Time that the events of a pattern take together, s: twenty at once throughout the longest."""
 
 _INTENSITY, _SHARPNESS = 1.0, 0.5  # where an event states none
 _SECONDS = Specification("time", "s", 0.0, LONGEST)
 _RELATIVE = Specification("relative value", "", -1.0, 1.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Envelope:
-    """Values between points in time; `before` holds ahead of the first one."""
+    """Values between points in time, ascending; `before` holds ahead of the first one."""
 
     before: float
-    points: tuple[tuple[float, float], ...] = ()
+    times: FloatArray = field(default_factory=lambda: np.empty(0))
+    values: FloatArray = field(default_factory=lambda: np.empty(0))
+    factor: float = 1.0
+    offset: float = 0.0
+
+    @classmethod
+    def through(cls, before: float, points: Iterable[tuple[float, float]]) -> _Envelope:
+        times, values = np.array(sorted(points)).reshape(-1, 2).T
+        return cls(before, times, values)
 
     def at(self, time: FloatArray) -> FloatArray:
-        if not self.points:
-            return np.full(len(time), self.before)
-        times, values = zip(*self.points, strict=True)
-        return np.asarray(np.interp(time, times, values, left=self.before))
-
-    def changed(self, factor: float = 1.0, offset: float = 0.0) -> _Envelope:
-        points = ((time, factor * value + offset) for time, value in self.points)
-        return _Envelope(factor * self.before + offset, tuple(points))
+        found = np.full(len(time), self.before)
+        if len(self.times):
+            found = np.interp(time, self.times, self.values, left=self.before)
+        return np.asarray(self.factor * found + self.offset)
 
 
 @dataclass(frozen=True)
@@ -89,9 +96,14 @@ def read_pattern(path: Path, rate: float) -> FloatArray:
     ParameterError
         The file cannot be read, or a value is not allowed: in one line.
     """
-    content = read_json(path)
     read = _haptic_events if path.suffix.lower() == ".haptic" else _ahap_events
-    events = list(read(JsonValue(str(path), content)))
+    events = list(itertools.islice(read(read_json_document(path)), MOST_EVENTS + 1))
+    if len(events) > MOST_EVENTS:
+        raise ParameterError(f"{path}: must have at most {MOST_EVENTS} events")
+    if (total := sum(event.duration for event in events)) > LONGEST_IN_ALL:
+        raise ParameterError(
+            f"{path}: its events take {total:g} s together: must be at most {LONGEST_IN_ALL:g} s"
+        )
     end = max((event.start + event.duration for event in events), default=0.0)
     time = np.arange(math.ceil(end * rate)) / rate
     wave = np.zeros(len(time))
@@ -103,66 +115,6 @@ def read_pattern(path: Path, rate: float) -> FloatArray:
     return wave
 
 
-def read_json(path: Path) -> Any:
-    """Return what a file of JSON holds.
-
-    Raises
-    ------
-    ParameterError
-        It cannot be read.
-    """
-    try:
-        if path.stat().st_size > MOST_BYTES:
-            raise ParameterError(f"{path}: must have at most {MOST_BYTES} bytes")
-        return json.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise ParameterError(f"{path}: must be a readable file: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, ParameterError):
-            raise
-        raise ParameterError(f"{path}: must be JSON: {shown(str(error))}") from None
-
-
-class JsonValue:
-    """A value in a file of JSON, with its place for messages."""
-
-    def __init__(self, place: str, value: Any) -> None:
-        self._place = place
-        self._value = value
-
-    def __contains__(self, key: str) -> bool:
-        """Return True for a mapping that has a key."""
-        return isinstance(self._value, dict) and key in self._value
-
-    def at(self, *keys: str) -> JsonValue:
-        """Return the value behind some keys."""
-        found = self
-        for key in keys:
-            if key not in found:
-                raise ParameterError(f"{found._place}: {key} = nothing: must be there")
-            found = JsonValue(f"{found._place}: {key}", found._value[key])
-        return found
-
-    def items(self) -> Iterator[JsonValue]:
-        """Yield the values of a list."""
-        if not isinstance(self._value, list):
-            raise ParameterError(f"{self._place} = {shown(repr(self._value))}: must be a list")
-        for index, value in enumerate(self._value):
-            yield JsonValue(f"{self._place}[{index}]", value)
-
-    def number(self, key: str, specification: Specification) -> float:
-        """Return the number behind a key, in its range."""
-        return self.at(key).as_number(specification)
-
-    def as_number(self, specification: Specification) -> float:
-        """Return the value, a number in its range."""
-        return float(checked(self._place, self._value, 0.0, specification))
-
-    def word(self, key: str) -> str:
-        """Return a value as text."""
-        return str(self.at(key)._value)
-
-
 def _vibration(event: _Event, time: FloatArray, rate: float) -> FloatArray:
     share = np.clip(event.sharpness.at(time), 0, 1)
     phase = 2 * np.pi * np.cumsum(DULLEST + (SHARPEST - DULLEST) * share) / rate
@@ -172,48 +124,50 @@ def _vibration(event: _Event, time: FloatArray, rate: float) -> FloatArray:
     return np.asarray(amplitude * np.sin(phase))
 
 
-def _ahap_events(file: JsonValue) -> Iterator[_Event]:
+def _ahap_events(file: Document) -> Iterator[_Event]:
     items = list(file.at("Pattern").items())
     curves = [item.at("ParameterCurve") for item in items if "ParameterCurve" in item]
     control = {
-        kind: _Envelope(neutral, tuple(sorted(_control_points(curves, f"Haptic{kind}Control"))))
+        kind: _Envelope.through(neutral, _control_points(curves, f"Haptic{kind}Control"))
         for kind, neutral in (("Intensity", 1.0), ("Sharpness", 0.0))
     }
     for event in (item.at("Event") for item in items if "Event" in item):
-        kind = event.word("EventType")
+        kind = event.at("EventType").text()
         if kind not in ("HapticTransient", "HapticContinuous"):
             continue
         brief = kind == "HapticTransient"
         own = _parameters(event)
         yield _Event(
-            event.number("Time", _SECONDS),
-            TRANSIENT if brief else event.number("EventDuration", _SECONDS),
+            event.at("Time").number(_SECONDS),
+            TRANSIENT if brief else event.at("EventDuration").number(_SECONDS),
             TRANSIENT_DECAY if brief else 0.0,
-            control["Intensity"].changed(factor=own.get("Intensity", _INTENSITY)),
-            control["Sharpness"].changed(offset=own.get("Sharpness", _SHARPNESS)),
+            replace(control["Intensity"], factor=own.get("Intensity", _INTENSITY)),
+            replace(control["Sharpness"], offset=own.get("Sharpness", _SHARPNESS)),
         )
 
 
-def _parameters(event: JsonValue) -> Mapping[str, float]:
+def _parameters(event: Document) -> Mapping[str, float]:
     """Return the values of an event by the names of their kind, without "Haptic"."""
     listed = event.at("EventParameters").items() if "EventParameters" in event else ()
     return {
-        each.word("ParameterID").removeprefix("Haptic"): each.number("ParameterValue", _RELATIVE)
+        each.at("ParameterID").text().removeprefix("Haptic"): each.at("ParameterValue").number(
+            _RELATIVE
+        )
         for each in listed
-        if each.word("ParameterID") in ("HapticIntensity", "HapticSharpness")
+        if each.at("ParameterID").text() in ("HapticIntensity", "HapticSharpness")
     }
 
 
-def _control_points(curves: Iterable[JsonValue], kind: str) -> Iterator[tuple[float, float]]:
+def _control_points(curves: Iterable[Document], kind: str) -> Iterator[tuple[float, float]]:
     for curve in curves:
-        if curve.word("ParameterID") == kind:
-            start = curve.number("Time", _SECONDS)
+        if curve.at("ParameterID").text() == kind:
+            start = curve.at("Time").number(_SECONDS)
             for point in curve.at("ParameterCurveControlPoints").items():
-                time = start + point.number("Time", _SECONDS)
-                yield time, point.number("ParameterValue", _RELATIVE)
+                time = start + point.at("Time").number(_SECONDS)
+                yield time, point.at("ParameterValue").number(_RELATIVE)
 
 
-def _haptic_events(file: JsonValue) -> Iterator[_Event]:
+def _haptic_events(file: Document) -> Iterator[_Event]:
     envelopes = file.at("signals", "continuous", "envelopes")
     points = list(envelopes.at("amplitude").items())
     amplitude = _breakpoints(points, "amplitude", 0.0)
@@ -222,20 +176,20 @@ def _haptic_events(file: JsonValue) -> Iterator[_Event]:
         "frequency",
         _SHARPNESS,
     )
-    end = max((time for time, _ in amplitude.points), default=0.0)
+    end = float(amplitude.times.max(initial=0.0))
     yield _Event(0.0, end, 0.0, amplitude, frequency)
     for point in points:
         if "emphasis" in point:
             emphasis = point.at("emphasis")
             yield _Event(
-                point.number("time", _SECONDS),
+                point.at("time").number(_SECONDS),
                 TRANSIENT,
                 TRANSIENT_DECAY,
-                _Envelope(emphasis.number("amplitude", _RELATIVE)),
-                _Envelope(emphasis.number("frequency", _RELATIVE)),
+                _Envelope(emphasis.at("amplitude").number(_RELATIVE)),
+                _Envelope(emphasis.at("frequency").number(_RELATIVE)),
             )
 
 
-def _breakpoints(points: Iterable[JsonValue], key: str, before: float) -> _Envelope:
-    pairs = ((each.number("time", _SECONDS), each.number(key, _RELATIVE)) for each in points)
-    return _Envelope(before, tuple(sorted(pairs)))
+def _breakpoints(points: Iterable[Document], key: str, before: float) -> _Envelope:
+    pairs = ((each.at("time").number(_SECONDS), each.at(key).number(_RELATIVE)) for each in points)
+    return _Envelope.through(before, pairs)

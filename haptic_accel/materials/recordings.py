@@ -5,11 +5,16 @@
 
 from __future__ import annotations
 
+import csv
+import errno
+import io
+import itertools
 import math
 import os
-import stat
 import warnings
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +22,12 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core import resampling
+from haptic_accel.core.bounded_files import opened
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.parameters import ParameterError, one_line, shown
 
-# pandas and scipy.io take half a second to import: only who reads a file waits for them.
+# scipy.io takes a while to import: only who reads a WAV file waits for it.
 
 COLUMNS = ("acceleration", "accel", "acc", "a")
 """Default names of a CSV file's column of acceleration in m/s^2, in order of preference."""
@@ -38,11 +44,11 @@ SHORTEST = 1.0
 LARGEST = 1.0e6
 """Maximum magnitude of an acceleration, m/s^2; a file that exceeds it holds something else."""
 
-MOST_BYTES = 500_000_000
-"""Maximum size of a file."""
+MOST_BYTES = 300_000_000
+"""Maximum size of a file: half an hour at 10 kHz."""
 
-BLOCK = 1 << 20
-"""Bytes that are looked at in one go."""
+LONGEST_LINE = 1 << 16
+"""Maximum length of a line of a CSV file, characters."""
 
 
 def read_recording(
@@ -123,112 +129,108 @@ def read_samples(
     if full_scale is not None and not 0.0 < full_scale <= LARGEST:
         raise ParameterError(f"full_scale = {full_scale}: must be above 0 to {LARGEST:g} m/s^2")
     name = shown(os.fspath(path))
-    start = _start(name, path)
-    if start[:4] == b"RIFF" or Path(path).suffix.lower() == ".wav":
-        own_rate, channels = _decode_wav(name, path, start)
-        tolerance = resampling.RATE_TOLERANCE
-        if recording_rate and not math.isclose(recording_rate, own_rate, rel_tol=tolerance):
+    with _opened(name, path) as file:
+        start = file.peek(8)[:8]
+        if start[:4] == b"RIFF" or Path(path).suffix.lower() == ".wav":
+            own_rate, channels = _decode_wav(name, file, start)
+            tolerance = resampling.RATE_TOLERANCE
+            if recording_rate and not math.isclose(recording_rate, own_rate, rel_tol=tolerance):
+                raise ParameterError(
+                    f"recording_rate = {recording_rate:g}: must be 0 or {own_rate:g} Hz"
+                    f" as {name} says"
+                )
+            recording_rate = own_rate
+            samples = _acceleration(name, channels, column or "1", full_scale)
+        elif recording_rate == 0.0:
             raise ParameterError(
-                f"recording_rate = {recording_rate:g}: must be 0 or {own_rate:g} Hz as {name} says"
+                f"recording_rate = 0: must be given for a CSV file such as {name}, "
+                f"from {resampling.LOWEST_RATE:g} to {resampling.HIGHEST_RATE:g} Hz"
             )
-        recording_rate = own_rate
-        samples = _acceleration(name, channels, column or "1", full_scale)
-    elif recording_rate == 0.0:
-        raise ParameterError(
-            f"recording_rate = 0: must be given for a CSV file such as {name}, "
-            f"from {resampling.LOWEST_RATE:g} to {resampling.HIGHEST_RATE:g} Hz"
-        )
-    else:
-        samples = _read_csv(name, path, column)
+        else:
+            samples = _read_csv(name, file, column)
     seconds = len(samples) / recording_rate
     if seconds < SHORTEST:
         raise ParameterError(
             f"{name}: {len(samples)} samples at {recording_rate:g} Hz last {seconds:.3g} s, "
             f"must be at least {SHORTEST:g} s"
         )
-    if len(samples) > resampling.MOST_SAMPLES:
-        raise ParameterError(
-            f"{name}: {len(samples)} samples: must be at most {resampling.MOST_SAMPLES}"
-        )
     return samples, recording_rate
 
 
-def _start(name: str, path: str | os.PathLike[str]) -> bytes:
-    """Return the first bytes of a regular file."""
+def _too_long(name: str, samples: int) -> ParameterError:
+    return ParameterError(f"{name}: {samples} samples: must be at most {resampling.MOST_SAMPLES}")
+
+
+@contextmanager
+def _opened(name: str, path: str | os.PathLike[str]) -> Iterator[io.BufferedReader]:
+    """Open a file that is not empty."""
     try:
-        # Checked before it is opened: a pipe or a device would be read for ever.
-        status = os.stat(path)
-        if stat.S_ISDIR(status.st_mode):
-            wrong = "is a folder"
-        elif not stat.S_ISREG(status.st_mode):
-            wrong = "is not a regular file"
-        elif status.st_size == 0:
-            wrong = "is empty"
-        elif status.st_size > MOST_BYTES:
-            wrong = f"has {status.st_size} bytes, more than {MOST_BYTES}"
-        else:
-            with Path(path).open("rb") as file:
-                return file.read(8)
+        with opened(path, MOST_BYTES) as file:
+            if not file.peek(1):
+                raise OSError(errno.EINVAL, "is empty")
+            yield file
     except OSError as error:
-        wrong = error.strerror or type(error).__name__
-    except ValueError as error:  # a NUL in the name
-        wrong = str(error)
-    what = name or "recording = ''"
-    raise ParameterError(f"{what}: {wrong}, must be a CSV or WAV file")
+        what = name or "recording = ''"
+        reason = error.strerror or type(error).__name__
+        raise ParameterError(f"{what}: {reason}, must be a CSV or WAV file") from None
 
 
-def _read_csv(name: str, path: str | os.PathLike[str], column: str | None) -> FloatArray:
+def _read_csv(name: str, file: io.BufferedReader, column: str | None) -> FloatArray:
     """Return one column of numbers."""
-    import pandas as pd
-
+    values = array("d")
     try:
-        _check_text(path)
-        with Path(path).open(encoding="utf-8-sig") as file:
-            blank, header = 0, file.readline()
-            while header.isspace():
-                blank, header = blank + 1, file.readline()
-        # Lines are kept as they are in the file, for their numbers.
-        table = pd.read_csv(
-            path,
-            sep=max(",;\t", key=header.count),
-            header=None,
-            skiprows=blank,
-            skip_blank_lines=False,
-            dtype=str,
-            keep_default_na=False,
-            skipinitialspace=True,
-            encoding="utf-8-sig",
+        lines = _lines(name, file)
+        blank, header = next(
+            ((number, line) for number, line in enumerate(lines) if not line.isspace()), (0, "")
         )
+        separator = max(",;\t", key=header.count)
+        rows = csv.reader(
+            itertools.chain([header], lines),
+            delimiter=separator,
+            skipinitialspace=True,
+            strict=True,
+        )
+        titles = [title.strip() for title in next(rows)]
+        found = _found(name, "column", (column,) if column else COLUMNS, titles)
+        if titles.count(found) > 1:
+            raise ParameterError(f"{name}: column = {shown(found)}: is there more than once")
+        place = titles.index(found)
+        for row in rows:
+            if not any(row):
+                continue
+            text = row[place] if place < len(row) else ""
+            value = _number(text) if len(row) <= len(titles) else math.nan
+            if not abs(value) <= LARGEST:
+                line = f"{name}: line {blank + rows.line_num}"
+                if len(row) > len(titles):
+                    raise ParameterError(
+                        f"{line}: {len(row)} values: must be {len(titles)} at most, as the header"
+                    )
+                raise ParameterError(
+                    f"{line}: {shown(found)} = {text[:40]!r}: "
+                    f"must be a number from {-LARGEST:g} to {LARGEST:g} m/s^2"
+                )
+            values.append(value)
+            if len(values) > resampling.MOST_SAMPLES:
+                raise _too_long(name, len(values))
     except UnicodeError:
         raise ParameterError(f"{name}: is not text, must be a CSV or WAV file") from None
-    except ValueError as error:
+    except csv.Error as error:
         raise ParameterError(
-            f"{name}: {shown(str(error).strip())}: must be comma-separated values"
+            f"{name}: {shown(str(error))}: must be comma-separated values"
         ) from None
-    titles = [str(title).strip() for title in table.iloc[0]]
-    found = _found(name, "column", (column,) if column else COLUMNS, titles)
-    if titles.count(found) > 1:
-        raise ParameterError(f"{name}: column = {shown(found)}: is there more than once")
-    rows = table.iloc[1:]
-    rows = rows[(rows.fillna("") != "").any(axis=1)]
-    texts = rows[titles.index(found)]
-    values = np.array(list(map(_number, texts)), dtype=np.float64)
-    wrong = np.flatnonzero(~(np.abs(values) <= LARGEST))
-    if len(wrong):
-        line = texts.index[wrong[0]] + blank + 1
-        raise ParameterError(
-            f"{name}: line {line}: {shown(found)} = {texts.iloc[wrong[0]][:40]!r}: "
-            f"must be a number from {-LARGEST:g} to {LARGEST:g} m/s^2"
-        )
-    return values
+    return np.array(values, dtype=np.float64)
 
 
-def _check_text(path: str | os.PathLike[str]) -> None:
-    """Raise UnicodeError for a file with a NUL, at which pandas 2.1 ends a number unnoticed."""
-    with Path(path).open("rb") as file:
-        while block := file.read(BLOCK):
-            if b"\0" in block:
-                raise UnicodeError
+def _lines(name: str, file: io.BufferedReader) -> Iterator[str]:
+    """Yield the lines of a text, none of which is long."""
+    text = io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
+    while line := text.readline(LONGEST_LINE + 1):
+        if len(line) > LONGEST_LINE:
+            raise ParameterError(f"{name}: a line has more than {LONGEST_LINE} characters")
+        if "\0" in line:
+            raise UnicodeError
+        yield line
 
 
 def _found(name: str, kind: str, wanted: Sequence[str], titles: Sequence[str]) -> str:
@@ -251,12 +253,12 @@ def _number(text: str) -> float:
 
 
 def _decode_wav(
-    name: str, path: str | os.PathLike[str], start: bytes
+    name: str, file: io.BufferedReader, start: bytes
 ) -> tuple[float, npt.NDArray[Any]]:
     """Return sampling rate and samples, shape (n, channels), as they are in the file."""
     from scipy.io import wavfile
 
-    size, stated_size = os.stat(path).st_size, int.from_bytes(start[4:], "little") + 8
+    size, stated_size = os.fstat(file.fileno()).st_size, int.from_bytes(start[4:], "little") + 8
     if start[:4] == b"RIFF" and stated_size > size + 1:  # a last pad byte may lack
         raise ParameterError(
             f"{name}: is cut off after {size} bytes, its header says {stated_size}"
@@ -264,13 +266,13 @@ def _decode_wav(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
-            rate, samples = wavfile.read(path)
+            rate, samples = wavfile.read(file)
         if not np.issubdtype(samples.dtype, np.number):
             raise TypeError(f"samples of type {samples.dtype}")
     except Exception as error:  # scipy raises a dozen kinds on a malformed header
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = shown(one_line(error))
         raise ParameterError(
-            f"{name}: is not a WAV file of integer or floating-point samples ({shown(reason)})"
+            f"{name}: is not a WAV file of integer or floating-point samples ({reason})"
         ) from None
     own_rate = resampling.checked_rate(f"{name}: sampling rate", rate)
     return own_rate, samples if samples.ndim == 2 else samples[:, np.newaxis]
@@ -281,6 +283,8 @@ def _acceleration(
 ) -> FloatArray:
     """Return the acceleration in one channel of a WAV file, m/s^2."""
     numbers = [str(number + 1) for number in range(channels.shape[1])]
+    if len(channels) > resampling.MOST_SAMPLES:
+        raise _too_long(name, len(channels))
     samples = channels[:, numbers.index(_found(name, "channel", (channel,), numbers))]
     acceleration = samples.astype(np.float64)
     if samples.dtype.kind != "f":

@@ -6,26 +6,27 @@
 from __future__ import annotations
 
 import hashlib
-import math
-import zipfile
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.bounded_files import located, read_bytes
+from haptic_accel.core.bounded_work import OutOfBoundsError, run_bounded
+from haptic_accel.core.model import FloatArray, vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.surfaces.sampled_shapes import DistanceGrid, HeightField
+from haptic_accel.materials import mesh_baking
+from haptic_accel.materials.array_files import read_array, read_arrays
 
 MISSING_LIBRARY = "meshes need trimesh: pip install 'haptic_accel[mesh]'"
 
-LARGEST_GRID = 300_000
-"""Samples of a baked mesh, which take about half a minute, once."""
-
-BORDER = 2
-"""Samples around a mesh, so that its surface is in the grid."""
+LARGEST_MESH = 1 << 26
+"""Largest file of a mesh, bytes."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +52,9 @@ def read_heights(path: Path, sampling: Sampling) -> HeightField:
     ParameterError
         It cannot be read, or is no such table.
     """
-    try:
-        heights = np.load(path, allow_pickle=False)
+    with located(path, "must be an array of numbers"):
+        heights = read_array(path)
         return HeightField(np.asarray(heights, dtype=float) * sampling.scale, sampling.spacing)
-    except OSError as error:
-        raise _unreadable(path, error) from None
-    except (ValueError, TypeError, EOFError) as error:
-        reason = error if isinstance(error, ParameterError) else "must be an array of numbers"
-        raise ParameterError(f"{path}: {reason}") from None
 
 
 def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
@@ -78,63 +74,41 @@ def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
     ParameterError
         It cannot be read, encloses no volume, or has too many samples; or trimesh is missing.
     """
-    try:
-        source = hashlib.sha256(path.read_bytes() + repr(sampling).encode()).hexdigest()
-    except OSError as error:
-        raise _unreadable(path, error) from None
+    with located(path):
+        content = read_bytes(path, LARGEST_MESH)
+    source = hashlib.sha256(content + repr(sampling).encode()).hexdigest()
     kept = path.with_name(path.name + ".npz")
     try:
-        with np.load(kept, allow_pickle=False) as found:
-            if found["source"] == source:
-                return _grid(found["grid"], found["corner"], sampling)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        found: dict[str, Any] = dict(read_arrays(kept))
+        if str(found["source"]) == source:
+            return _grid(found["grid"], found["corner"], sampling)
+    except (OSError, ValueError, KeyError):
         pass  # none yet, or a damaged one
-    grid, corner = _baked(path, sampling)
+    baked = _baked(path, sampling)
     with suppress(OSError):  # in a folder that is not the user's, it takes its time again
-        np.savez_compressed(kept, source=source, grid=grid, corner=corner)
-    return _grid(grid, corner, sampling)
+        np.savez_compressed(kept, source=source, **baked)
+    return _grid(baked["grid"], baked["corner"], sampling)
 
 
 def _grid(grid: FloatArray, corner: FloatArray, sampling: Sampling) -> DistanceGrid:
-    x, y, z = corner.tolist()
-    return DistanceGrid(grid, sampling.spacing, (x, y, z))
+    return DistanceGrid(grid, sampling.spacing, vector(corner))
 
 
-def _baked(path: Path, sampling: Sampling) -> tuple[FloatArray, FloatArray]:
+def _baked(path: Path, sampling: Sampling) -> dict[str, Any]:
     """Return the signed distances of a mesh, and the place of the first of them."""
     try:
-        from trimesh.proximity import signed_distance
+        if find_spec("trimesh.proximity") is None:
+            raise ImportError
     except ImportError:
         raise ParameterError(MISSING_LIBRARY) from None
-    mesh = _mesh(path)
-    mesh.apply_scale(sampling.scale)
-    low, high = mesh.bounds
-    counts = np.ceil((high - low) / sampling.spacing).astype(int) + 1 + 2 * BORDER
-    if math.prod(counts.tolist()) > LARGEST_GRID:
-        size = " x ".join(f"{side:g}" for side in high - low)
-        raise ParameterError(
-            f"spacing = {sampling.spacing:g}: must be larger: {path} is {size} m large,"
-            f" and may have {LARGEST_GRID} samples"
-        )
-    # Centred: the same on opposite sides.
-    corner = (low + high - (counts - 1) * sampling.spacing) / 2
-    places = corner + sampling.spacing * np.moveaxis(np.indices(counts), 0, -1).reshape(-1, 3)
-    return -signed_distance(mesh, places).reshape(counts), corner
-
-
-def _mesh(path: Path) -> Any:
-    """Return a mesh that encloses a volume."""
-    import trimesh
-
-    try:
-        mesh = trimesh.load_mesh(path)
-    except Exception as error:  # whatever a reader of one of many formats raises
-        reason = " ".join(str(error).split())[:100]
-        raise ParameterError(f"{path}: must be a mesh that trimesh reads: {reason}") from None
-    if not (len(getattr(mesh, "faces", ())) and mesh.is_watertight):
-        raise ParameterError(f"{path}: must be a mesh that encloses a volume without gaps")
-    return mesh
-
-
-def _unreadable(path: Path, error: OSError) -> ParameterError:
-    return ParameterError(f"{path}: must be a readable file: {error.strerror}")
+    with TemporaryDirectory(prefix="haptic_accel-") as folder:
+        result = Path(folder) / "grid.npz"
+        words = [path.absolute(), result, sampling.spacing, sampling.scale]
+        try:
+            run_bounded(mesh_baking.__name__, list(map(str, words)), mesh_baking.SECONDS)
+        except OutOfBoundsError as error:
+            raise ParameterError(
+                f"{path}: {error}: must be turned into a grid within {mesh_baking.SECONDS:g} s"
+                f" and {mesh_baking.MEGABYTES} MB"
+            ) from None
+        return dict(read_arrays(result))

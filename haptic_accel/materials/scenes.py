@@ -6,23 +6,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from haptic_accel.core.parameters import ParameterError, Specification, own_schema
+from haptic_accel.core.document import Document, read_yaml_document
+from haptic_accel.core.parameters import Specification, own_schema
 from haptic_accel.core.surfaces.material import Material
 from haptic_accel.core.surfaces.scene import Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.taps import Mode, TapModel
-from haptic_accel.core.surfaces.texture import TextureModel
+from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.moving import moving_scene
 from haptic_accel.materials.sampled_shapes import Sampling, read_heights, read_mesh
-from haptic_accel.materials.sections import Section, read_sections
-from haptic_accel.materials.tap_files import read_taps
-from haptic_accel.materials.texture_files import read_texture
+from haptic_accel.materials.texture_files import read_npz, read_texture
 
 SHAPES: Mapping[str, Any] = {"plane": Plane, "sphere": Sphere, "box": Box, "cylinder": Cylinder}
 """Shapes by their names in a file."""
@@ -55,48 +54,44 @@ def read_scene(path: Path) -> Scene:
         It cannot be read, or a value is not allowed: names the file, the line, the value and what
         is allowed.
     """
-    file = read_sections(path)
+    file = read_yaml_document(path)
     file.check_keys("start", "materials", "objects", "mujoco")
-    materials = {name: _material(name, each) for name, each in file.inner("materials").sections()}
-    if "mujoco" in file.values:
+    materials = {name: _material(name, each) for name, each in file.get("materials", {}).members()}
+    if "mujoco" in file:
         return _moving(file, materials)
-    objects = [_object(name, each, materials) for name, each in file.inner("objects").sections()]
+    objects = [_object(name, each, materials) for name, each in file.get("objects", {}).members()]
     if not objects:
         file.refuse("objects: must be one at least", "objects")
-    return Scene(tuple(objects), file.vector("start", PLACE), path.stem)
+    return Scene(tuple(objects), file.get("start").vector(PLACE), path.stem)
 
 
-def _moving(file: Section, materials: Mapping[str, Material]) -> Scene:
+def _moving(file: Document, materials: Mapping[str, Material]) -> Scene:
     """Return the scene of an MJCF file, whose geoms are given materials here."""
-    for _, section in file.inner("materials").sections():
+    for _, section in file.get("materials", {}).members():
         section.check_keys("texture", "tap")  # all else is the other file's
     named = {}
-    for geom, section in file.inner("objects").sections():
+    for geom, section in file.get("objects", {}).members():
         section.check_keys("material")
-        named[geom] = section.choice("material", materials)
-    path = file.path.parent / file.value("mujoco", "", Specification("MJCF file"))
-    start = file.vector("start", PLACE)
-    try:
+        named[geom] = section.get("material").choice(materials)
+    path = file.path.parent / file.at("mujoco").text()
+    start = file.get("start").vector(PLACE)
+    with file.located("mujoco"):
         return moving_scene(path, named, start, file.path.stem)
-    except ParameterError as error:
-        file.refuse(str(error), "mujoco")
 
 
-def _material(name: str, section: Section) -> Material:
+def _material(name: str, section: Document) -> Material:
     section.check_keys(*own_schema(Material), "texture", "tap")
     return section.build(Material, name=name, texture=_texture(section), tap=_tap(section))
 
 
-def _texture(section: Section) -> TextureModel | None:
+def _texture(section: Document) -> TextureModel | None:
     """Return the model of a texture by its name, or in a file beside the scene's."""
-    if "texture" not in section.values:
+    if "texture" not in section:
         return None
-    name = section.value("texture", "", Specification("texture"))
-    try:
+    name = section.at("texture").text()
+    with section.located("texture"):
         path = preset_file("texture", name, section.path.parent)
         return _model(path, path.stat().st_mtime_ns)
-    except ParameterError as error:
-        section.refuse(str(error), "texture")
 
 
 @lru_cache(maxsize=32)
@@ -105,27 +100,44 @@ def _model(path: Path, _modified: int) -> TextureModel:
     return read_texture(path)
 
 
-def _tap(section: Section) -> TapModel | None:
+def _tap(section: Document) -> TapModel | None:
     """Return a tap of the modes that are listed, or of recordings in a file beside the scene's."""
-    given = section.values.get("tap")
-    if given is None:
+    given = section.get("tap")
+    if given.value is None:
         return None
-    recorded = section.path.parent / given if isinstance(given, str) else None
-    modes = () if recorded else _modes(section.items("tap"))
-    try:
+    recorded = section.path.parent / given.value if isinstance(given.value, str) else None
+    modes = () if recorded else _modes(given)
+    with section.located("tap"):
         return read_taps(recorded) if recorded else TapModel(modes)
-    except ParameterError as error:
-        section.refuse(str(error), "tap")
 
 
-def _modes(listed: Sequence[Section]) -> tuple[Mode, ...]:
-    for each in listed:
+def read_taps(path: Path) -> TapModel:
+    """Read taps recorded at several impact speeds, an NPZ file.
+
+    Its ``speeds`` are impact speeds, m/s; ``samples`` a row of acceleration for each, m/s^2;
+    ``rate`` samples per second.
+
+    Raises
+    ------
+    ParameterError
+        In one line: the file and what is wrong with it.
+    """
+    file = read_npz(path)
+    speeds, samples = file.at("speeds").array(), file.at("samples").array()
+    rate = file.at("rate").number()
+    with file.located():
+        about = Provenance(source=path.name)
+        return TapModel(speeds=speeds, samples=samples, rate=rate, provenance=about)
+
+
+def _modes(listed: Document) -> tuple[Mode, ...]:
+    for each in listed.items():
         each.check_keys(*own_schema(Mode))
-    return tuple(each.build(Mode) for each in listed)
+    return tuple(each.build(Mode) for each in listed.items())
 
 
-def _object(name: str, section: Section, materials: Mapping[str, Material]) -> SceneObject:
-    kind = section.choice("shape", {**SHAPES, **FILES})
+def _object(name: str, section: Document, materials: Mapping[str, Material]) -> SceneObject:
+    kind = section.get("shape").choice({**SHAPES, **FILES})
     from_file = kind in FILES.values()
     section.check_keys(
         *_PLACED, *(("file", *own_schema(Sampling)) if from_file else own_schema(kind))
@@ -133,17 +145,16 @@ def _object(name: str, section: Section, materials: Mapping[str, Material]) -> S
     return SceneObject(
         name,
         _sampled(section, kind) if from_file else section.build(kind),
-        section.choice("material", materials),
-        section.vector("position", PLACE),
-        section.vector("rotation", ANGLE),
+        section.get("material").choice(materials),
+        section.get("position").vector(PLACE),
+        section.get("rotation").vector(ANGLE),
     )
 
 
-def _sampled(section: Section, read: Any) -> Shape:
+def _sampled(section: Document, read: Any) -> Shape:
     """Return a shape that is read from a file."""
-    file = section.value("file", "", Specification("file"))
-    try:
-        shape: Shape = read(section.path.parent / file, section.build(Sampling))
-    except ParameterError as error:
-        section.refuse(str(error), "file")
+    file = section.at("file").text()
+    sampling = section.build(Sampling)
+    with section.located("file"):
+        shape: Shape = read(section.path.parent / file, sampling)
     return shape

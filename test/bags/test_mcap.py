@@ -26,7 +26,7 @@ from damaged import (
     without_checksums,
     write_small_bag,
 )
-from haptic_accel.bags.mcap import LARGEST
+from haptic_accel.bags.expanding import LARGEST
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.topics import SIGNALS
 from reading import with_mcap

@@ -6,7 +6,8 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from haptic_accel.core.yaml_text import LARGEST, load_yaml, texts_of
+from haptic_accel.core.bounded_files import LARGEST_TEXT
+from haptic_accel.core.yaml_text import load_yaml, texts_of
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n"
@@ -18,7 +19,8 @@ HOSTILE = {
     "nesting": "[" * 100_000,
     "nested keys": "? " * 100_000,
     "a number of many digits": "9" * 1_000_000,
-    "size": "x" * (LARGEST + 1),
+    "many values": "[" + "[]," * 300_000 + "]",
+    "size": "x" * (LARGEST_TEXT + 1),
     "no date": "2001-13-45",
     "no base 64": "!!binary ä",
     "a key that is a list": "{[]: 1}",

@@ -147,8 +147,8 @@ def test_the_texture_grows_with_speed_and_force_to_its_own_strength(tmp_path: Pa
         ({"b": []}, "b: must be 1 to"),
         ({"b": [0.0]}, "b: .*not all 0"),
         ({"b": "x"}, "b = 'x': must be a list"),
-        ({"b": [None]}, r"b\[0\] = None: must be from"),
-        ({"b": [1e200]}, r"b\[0\] = 1e\+200: must be from -1e\+09 to"),
+        ({"b": [None]}, r"b.0 = None: must be from"),
+        ({"b": [1e200]}, r"b.0 = 1e\+200: must be from -1e\+09 to"),
         ({"sample_rate": 1}, "sample_rate = 1: must be from 10"),
     ],
 )
@@ -161,12 +161,12 @@ def test_a_wrong_filter_is_refused(tmp_path: Path, changed: dict[str, Any], word
 @pytest.mark.parametrize(
     ("arrays", "words"),
     [
-        ({}, "must hold numbers data, sample_rate and channel_names"),
+        ({}, "data = nothing: must be there"),
         (
             {"data": np.ones((3, 9)), "sample_rate": 1000, "channel_names": ["x"]},
             r"shape \(3, 9\)",
         ),
-        ({"data": [], "sample_rate": 1000, "channel_names": ["x"]}, r"shape \(1, 0\)"),
+        ({"data": [], "sample_rate": 1000, "channel_names": ["x"]}, r"data = .*: must be numbers"),
         ({"data": np.ones(9), "sample_rate": 0, "channel_names": ["x"]}, "sample_rate = 0"),
         ({"data": np.zeros(99), "sample_rate": 1000, "channel_names": ["x"]}, "is silent"),
         ({"data": [1.0, 1e200], "sample_rate": 1000, "channel_names": ["x"]}, "data: must be num"),

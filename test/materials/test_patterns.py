@@ -98,7 +98,10 @@ def test_a_haptic_file_has_its_envelopes_and_emphasis(tmp_path: Path) -> None:
         ([], "Pattern = nothing"),
         ({"Pattern": {}}, r"Pattern = {}: must be a list"),
         ({"Pattern": []}, "silent"),
-        ({"Pattern": [event("Continuous", 0.0, 1.0, 0.5)]}, r"\[0\]: Event: EventDuration = noth"),
+        (
+            {"Pattern": [event("Continuous", 0.0, 1.0, 0.5)]},
+            r"Pattern.0.Event.EventDuration = noth",
+        ),
         (
             {"Pattern": [event("Transient", -1.0, 1.0, 0.5)]},
             r"Time = -1.0: must be from 0 to 60 s",

@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,8 +16,9 @@ from hypothesis import strategies as st
 from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.shapes import Box, Plane, Sphere
+from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.materials.folders import preset_file
-from haptic_accel.materials.scenes import read_scene
+from haptic_accel.materials.scenes import read_scene, read_taps
 
 SCENE = """start: [0.0, 0.0, 0.01]
 materials:
@@ -34,6 +37,8 @@ objects:
     height: 0.03
     position: [-0.05, 0.0, 0.0]
 """
+
+TAPS: dict[str, Any] = {"speeds": [0.1, 0.2], "samples": [[1.0, -2.0], [3.0, -4.0]], "rate": 1000}
 
 
 @pytest.fixture
@@ -90,8 +95,8 @@ def test_the_workshop_has_a_plane_a_box_and_a_sphere() -> None:
             16,
             "objects.box.position = [0.0, 0.0]: must be three",
         ),
-        ("-0.05", "-50.0", 16, "objects.box.position = -50.0: must be from -10 to 10 m"),
-        ("start: [0.0", "start: [.nan", 1, "start = "),
+        ("-0.05", "-50.0", 16, "objects.box.position.0 = -50.0: must be from -10 to 10 m"),
+        ("start: [0.0", "start: [.nan", 1, "start.0 = "),
         ("    tap:", "    texture: slate\n    tap:", 6, "materials.wood.texture = 'slate'"),
         ("objects:", "things:", 8, "things: unknown"),
     ],
@@ -126,3 +131,45 @@ def test_any_damage_to_a_scene_is_refused_in_one_line(tmp_path: Path, text: str)
     file = tmp_path / "mine.yaml"
     file.write_bytes(text.encode())
     accepted(lambda: read_scene(file))
+
+
+def test_a_scene_plays_recorded_taps(tmp_path: Path) -> None:
+    np.savez(tmp_path / "oak.npz", **TAPS)
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(
+        "materials: {oak: {tap: oak.npz}}\nobjects: {bench: {shape: plane, material: oak}}\n"
+    )
+    model = read_scene(scene).objects[0].material.tap
+    assert model.provenance.source == "oak.npz"
+    tap = Tap(model, 1000.0)
+    tap.strike(0.2)
+    assert [tap.sample() for _ in range(3)] == pytest.approx([3.0, -4.0, 0.0])
+    (tmp_path / "oak.npz").unlink()
+    with pytest.raises(
+        ParameterError, match=rf"^{scene}:1: .*oak.npz: must be a readable file: No such file"
+    ):
+        read_scene(scene)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"rate": -1}, "rate = -1.0: must be above 0 Hz"),
+        ({"rate": [1, 2]}, "rate = .*: must be a finite number"),
+        ({"speeds": ["fast"]}, "speeds = .*: must be numbers"),
+        ({"speeds": [0.2, 0.1]}, "must ascend"),
+        ({"samples": [1.0, 2.0]}, r"samples of shape \(2,\)"),
+    ],
+)
+def test_a_wrong_file_is_refused(tmp_path: Path, changed: dict[str, Any], words: str) -> None:
+    path = tmp_path / "wrong.npz"
+    np.savez(path, **{**TAPS, **changed})
+    with pytest.raises(ParameterError, match=rf"^{path}: .*{words}"):
+        read_taps(path)
+
+
+def test_a_file_without_speeds_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.npz"
+    np.savez(path, samples=np.ones((1, 4)))
+    with pytest.raises(ParameterError, match=f"^{path}: speeds = nothing: must be there"):
+        read_taps(path)

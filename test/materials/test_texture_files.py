@@ -61,16 +61,16 @@ def test_the_file_states_units_and_licence(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
-        ("units", {"speeds": "mm/s"}, "units.speeds = mm/s: must be m/s"),
-        ("rate", "fast", "rate = fast: must be a number"),
+        ("units", {"speeds": "mm/s"}, "units.speeds = 'mm/s': must be m/s"),
+        ("rate", "fast", "rate = 'fast': must be a finite number"),
         ("rate", -1.0, "rate = -1.0: must be above 0 Hz"),
         ("speeds", [0.0, 0.1], "forces"),
-        ("lsf", [[0.5, 1.5], [0.6]], "lsf = .*: must be rows"),
+        ("lsf", [[0.5, 1.5], [0.6]], "lsf = .*: must be numbers, in rows"),
         ("lsf", [[1.5, 0.5] for _ in range(4)], "lsf: must rise"),
         ("deviation", [0.0, -1.0, 1.0, 1.0], "deviation = -1: must be"),
-        ("provenance", {"license": "MIT"}, "provenance = .*: must have source, licence"),
-        ("forcs", [1.0], "forcs: must be one of .*did you mean forces"),
-        ("lsf", None, "lsf: is missing"),
+        ("provenance", {"license": "MIT"}, r"provenance.license: unknown \(did you mean licence"),
+        ("forcs", [1.0], r"forcs: unknown \(did you mean forces"),
+        ("lsf", None, "lsf = nothing: must be there"),
     ],
 )
 def test_a_wrong_file_is_refused_with_file_name_and_range(
@@ -84,7 +84,7 @@ def test_a_wrong_file_is_refused_with_file_name_and_range(
     else:
         content[name] = value
     file.write_text(yaml.safe_dump(content))
-    with pytest.raises(ParameterError, match=rf"oak\.yaml: .*{says}") as refused:
+    with pytest.raises(ParameterError, match=rf"oak\.yaml:\d+: .*{says}") as refused:
         read_texture(file)
     assert "\n" not in str(refused.value)
 
@@ -94,10 +94,10 @@ def test_a_wrong_file_is_refused_with_file_name_and_range(
 def test_what_is_no_model_is_refused(tmp_path: Path, form: str, content: bytes) -> None:
     file = tmp_path / f"oak.{form}"
     file.write_bytes(content)
-    with pytest.raises(ParameterError, match=rf"oak\.{form}: "):
+    with pytest.raises(ParameterError, match=rf"oak\.{form}:"):
         read_texture(file)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match=r"oak\.yaml: No such file"):
+    with pytest.raises(ParameterError, match=r"oak\.yaml: must be a readable file: No such file"):
         read_texture(tmp_path / "oak.yaml")

@@ -1,0 +1,106 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Work by libraries that know no bounds, in a process of its own that is ended at them."""
+
+from __future__ import annotations
+
+import math
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import DONE, WRONG_ARGUMENTS, module_command
+
+MEGABYTE = 10**6
+
+PATIENCE = 10.0
+"""Time in which a process has to start, and for which it may wait for others, s."""
+
+_ENDED = (-signal.SIGXCPU, -signal.SIGKILL, -signal.SIGALRM)
+"""Exit statuses of a process that was ended because of its time."""
+
+
+class OutOfBoundsError(Exception):
+    """Work took more time or memory than it may, or faulted; the message is one line."""
+
+
+def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
+    """Run a module that calls `bounded`, in an empty folder, to its end.
+
+    Parameters
+    ----------
+    module : str
+    words : sequence of str
+        Its command line.
+    seconds : float
+        Time of the processor that it may take, as it knows itself.
+
+    Raises
+    ------
+    ParameterError
+        As `bounded`'s work.
+    OutOfBoundsError
+        It took longer, or more memory, than it may.
+    """
+    with TemporaryDirectory(prefix="haptic_accel-") as folder:
+        try:
+            done = subprocess.run(
+                [*module_command(module), *words],
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                timeout=2 * (seconds + PATIENCE),
+                check=False,
+            )
+            status, lines = done.returncode, done.stdout.decode(errors="replace").splitlines()
+        except subprocess.TimeoutExpired:
+            status, lines = -signal.SIGALRM, []
+    if status == WRONG_ARGUMENTS and lines:
+        raise ParameterError(lines[-1])
+    if status in _ENDED:
+        raise OutOfBoundsError(f"takes longer than {seconds:g} s")
+    if status != DONE:
+        raise OutOfBoundsError("takes more memory than it may, or breaks its reader")
+
+
+def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
+    """Do the work of this process within bounds, and exit.
+
+    Parameters
+    ----------
+    work : callable
+        What is wrong with the user's file it raises as `ParameterError`.
+    seconds : float
+        Time of the processor.
+    megabytes : float
+        Memory beside that which is in use.
+    """
+    used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+    limits = {
+        resource.RLIMIT_CPU: math.ceil(used + seconds),
+        resource.RLIMIT_DATA: data_in_use() + int(megabytes * MEGABYTE),
+        resource.RLIMIT_CORE: 0,
+    }
+    for kind, limit in limits.items():
+        resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
+    # Even where it waits, such as for the other end of a pipe.
+    signal.setitimer(signal.ITIMER_REAL, seconds + PATIENCE)
+    try:
+        work()
+    except ParameterError as error:
+        print(f"\n{error}", flush=True)  # the libraries may have written something
+        sys.exit(WRONG_ARGUMENTS)
+    sys.exit(DONE)
+
+
+def data_in_use() -> int:
+    """Return the memory for data that this process has asked for, bytes."""
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+    (size,) = (line.split()[1] for line in lines if line.startswith("VmData:"))
+    return int(size) * 1024

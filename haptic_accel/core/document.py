@@ -1,0 +1,210 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Documents in YAML, JSON or NPZ, whose errors name the file, the line in YAML, and the value.
+
+One form of message: ``scene.yaml:4: materials.wood.stiffness = -1: must be from 1 to 10000 N/m``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+import numpy as np
+
+from haptic_accel.core.bounded_files import located, read_json, read_text
+from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.parameters import (
+    Checked,
+    ParameterError,
+    Specification,
+    allowed_values,
+    checked,
+    own_schema,
+    shown,
+    suggestion,
+)
+from haptic_accel.core.yaml_text import lines_of, load_yaml
+
+C = TypeVar("C", bound=Checked)
+T = TypeVar("T")
+
+_NUMBER, _TEXT = Specification("number"), Specification("text")
+
+
+@dataclass(frozen=True)
+class Document:
+    """A value in a document; each method that does not find what it returns refuses it.
+
+    Attributes
+    ----------
+    path : Path
+    value : Any
+    source : str
+        The document in YAML, for the lines of its values; empty for another form.
+    keys : tuple of str
+        Keys and indices that lead to the value.
+
+    Raises
+    ------
+    ParameterError
+        By the methods, in one line.
+    """
+
+    path: Path
+    value: Any
+    source: str = ""
+    keys: tuple[str, ...] = ()
+
+    def refuse(self, problem: str, key: str = "") -> NoReturn:
+        """Raise an error at the line of a value in this one; the problem names the value."""
+        line = f":{self._line(key)}" if self.source else ""
+        above = "".join(f"{shown(each)}." for each in self.keys)
+        raise ParameterError(f"{shown(str(self.path))}{line}: {above}{problem}") from None
+
+    def wrong(self, allowed: str) -> NoReturn:
+        """Raise an error that states what this value must be."""
+        if not self.keys:
+            self.refuse(allowed)
+        *above, name = self.keys
+        found = shown(repr(self.value))
+        outer = Document(self.path, None, self.source, tuple(above))
+        outer.refuse(f"{shown(name)} = {found}: {allowed}", name)
+
+    @contextmanager
+    def located(self, key: str = "") -> Iterator[None]:
+        """Add the place to errors about a value in this one, by default that which they name."""
+        try:
+            yield
+        except ParameterError as error:
+            text = str(error)
+            within = key and not text.startswith(key)
+            self.refuse(f"{key}: {text}" if within else text, key or text.partition(" = ")[0])
+
+    def __contains__(self, key: str) -> bool:
+        """Return True for a mapping that has a key."""
+        return isinstance(self.value, dict) and key in self.value
+
+    def at(self, *keys: str) -> Document:
+        """Return the value behind some keys."""
+        found = self
+        for key in keys:
+            if key not in found:
+                found.refuse(f"{key} = nothing: must be there", key)
+            found = found.get(key)
+        return found
+
+    def get(self, key: str, default: Any = None) -> Document:
+        """Return the value behind a key, or a default where it is left out or null."""
+        value = self.mapping().get(key)
+        return self._inner(key, default if value is None else value)
+
+    def mapping(self) -> dict[str, Any]:
+        """Return the values by name."""
+        if not isinstance(self.value, dict):
+            self.wrong("must map names to values")
+        return {str(name): value for name, value in self.value.items()}
+
+    def members(self) -> Iterator[tuple[str, Document]]:
+        """Yield the values of a mapping by name."""
+        for name, value in self.mapping().items():
+            yield name, self._inner(name, value)
+
+    def items(self) -> Iterator[Document]:
+        """Yield the values of a list."""
+        if not isinstance(self.value, list):
+            self.wrong("must be a list")
+        for index, value in enumerate(self.value):
+            yield self._inner(str(index), value)
+
+    def check_keys(self, *known: str) -> None:
+        """Refuse a key that is not known."""
+        for name in self.mapping():
+            if name not in known:
+                hint = suggestion(name, known) or f": must be one of {', '.join(known)}"
+                self.refuse(f"{shown(name)}: unknown{hint}", name)
+
+    def checked(self, default: Any, specification: Specification) -> Any:
+        """Return the value in the type of a default, see `parameters.checked`."""
+        try:
+            return checked("", self.value, default, specification)
+        except ParameterError:
+            self.wrong(f"must be {allowed_values(default, specification)}")
+
+    def number(self, specification: Specification = _NUMBER) -> float:
+        """Return a number in its range."""
+        return float(self.checked(0.0, specification))
+
+    def text(self) -> str:
+        """Return a text; halves of characters, which no file of text can have, become ?."""
+        return str(self.checked("", _TEXT)).encode(errors="replace").decode()
+
+    def choice(self, known: Mapping[str, T]) -> T:
+        """Return what a word stands for."""
+        if not isinstance(self.value, str) or self.value not in known:
+            self.wrong(f"must be one of {', '.join(known)}")
+        return known[self.value]
+
+    def vector(self, specification: Specification) -> Vector:
+        """Return three numbers in their range; zeros for null."""
+        if self.value is None:
+            return 0.0, 0.0, 0.0
+        if not (isinstance(self.value, list) and len(self.value) == 3):
+            self.wrong("must be three numbers")
+        x, y, z = (each.number(specification) for each in self.items())
+        return x, y, z
+
+    def array(self) -> FloatArray:
+        """Return an array of numbers."""
+        try:
+            found = np.asarray(self.value)
+            if found.dtype.kind not in "fiu" or not found.size:
+                raise ValueError
+        except ValueError:  # rows of different lengths, too
+            self.wrong("must be numbers, in rows of one length")
+        return found.astype(float)
+
+    def build(self, kind: type[C], **others: Any) -> C:
+        """Return a dataclass of parameters from the values that have its fields' names."""
+        values = self.mapping()
+        with self.located():
+            given = {name: values[name] for name in own_schema(kind) if name in values}
+            return kind(**given, **others)
+
+    def _inner(self, key: str, value: Any) -> Document:
+        return Document(self.path, value, self.source, (*self.keys, key))
+
+    def _line(self, key: str) -> int:
+        lines, keys = lines_of(self.source), (*self.keys, key)
+        while keys not in lines:
+            keys = keys[:-1]
+        return lines[keys]
+
+
+def read_yaml_document(path: Path) -> Document:
+    """Read a YAML file, whose numbers may be as in ROS parameter files.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, or is something else.
+    """
+    with located(shown(str(path)), "must be YAML"):
+        text = read_text(path)
+        return Document(path, load_yaml(text, exponents=True), text)
+
+
+def read_json_document(path: Path) -> Document:
+    """Read a file of JSON.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, or is something else.
+    """
+    with located(shown(str(path)), "must be JSON"):
+        return Document(path, read_json(path))

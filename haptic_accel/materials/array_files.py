@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Arrays of NumPy in files, which may state any size: checked before anything is read."""
+
+from __future__ import annotations
+
+import io
+import math
+import struct
+import tokenize
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+import numpy.typing as npt
+
+from haptic_accel.core.bounded_files import opened, read_bytes
+from haptic_accel.core.parameters import one_line
+
+LARGEST = 1 << 26
+"""Largest file, and largest content of all its arrays, bytes."""
+
+MOST_NUMBERS = 4_000_000
+"""Numbers in one array: three axes of acceleration at 10 kHz for two minutes."""
+
+MOST_MEMBERS = 64
+"""Arrays in one file."""
+
+LONGEST_DIRECTORY = 1 << 16
+"""Longest table of contents, bytes: a thousand for each array."""
+
+LONGEST_HEADER = 10_000
+"""Longest description of an array, bytes: as NumPy's own readers have it."""
+
+KINDS = "biufUS"
+"""Kinds of values: numbers and text. Objects could run a program."""
+
+_END = struct.Struct("<4s4H2LH")  # of a ZIP file without a comment
+_FIRST = LONGEST_HEADER + 12  # bytes with a description, and what is before it
+
+DAMAGE_ERRORS = (
+    *(ValueError, TypeError, LookupError, AttributeError, ArithmeticError),
+    *(RuntimeError, EOFError, OSError, MemoryError, SyntaxError),
+    *(tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile),
+)
+"""Errors that the readers of NumPy and `zipfile` raise on damaged content."""
+
+Array = npt.NDArray[np.generic]
+
+
+def read_array(path: Path) -> Array:
+    """Return the array in an NPY file.
+
+    Raises
+    ------
+    OSError
+        As `core.bounded_files.opened`.
+    ValueError
+        It is not NPY, or larger than is read.
+    """
+    with opened(path, LARGEST) as file:
+        try:
+            return _array(file, LARGEST)
+        except DAMAGE_ERRORS as error:
+            raise ValueError(one_line(error)) from None
+
+
+def read_arrays(path: Path) -> dict[str, Array]:
+    """Return the arrays in an NPZ file by name.
+
+    Raises
+    ------
+    OSError
+        As `core.bounded_files.opened`.
+    ValueError
+        It is not NPZ, or its arrays are more, or larger, than is read.
+    """
+    content = read_bytes(path, LARGEST)
+    try:
+        return _arrays(content)
+    except DAMAGE_ERRORS as error:
+        raise ValueError(one_line(error)) from None
+
+
+def _arrays(content: bytes) -> dict[str, Array]:
+    mark, *_, directory, _, comment = _END.unpack(content[-_END.size :])
+    if mark != b"PK\5\6" or comment or content[-_END.size - 20 :].startswith(b"PK\6\7"):
+        # A comment, or the form for more than 4 GB, would let it state its size elsewhere.
+        raise ValueError("it does not end as a ZIP file")
+    if directory > LONGEST_DIRECTORY:
+        raise ValueError(f"its table of contents has more than {LONGEST_DIRECTORY} bytes")
+    found: dict[str, Array] = {}
+    left = LARGEST
+    with zipfile.ZipFile(io.BytesIO(content)) as file:
+        members = file.infolist()
+        if len(members) > MOST_MEMBERS:
+            raise ValueError(f"it has {len(members)} arrays, and may have {MOST_MEMBERS}")
+        for member in members:
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise ValueError("it is compressed as NumPy does not")
+            with file.open(member) as stream:
+                array = _array(stream, left)
+            left -= array.nbytes
+            found[member.filename.removesuffix(".npy")] = array
+    return found
+
+
+def _array(stream: IO[bytes], most_bytes: int) -> Array:
+    """Return an array of no more bytes than are allowed."""
+    start = stream.read(_FIRST)
+    header = io.BytesIO(start)
+    version = np.lib.format.read_magic(header)
+    if version not in ((1, 0), (2, 0)):
+        raise ValueError(f"version {version} of its form is not read")
+    read = getattr(np.lib.format, f"read_array_header_{version[0]}_0")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of Python 2's form, or of odd text in the description
+        shape, is_fortran, kind = read(header, max_header_size=LONGEST_HEADER)
+    if kind.kind not in KINDS or kind.subdtype:
+        raise ValueError(f"values of type {str(kind)[:40]} are not read")
+    count = math.prod(shape)
+    if not (min(shape, default=0) >= 0 and count <= MOST_NUMBERS):
+        raise ValueError(f"it has {shape} values, {MOST_NUMBERS} are read")
+    size = count * kind.itemsize
+    if size > most_bytes:
+        raise ValueError(f"it has {size} bytes of values or more, {LARGEST} are read in all")
+    data = bytearray(start[header.tell() :])
+    if len(data) < size:
+        data += stream.read(size - len(data))
+    if len(data) != size or stream.read(1):  # which checks the sum as well
+        raise ValueError("it is cut off, or longer than it states")
+    return np.frombuffer(data, kind, count).reshape(shape, order="F" if is_fortran else "C")

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Turns a mesh into a grid of distances, in a process of its own.
+
+Readers of meshes take what a file claims for its size, and the distances take time that grows with
+its faces.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.core.bounded_work import bounded
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError, shown
+
+SECONDS = 120.0
+"""Time of the processor that a mesh may take, s."""
+
+MEGABYTES = 2000
+"""Memory that it may take, MB."""
+
+LARGEST_GRID = 300_000
+"""Samples of a baked mesh, which take about half a minute, once."""
+
+BORDER = 2
+"""Samples around a mesh, so that its surface is in the grid."""
+
+
+def baked(path: Path, spacing: float, scale: float) -> tuple[FloatArray, FloatArray]:
+    """Return the signed distances of a mesh, and the place of the first of them.
+
+    Parameters
+    ----------
+    path : Path
+    spacing : float
+        Distance between two samples, m.
+    scale : float
+        Length of the file's unit, m.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, encloses no volume, or has too many samples.
+    """
+    from trimesh.proximity import signed_distance
+
+    mesh = _mesh(path)
+    mesh.apply_scale(scale)
+    low, high = mesh.bounds
+    sides = np.ceil((high - low) / spacing) + 1 + 2 * BORDER
+    if not math.prod(sides.tolist()) <= LARGEST_GRID:
+        size = " x ".join(f"{side:g}" for side in high - low)
+        raise ParameterError(
+            f"spacing = {spacing:g}: must be larger: {path} is {size} m large,"
+            f" and may have {LARGEST_GRID} samples"
+        )
+    # Centred: the same on opposite sides.
+    counts = sides.astype(int)
+    corner = (low + high - (counts - 1) * spacing) / 2
+    places = corner + spacing * np.moveaxis(np.indices(counts), 0, -1).reshape(-1, 3)
+    return -signed_distance(mesh, places).reshape(counts), corner
+
+
+def _mesh(path: Path) -> Any:
+    """Return a mesh that encloses a volume."""
+    import trimesh
+
+    try:
+        mesh = trimesh.load_mesh(path)
+    except Exception as error:  # whatever a reader of one of many formats raises
+        reason = shown(" ".join(str(error).split())[:100])
+        raise ParameterError(f"{path}: must be a mesh that trimesh reads: {reason}") from None
+    if not (len(getattr(mesh, "faces", ())) and mesh.is_watertight):
+        raise ParameterError(f"{path}: must be a mesh that encloses a volume without gaps")
+    return mesh
+
+
+def main() -> None:
+    """Write the grid of the mesh that is named into a file."""
+    import trimesh.proximity  # noqa: F401 - what it takes is not the mesh's
+
+    path, result = Path(sys.argv[1]), Path(sys.argv[2])
+    spacing, scale = map(float, sys.argv[3:])
+
+    def work() -> None:
+        grid, corner = baked(path, spacing, scale)
+        np.savez(result, grid=grid, corner=corner)
+
+    bounded(work, SECONDS, MEGABYTES)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,114 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Compressed bags that expand to more than any bag does: read up to a bound."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from backports import zstd
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+from damaged import CHUNKS, MAGIC, without_checksums, write_small_bag
+from fuzzing import accepted, fuzz_few, measured, mutated
+from haptic_accel.bags.expanding import ALWAYS, LARGEST
+from haptic_accel.bags.reading import read_bag
+from haptic_accel.core.parameters import ParameterError
+
+ZEROS = bytes(1 << 26)
+
+
+def small_bag(path: Path, storage: StoragePlugin, mode: CompressionMode, data: bytes) -> Path:
+    writer = Writer(path, version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        text = writer.add_connection(
+            "/text", "std_msgs/msg/String", msgdef="string data\n", rihs01="x"
+        )
+        for number in range(10):
+            writer.write(text, number, data)
+    return path
+
+
+@pytest.mark.parametrize("storage", StoragePlugin)
+def test_a_file_that_expands_is_not_decompressed_to_its_end(
+    tmp_path: Path, storage: StoragePlugin
+) -> None:
+    bag = small_bag(tmp_path / "bag", storage, CompressionMode.FILE, b"1234")
+    (file,) = bag.glob("*.zstd")
+    with zstd.open(file, "ab") as more:
+        for _ in range(10):
+            more.write(ZEROS)
+    with measured(megabytes=300), pytest.raises(ParameterError, match="it expands to more than"):
+        read_bag(bag)
+
+
+@pytest.mark.parametrize("storage", StoragePlugin)
+def test_a_message_that_expands_is_not_read(tmp_path: Path, storage: StoragePlugin) -> None:
+    bag = small_bag(tmp_path / "bag", storage, CompressionMode.MESSAGE, ZEROS)
+    with measured(), pytest.raises(ParameterError, match="it expands to more than"):
+        read_bag(bag)
+
+
+def test_chunks_that_expand_are_read_up_to_a_bound(tmp_path: Path) -> None:
+    stored = zstd.compress(ZEROS[:LARGEST])
+    name = struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(stored))
+    chunk = struct.pack("<QQQI", 0, 0, LARGEST, 0) + name + stored
+    file = tmp_path / "bomb.mcap"
+    file.write_bytes(MAGIC + (struct.pack("<BQ", CHUNKS, len(chunk)) + chunk) * 1000)
+    most = ALWAYS + 100 * file.stat().st_size
+    with measured(), pytest.raises(ParameterError, match=f"it expands to more than {most} bytes"):
+        read_bag(file)
+
+
+ENDLESS = """
+DROP TABLE messages;
+CREATE VIEW messages AS
+    WITH RECURSIVE numbers(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM numbers)
+    SELECT n AS id, 1 AS topic_id, n AS timestamp, zeroblob(100000000) AS data FROM numbers;
+"""
+COMPUTED = (
+    "ALTER TABLE messages ADD COLUMN more BLOB GENERATED ALWAYS AS (zeroblob(1000000000)) VIRTUAL"
+)
+
+
+@pytest.mark.parametrize("statements", [ENDLESS, COMPUTED])
+def test_rows_that_are_computed_are_not_read(tmp_path: Path, statements: str) -> None:
+    bag = small_bag(tmp_path / "bag", StoragePlugin.SQLITE3, CompressionMode.NONE, b"1234")
+    (file,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(file)) as database:
+        database.executescript(statements)
+    with measured(), pytest.raises(ParameterError, match="rows that are not stored in it"):
+        read_bag(bag)
+
+
+PIECES = st.binary(max_size=8) | st.sampled_from(
+    [b"\xff" * 8, b"9" * 30, b"\n", b": ", b"- ", b"&a", b"*a"]
+)
+
+
+@pytest.mark.parametrize("name", ["metadata.yaml", "bag_0.mcap"])
+@fuzz_few
+@given(data=st.data())
+def test_any_damage_to_a_bag_is_read_or_refused_in_one_line(
+    tmp_path: Path, name: str, data: st.DataObject
+) -> None:
+    whole = tmp_path / "whole" / "bag"
+    if not whole.exists():
+        without_checksums(write_small_bag(whole))
+    bag = tmp_path / "bag"
+    bag.mkdir(exist_ok=True)
+    for file in whole.iterdir():
+        content = file.read_bytes()
+        if file.name == name:
+            content = data.draw(mutated(st.just(content), PIECES))
+        (bag / file.name).write_bytes(content)
+    with measured():
+        accepted(lambda: read_bag(bag))

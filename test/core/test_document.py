@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from haptic_accel.core.document import Document, read_json_document, read_yaml_document
+from haptic_accel.core.parameters import ParameterError, Specification
+
+YAML = "wood:\n  stiffness: 300\n  name: oak\n  modes:\n    - [1, x]\n  none:\n"
+POSITIVE = Specification("stiffness", "N/m", 1.0)
+
+
+@pytest.fixture
+def wood(tmp_path: Path) -> Document:
+    file = tmp_path / "a.yaml"
+    file.write_text(YAML)
+    return read_yaml_document(file).at("wood")
+
+
+def test_values_are_read_by_their_keys(wood: Document) -> None:
+    assert "stiffness" in wood
+    assert "grain" not in wood
+    assert wood.at("stiffness").number(POSITIVE) == 300.0
+    assert wood.at("name").text() == "oak"
+    assert wood.at("name").choice({"oak": 1}) == 1
+    assert wood.get("grain", 5).number() == wood.get("none", 5).number() == 5.0
+    (row,) = wood.at("modes").items()
+    assert [each.value for each in row.items()] == [1, "x"]
+    assert wood.get("origin").vector(POSITIVE) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("read", "line", "problem"),
+    [
+        (lambda wood: wood.at("grain"), 1, "wood.grain = nothing: must be there"),
+        (lambda wood: wood.at("name").number(POSITIVE), 3, "wood.name = 'oak': must be at least"),
+        (lambda wood: wood.at("name").items().__next__(), 3, "wood.name = 'oak': must be a list"),
+        (lambda wood: wood.at("name").mapping(), 3, "wood.name = 'oak': must map names to val"),
+        (lambda wood: wood.at("stiffness").text(), 2, "wood.stiffness = 300: must be text"),
+        (lambda wood: wood.at("modes").array(), 4, "wood.modes = [[1, 'x']]: must be numbers"),
+        (
+            lambda wood: next(wood.at("modes").items()).vector(POSITIVE),
+            5,
+            "wood.modes.0 = [1, 'x']: must be three numbers",
+        ),
+        (lambda wood: wood.check_keys("names"), 2, "wood.stiffness: unknown: must be one of"),
+        (lambda wood: wood.at("name").choice({}), 3, "wood.name = 'oak': must be one of"),
+    ],
+)
+def test_an_error_names_file_line_place_value_and_what_is_allowed(
+    wood: Document, read: Callable[[Document], Any], line: int, problem: str
+) -> None:
+    with pytest.raises(ParameterError) as refused:
+        read(wood)
+    assert str(refused.value).startswith(f"{wood.path}:{line}: {problem}")
+    assert str(refused.value).isprintable()
+
+
+@pytest.mark.parametrize("error", ["name = 3: must be short", "no such tree"])
+def test_an_error_from_elsewhere_is_located(wood: Document, error: str) -> None:
+    with pytest.raises(ParameterError) as refused, wood.located("name"):
+        raise ParameterError(error)
+    own = error if error.startswith("name") else f"name: {error}"
+    assert str(refused.value) == f"{wood.path}:3: wood.{own}"
+
+
+def test_json_has_places_without_lines(tmp_path: Path) -> None:
+    file = tmp_path / "a.json"
+    file.write_text('{"a": [{"b": "\\ud800"}]}')
+    (found,) = read_json_document(file).at("a").items()
+    assert found.at("b").text() == "?"
+    with pytest.raises(ParameterError) as refused:
+        found.at("b").number()
+    assert str(refused.value) == rf"{file}: a.0.b = '\ud800': must be a finite number"
+
+
+@pytest.mark.parametrize("read", [read_yaml_document, read_json_document])
+@pytest.mark.parametrize("content", [b"{", b"\xff\xfe", b"[" * 100_000, None])
+def test_a_file_that_is_none_is_refused_in_one_line(
+    tmp_path: Path, read: Callable[[Path], Document], content: bytes | None
+) -> None:
+    file = tmp_path / "a"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(ParameterError, match=rf"^{file}: must be ") as refused:
+        read(file)
+    assert str(refused.value).isprintable()
