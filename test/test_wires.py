@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.nodes.scheduling import FELT_PRIORITY, FORCE_PRIORITY, RECORDING_PRIORITY
 from running import wait_until
-from wires import ADDRESSES, Wire, reason_against
+from wires import ADDRESSES, DEVICE, PRIORITY, Wire, reason_against
 
-pytestmark = pytest.mark.skipif(bool(reason_against()), reason=reason_against() or "")
+NEEDS_NETWORK = pytest.mark.skipif(bool(reason_against()), reason=reason_against() or "")
 
 PORT = 7700
 
@@ -54,6 +55,8 @@ print(json.dumps(found))
 
 @pytest.fixture
 def wire() -> Iterator[Wire]:
+    if reason := reason_against():
+        pytest.skip(reason)
     with Wire(seed=3) as wire:
         words = wire.inside(1, [sys.executable, "-c", ECHO])
         with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as echo:
@@ -69,6 +72,14 @@ def pinged(wire: Wire, count: int, period: float = 2e-3, rest: float = 0.3) -> l
     run = subprocess.run(wire.inside(0, words), capture_output=True, text=True, check=True)
     found: list[list[float]] = json.loads(run.stdout)
     return found
+
+
+def test_no_node_can_hold_up_the_wire() -> None:
+    assert max(RECORDING_PRIORITY, FORCE_PRIORITY, FELT_PRIORITY) < PRIORITY
+
+
+def test_a_wire_runs_at_its_priority(wire: Wire) -> None:
+    assert os.sched_getparam(wire.process.pid).sched_priority == PRIORITY
 
 
 def test_a_wire_that_adds_nothing_carries_every_datagram_in_its_order(wire: Wire) -> None:
@@ -113,6 +124,15 @@ def test_a_cut_wire_carries_nothing_until_it_is_mended(wire: Wire) -> None:
     assert min(trip for _, trip in found) >= 0.02
 
 
+def test_a_host_whose_device_was_down_is_reached_again(wire: Wire) -> None:
+    for state in ("down", "up"):
+        words = ["ip", "link", "set", DEVICE, state]
+        # Frames that are on their way find the device down.
+        with subprocess.Popen(wire.inside(0, [sys.executable, "-c", PING, "200", "2e-3", "0.3"])):
+            subprocess.run(wire.inside(1, words), check=True)
+    assert len(pinged(wire, 20)) == 20
+
+
 def test_the_hosts_reach_each_other_and_nobody_else(wire: Wire) -> None:
     for end in (0, 1):
         routes = subprocess.run(
@@ -121,6 +141,7 @@ def test_the_hosts_reach_each_other_and_nobody_else(wire: Wire) -> None:
         assert [route["dst"] for route in json.loads(routes.stdout)] == ["10.77.0.0/24"]
 
 
+@NEEDS_NETWORK
 def test_nothing_is_left_of_a_wire_whose_owner_is_killed() -> None:
     program = "import time, wires; wire = wires.Wire(); print(wire.process.pid); time.sleep(99)"
     owner = subprocess.Popen(

@@ -1,24 +1,33 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Two arms, each with its half of the coupling, over a network that may do anything."""
+"""Two arms, each with its half of the coupling, over a network that may do anything.
+
+Neither engagement nor sessions stand between the law and what befalls it: arms are taken again at
+once, wherever they are.
+"""
 
 from __future__ import annotations
 
 import itertools
 import math
 import random
-from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+from haptic_accel.core.actuator.safety import ArmLimits, SafetyParameters
 from haptic_accel.core.coupling.passive import PassiveHalf, PassiveParameters
+from haptic_accel.core.loop.device_side import ARM, rig_side
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.channel import Channel
-from haptic_accel.core.two_arms import HAND_DAMPING, RATE, Arm, Around, Hand, Path
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.two_arms import HAND_DAMPING, RATE, Around, Hand, Path, PointMass
 
 PACKETS = 2
 """Samples from packet to packet."""
+
+UNLIMITED = 100.0
+"""Peak force of an arm that no law reaches, N."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +48,7 @@ class Packet:
 class Side:
     """An arm, its half of the coupling, and what it has heard of its peer."""
 
-    arm: Arm
+    outside: Around
     parameters: PassiveParameters
     channel: Channel[Packet]
     latency: int = 1
@@ -56,7 +65,14 @@ class Side:
 
     def __post_init__(self) -> None:
         """Start the half's process."""
+        self.limit(UNLIMITED)
         self.start()
+
+    def limit(self, force: float) -> None:
+        """Let the device limit its force, N, from rest on."""
+        safety = SafetyParameters(arm=ArmLimits(peak_force=force))
+        self.device = rig_side(PointMass(self.outside), safety, RATE, self.latency, [ARM])
+        self.read(0)
 
     def start(self) -> None:
         """Start the half's process, again if it runs."""
@@ -64,7 +80,6 @@ class Side:
         self.half = PassiveHalf(self.parameters, RATE, self.latency, leads=self.leads)
         self.newest, self.left = None, set()
         self.origin = self.arm.position
-        self.due = deque([ZERO] * self.latency)
 
     def hear(self, packet: Packet) -> None:
         """Take a packet of the peer unless a newer one is there."""
@@ -100,29 +115,31 @@ class Side:
         x, y, z = (p - o for p, o in zip(self.arm.position, self.origin, strict=True))
         return x, y, z
 
+    def read(self, tick: int) -> None:
+        """Take the arm's sample of a tick, and the work of its motors so far, J."""
+        self.device.begin(tick)
+        ((_, self.arm, work),) = self.device.read()
+        self.work = sum(work)
+
+    def push(self, tick: int, force: Vector) -> None:
+        """Command the force that the sample of a tick causes; a stopped device applies none."""
+        stamp = round(tick * NANOSECONDS / RATE)
+        self.device.command(ARM, stamp, ZERO if self.stopped else force)
+        self.device.apply()
+        self.device.watch()
+
     def force(self, now: float) -> Vector:
-        """Return the force that acts from now on, N."""
+        """Return the force that the present sample causes, N."""
         newest = self.newest
         if newest is None or newest.heard != self.session:
-            self.let_go()
+            self.half.disengage()
             return ZERO
         if not self.half.engaged:
             self.half.engage()
-        work = self.arm.work if self.reports_work else None
+        work = self.work if self.reports_work else None
         age = (now - newest.echoed) * self.age_factor
-        velocity = self.measured_velocity
-        self.due.append(
-            self.half.force(
-                self.own_position, velocity, newest.position, newest.velocity, age, work
-            )
-        )
-        due = self.due.popleft()
-        return ZERO if self.stopped else due
-
-    def let_go(self) -> None:
-        """Take the force off."""
-        self.half.disengage()
-        self.due = deque([ZERO] * self.latency)
+        motion = self.own_position, self.measured_velocity
+        return self.half.force(*motion, newest.position, newest.velocity, age, work)
 
     @property
     def measured_velocity(self) -> Vector:
@@ -133,12 +150,8 @@ class Side:
 
 @dataclass(frozen=True)
 class Instant:
-    """State of both arms at a sample; energy given to both, J, and their commanded forces, N."""
+    """Energy given to both arms until a sample, J, and the forces that it causes, N."""
 
-    time: float
-    master: Vector
-    slave: Vector
-    slave_speed: float
     given: float
     forces: tuple[Vector, Vector]
 
@@ -161,7 +174,7 @@ def run(
     latency: int = 1,
     hand_damping: float = HAND_DAMPING,
 ) -> Iterator[Instant]:
-    """Yield both arms' motion sample by sample.
+    """Yield sample by sample what both arms are given.
 
     Parameters
     ----------
@@ -171,11 +184,13 @@ def run(
     hand = Hand(path, damping=hand_damping)
     surroundings: tuple[Around, Around] = (hand, around_slave)
     master, slave = (
-        Side(Arm(outside), parameters, channel, latency, leads)
+        Side(outside, parameters, channel, latency, leads)
         for outside, channel, leads in zip(surroundings, networks, (False, True), strict=True)
     )
     for tick in range(round(duration * RATE)):
         now = tick / RATE
+        for side in (master, slave):
+            side.read(tick)
         hand.lead(now)
         event(now, master, slave)
         for side, other in ((master, slave), (slave, master)):
@@ -185,7 +200,5 @@ def run(
         for side, force in zip((master, slave), forces, strict=True):
             if tick % PACKETS == 0:
                 side.channel.send(side.packet(now), now)
-            side.arm.move(force)
-        speed = math.hypot(*slave.arm.velocity)
-        given = master.arm.work + slave.arm.work
-        yield Instant(now, master.own_position, slave.own_position, speed, given, forces)
+            side.push(tick, force)
+        yield Instant(master.work + slave.work, forces)

@@ -40,6 +40,10 @@ DEVICE = "wire0"
 CARRIED = ChannelParameters()
 """A wire that adds nothing."""
 
+PRIORITY = 45
+"""Real-time priority of the process, above every node and below the kernel's threads at 50:
+a network does not wait for the processors of its hosts, and a busy machine is no slow network."""
+
 LARGE = 200
 """Length of a frame with the smallest packet of the coupling, less 10 bytes."""
 
@@ -53,8 +57,6 @@ _CLONE_NEWNET = 0x40000000  # linux/sched.h
 _TUNSETIFF, _IFF_TAP, _IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
 _LONGEST_FRAME = 2048
 _LONGEST_WAIT = 0.1
-_PRIORITY = 10
-"""Real-time priority of the process, so that a busy machine is not taken for a slow network."""
 
 
 def reason_against() -> str | None:
@@ -115,13 +117,13 @@ class Wire:
         """Set the behaviour from end 0 to end 1, and back: the same by default."""
         self._ask(parameters=[asdict(there), asdict(back or there)])
 
-    def cut(self) -> None:
-        """Lose every frame that is sent, until `mend`."""
-        self._ask(cut=True)
+    def cut(self) -> int:
+        """Lose every frame that is sent, until `mend`; return since when, ns of system time."""
+        return int(self._ask(cut=True)["time"])
 
-    def mend(self) -> None:
-        """Carry frames again."""
-        self._ask(cut=False)
+    def mend(self) -> int:
+        """Carry frames again; return since when, ns of system time."""
+        return int(self._ask(cut=False)["time"])
 
     def counts(self) -> list[dict[str, dict[str, int]]]:
         """Return for UDP datagrams from end 0 and from end 1: ``sent`` and ``lost`` by kind.
@@ -129,7 +131,7 @@ class Wire:
         Kinds are ``packet``, in which a packet of the coupling can be read; of all others
         ``large`` from `LARGE` bytes on, as an encrypted packet is, and ``small``.
         """
-        found: list[dict[str, dict[str, int]]] = self._ask()
+        found: list[dict[str, dict[str, int]]] = self._ask()["counts"]
         return found
 
     def close(self) -> None:
@@ -185,9 +187,9 @@ class _End:
                 self._send(os.read(self.tap, _LONGEST_FRAME), now)
 
     def write(self, frames: Sequence[bytes]) -> None:
-        """Hand frames to the host; a full queue loses them, as that of a network card does."""
+        """Hand frames to the host; a full queue loses them, or a device that is down."""
         for frame in frames:
-            with suppress(BlockingIOError):
+            with suppress(OSError):
                 os.write(self.tap, frame)
 
     def _send(self, frame: bytes, now: float) -> None:
@@ -220,21 +222,21 @@ def _carry(ends: Sequence[_End]) -> None:
             print(json.dumps(_obey(json.loads(line), ends)), flush=True)
 
 
-def _obey(request: dict[str, Any], ends: Sequence[_End]) -> list[dict[str, Counter[str]]]:
-    """Change the wire as asked, and return what it carried so far."""
+def _obey(request: dict[str, Any], ends: Sequence[_End]) -> dict[str, Any]:
+    """Change the wire as asked; return when it did, as who asked may be told late, and counts."""
     for end, given in zip(ends, request.get("parameters", ()), strict=False):
         end.parameters = end.channel.parameters = ChannelParameters(**given)
     if "cut" in request:
         for end in ends:
             lost = ChannelParameters(loss=1.0)
             end.channel.parameters = lost if request["cut"] else end.parameters
-    return [end.counts for end in ends]
+    return {"time": time.time_ns(), "counts": [end.counts for end in ends]}
 
 
 def _main() -> None:
     ends = [_End(number, int(sys.argv[1])) for number in (0, 1)]
     with suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     print(json.dumps([end.namespace for end in ends]), flush=True)
     _carry(ends)
 

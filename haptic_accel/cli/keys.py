@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``haptic-accel keys``: the certificates with which two hosts know each other."""
+"""``haptic-accel keys``: the keys and certificates with which two hosts know each other."""
 
 from __future__ import annotations
 
@@ -11,9 +11,14 @@ import click
 
 from haptic_accel.cli.options import FILE, verb
 from haptic_accel.cli.output import make_folder
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.links.authentication import write_new_key
 
-MISSING_LIBRARY = "keys need cryptography: pip install 'haptic_accel[zenoh]'"
+FOLDERS = ("robot", "operator")
+"""Folders of the two hosts."""
+
+WITHOUT_CERTIFICATES = (
+    "without certificates for transport:=zenoh: these need pip install 'haptic_accel[zenoh]'"
+)
 
 
 @verb(
@@ -22,21 +27,28 @@ MISSING_LIBRARY = "keys need cryptography: pip install 'haptic_accel[zenoh]'"
 @click.argument("robot")
 @click.argument("operator")
 @click.option(
-    "--out", type=FILE, default="keys", metavar="FOLDER", help="New folder for the certificates."
+    "--out", type=FILE, default="keys", metavar="FOLDER", help="New folder for both hosts' keys."
 )
 def keys(robot: str, operator: str, out: Path) -> None:
-    """Make certificates for the hosts ROBOT and OPERATOR, for transport:=zenoh.
+    """Make a key for the hosts ROBOT and OPERATOR, which both need, and certificates for zenoh.
 
     Each is a name or an address by which the other reaches it, or several with commas between.
-    The authority that signs both keeps no key, so that nobody can make a third.
+    The authority that signs both certificates keeps no key, so that nobody can make a third.
     """
-    try:
-        from haptic_accel.links.certificates import FOLDERS, certified_pair
-    except ImportError:
-        raise ParameterError(MISSING_LIBRARY) from None
     hosts = [robot.split(","), operator.split(",")]
-    pair = certified_pair(hosts)
+    try:
+        from haptic_accel.links.certificates import certified_pair
+    except ImportError:
+        print(WITHOUT_CERTIFICATES)
+        pair = []
+    else:
+        pair = certified_pair(hosts)
     make_folder(out)
-    for name, host, identity in zip(FOLDERS, hosts, pair, strict=True):
-        identity.write(out / name)
-        print(f"{out / name}: copy it to {host[0]}, and there add keys:=FOLDER to teleop")
+    folders = [out / name for name in FOLDERS]
+    for folder in folders:
+        folder.mkdir(mode=0o700)
+    write_new_key(*folders)
+    for folder, identity in zip(folders, pair, strict=False):
+        identity.write(folder)
+    for folder, host in zip(folders, hosts, strict=True):
+        print(f"{folder}: copy it to {host[0]}, and there add keys:=FOLDER to teleop")

@@ -10,6 +10,8 @@ import hashlib
 import os
 import socket
 from dataclasses import dataclass
+from ipaddress import ip_address
+from typing import Any
 
 from haptic_accel.core.parameters import ParameterError, shown
 
@@ -18,15 +20,15 @@ UDP = socket.SOCK_DGRAM
 HIGHEST_PORT = 65535
 """Highest port of UDP."""
 
-FIRST_PORTS = {"dds": 7300, "zenoh": 7447}
+FIRST_PORTS = {"udp": 7300, "zenoh": 7447}
 """Port of the root namespace by transport: below 7400, where the ports of ROS domain 0 begin, and
 Zenoh's own."""
 
 SLOTS = 50
 """Namespaces that have ports of their own, the root included; others share one by chance."""
 
-PORTS_EACH = {"dds": 2, "zenoh": 1}
-"""Ports of a pair of hosts: with dds one for each host, the master's first; with zenoh the
+PORTS_EACH = {"udp": 2, "zenoh": 1}
+"""Ports of a pair of hosts: with udp one for each host, the master's first; with zenoh the
 slave's."""
 
 
@@ -103,48 +105,37 @@ def route(peer: str, side: str, transport: str, namespace: str) -> Route:
     first = given or FIRST_PORTS[transport] + each * _slot(namespace)
     ports = (first, first + each - 1)
     own, other = ports if side == "master" else ports[::-1]
-    return Route(host, *_addresses(host, other, ipv4=transport == "dds"), own, other)
+    return Route(host, *_addresses(host, other, sort=transport == "udp"), own, other)
 
 
-def check_free(address: str, port: int) -> None:
-    """Refuse a port of UDP that a program of this machine has.
+def bound(address: str, port: int) -> socket.socket:
+    """Return a socket of UDP that has a port of this host.
 
     Raises
     ------
     ParameterError
-        Naming address and port.
+        A program of this machine has it, or it is not for this user.
     """
-    if reason := _why_taken(address, port):
+    opened = socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, UDP)
+    try:
+        opened.bind(socket.getaddrinfo(address, port, opened.family, UDP)[0][4])
+    except OSError as error:
+        opened.close()
+        if error.errno not in (errno.EADDRINUSE, errno.EACCES):
+            raise
         raise ParameterError(
-            f"port {port}/udp of {address}: {reason}; is it another graph's link? give both hosts"
-            " another, peer:=HOST:PORT"
-        )
+            f"port {port}/udp of {address}: {os.strerror(error.errno).lower()}; is it another"
+            " graph's link? give both hosts another, peer:=HOST:PORT"
+        ) from None
+    return opened
 
 
-def check_opened(address: str, port: int) -> None:
-    """Refuse a port of UDP that nobody has although it should be open by now.
-
-    Raises
-    ------
-    ConnectionError
-        Naming address and port.
-    """
-    if not _why_taken(address, port):
-        raise ConnectionError(
-            f"port {port}/udp of {address}: cannot be opened: is the network up?"
-        )
-
-
-def _why_taken(address: str, port: int) -> str:
-    """Return why a port of UDP cannot be had; empty if it can."""
-    with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, UDP) as probe:
-        try:
-            probe.bind((address, port))
-        except OSError as error:
-            if error.errno not in (errno.EADDRINUSE, errno.EACCES):
-                raise
-            return os.strerror(error.errno).lower()
-    return ""
+def is_loopback(host: str) -> bool:
+    """Return whether a host is this machine itself, by its address or the name localhost."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def _slot(namespace: str) -> int:
@@ -153,15 +144,24 @@ def _slot(namespace: str) -> int:
     return 1 + int.from_bytes(digest[:8], "big") % (SLOTS - 1) if namespace else 0
 
 
-def _addresses(host: str, port: int, *, ipv4: bool) -> tuple[str, str]:
-    """Return the numeric addresses of this host, towards another, and of that."""
-    family = socket.AF_INET if ipv4 else socket.AF_UNSPEC
+def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
+    """Return the numeric addresses of this host, towards another, and of that.
+
+    Sorted, an address of IPv4 comes first where there is one: both hosts must choose the same.
+    """
     try:
-        found = socket.getaddrinfo(host, port, family, UDP)
+        found = socket.getaddrinfo(host, port, type=UDP)
+        if sort:
+            found.sort(key=lambda each: each[0] != socket.AF_INET)
         kind, _, _, _, there = found[0]
         with socket.socket(kind, UDP) as asking:
             asking.connect(there)  # asks for the way; nothing is sent
-            return asking.getsockname()[0], str(there[0])
+            return _numeric(asking.getsockname()), _numeric(there)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ConnectionError(f"peer {host}: cannot be reached: {reason}") from None
+
+
+def _numeric(address: Any) -> str:
+    """Return the address of a socket, with its interface where it holds on one alone."""
+    return socket.getnameinfo(address, socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)[0]

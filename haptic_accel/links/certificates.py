@@ -23,9 +23,6 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
 
-FOLDERS = ("robot", "operator")
-"""Folders of the two hosts."""
-
 VALID = timedelta(days=3650)
 """Time for which certificates hold: a robot in use must not stop on a date. Keys that have become
 known to others are replaced on both hosts."""
@@ -60,8 +57,7 @@ class Identity:
     key: bytes
 
     def write(self, folder: Path) -> None:
-        """Write the files into a new folder, for the owner alone."""
-        folder.mkdir(mode=0o700)
+        """Write the files into a folder that has none of them, for the owner alone."""
         names = (AUTHORITY, CERTIFICATE, KEY)
         for name, content in zip(names, (self.authority, self.certificate, self.key), strict=True):
             new = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

@@ -6,9 +6,13 @@
 from __future__ import annotations
 
 from haptic_accel.links.addresses import Route
+from haptic_accel.links.parameters import UDP
 
 SILENCE = 5.0
-"""Time without a datagram after which there is a line about it, and between lines, s."""
+"""Time without a datagram after which there is a line about it, s."""
+
+REPEAT = 60.0
+"""Shortest time between two lines about strangers, s: they must not fill the log."""
 
 
 class Hearing:
@@ -20,22 +24,52 @@ class Hearing:
         Peer in the lines.
     advice : str
         Points to check while nothing is heard.
+    keys : str
+        Folder of this host's keys; empty for none.
     now : float
         Steady time, s.
 
     Attributes
     ----------
     heard : int
-        Datagrams received.
+        Datagrams of the peer.
+    problem : str
+        Why datagrams that come are refused, one line; empty while none are.
     """
 
-    def __init__(self, peer: str, advice: str, now: float) -> None:
+    def __init__(self, peer: str, advice: str, keys: str, now: float) -> None:
         self.heard = 0
+        self.problem = ""
         self._peer, self._advice = peer, advice
+        self._keys = f"here keys:={keys}" if keys else "this host has none"
         self._known, self._last, self._hears, self._silent = 0, now, False, False
+        self._strangers, self._stranger = 0, ""
+        self._refused, self._refused_at, self._said = 0, -SILENCE, -REPEAT
 
-    def line(self, now: float) -> str:
-        """Return a line if there is something new; empty otherwise. To be called often."""
+    def refuse(self, address: str) -> None:
+        """Count a datagram from an address that does not have the link's key."""
+        self._strangers += 1
+        self._stranger = address
+
+    def lines(self, now: float) -> list[str]:
+        """Return lines about what is new. To be called often."""
+        return [line for line in (self._of_strangers(now), self._of_peer(now)) if line]
+
+    def _of_strangers(self, now: float) -> str:
+        if self._strangers != self._refused:
+            self._refused, self._refused_at = self._strangers, now
+            self.problem = (
+                f"datagrams from {self._stranger} do not have this link's key: both hosts need"
+                f" folders of one haptic-accel keys, {self._keys}; {self._refused} refused"
+            )
+        elif now - self._refused_at > SILENCE:
+            self.problem = ""
+        if not self.problem or now - self._said < REPEAT:
+            return ""
+        self._said = now
+        return self.problem
+
+    def _of_peer(self, now: float) -> str:
         if self.heard != self._known:
             self._known, self._last = self.heard, now
             new, self._hears, self._silent = not self._hears, True, False
@@ -48,10 +82,10 @@ class Hearing:
 
 def described(route: Route, side: str, transport: str) -> str:
     """Return who sends where: addresses and ports of UDP."""
-    if transport == "dds":
+    if transport == UDP:
         return (
             f"{side} at {route.own}, hears on port {route.own_port}/udp, sends to {route.peer}"
-            f" port {route.peer_port}/udp (dds)"
+            f" port {route.peer_port}/udp"
         )
     if side == "slave":
         return f"slave at {route.own}, the peer connects to port {route.own_port}/udp (zenoh)"
@@ -63,6 +97,6 @@ def advice(route: Route, side: str, transport: str) -> str:
     other = "slave" if side == "master" else "master"
     return (
         f"{described(route, side, transport)}: check that the firewalls of both hosts let this"
-        f" pass, and that the peer runs with side:={other} transport:={transport}, the same"
-        " namespace and version"
+        f" pass, and that the peer runs with side:={other} transport:={transport} and the same"
+        " namespace"
     )

@@ -29,6 +29,9 @@ MOST_WAITING = 100
 those of 0.1 s, after which the peer counts as silent. The kernel keeps net.unix.max_dgram_qlen
 datagrams, 10 by default."""
 
+_NOTE = b"note\0"
+"""Begin of a datagram that the link itself has written for the coupler."""
+
 _OTHER = {COUPLER: LINK, LINK: COUPLER}
 
 
@@ -48,6 +51,8 @@ class LocalEnd:
     ----------
     dropped : int
         Datagrams that were not sent, as the other end was not there or took none for too long.
+    note : str
+        Newest line of the other end about itself.
 
     Raises
     ------
@@ -57,6 +62,7 @@ class LocalEnd:
 
     def __init__(self, end: str, domain: int, namespace: str) -> None:
         self.dropped = 0
+        self.note = ""
         self._waiting: deque[bytes] = deque()
         self._other = _address(_OTHER[end], domain, namespace)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -79,8 +85,10 @@ class LocalEnd:
     def send(self, datagram: bytes) -> bool:
         """Send a datagram after those that wait; return whether the other end will find it.
 
-        What the other end has no room for waits until the next call.
+        What the other end has no room for waits until the next call. One thread alone may call.
         """
+        if datagram.startswith(_NOTE):
+            return True
         self._waiting.append(datagram)
         try:
             while self._waiting:
@@ -97,13 +105,25 @@ class LocalEnd:
             return False
         return True
 
+    def write_note(self, line: str) -> None:
+        """Tell the other end a line about this one, which no datagram that is carried can.
+
+        Any thread may, as it does not touch what waits. Without room the line is lost.
+        """
+        with suppress(BlockingIOError, ConnectionRefusedError):
+            self._socket.sendto(_NOTE + line.encode(), self._other)
+
     def take(self) -> list[bytes]:
         """Return the datagrams that came from the other end since the last call, oldest first."""
         taken = []
         with suppress(BlockingIOError):
             while True:
                 datagram, sender = self._socket.recvfrom(LONGEST + 1)
-                if sender == self._other and len(datagram) <= LONGEST:
+                if sender != self._other or len(datagram) > LONGEST:
+                    continue
+                if datagram.startswith(_NOTE):
+                    self.note = datagram.removeprefix(_NOTE).decode()
+                else:
                     taken.append(datagram)
         return taken
 

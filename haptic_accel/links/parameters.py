@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.topics import ARMS
-from haptic_accel.links.addresses import host_and_port
+from haptic_accel.links.addresses import host_and_port, is_loopback
 
-TRANSPORTS = ("dds", "zenoh")
+UDP, ZENOH = TRANSPORTS = ("udp", "zenoh")
 """Transports of datagrams between hosts."""
 
 AUTHORITY, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
@@ -24,13 +24,33 @@ class LinkNodeParameters(Checked):
 
     side: str = parameter("master", "arm that this host has", choices=ARMS)
     peer: str = parameter("", "peer host as HOST or HOST:PORT; empty for no link")
-    transport: str = parameter(
-        "dds", "transport of datagrams to the peer host", choices=TRANSPORTS
+    transport: str = parameter(UDP, "transport of datagrams to the peer host", choices=TRANSPORTS)
+    keys: str = parameter("", "folder with this host's keys, which haptic-accel keys makes")
+    insecure: bool = parameter(
+        False, "link hosts without a key: whoever reaches the port can then move the arm"
     )
-    keys: str = parameter("", "folder with this host's certificates, for transport zenoh")
 
     def __post_init__(self) -> None:
-        """Check all fields, and the form of the peer's address."""
+        """Check all fields, the form of the peer's address, and that it is authenticated."""
         super().__post_init__()
         if self.peer:
-            host_and_port(self.peer)
+            check_peer(self.peer, self.transport, self.keys, insecure=self.insecure)
+
+
+def check_peer(peer: str, transport: str, keys: str, *, insecure: bool) -> None:
+    """Refuse a peer whose address has another form, or that would not be authenticated.
+
+    Raises
+    ------
+    ParameterError
+        Naming the parameter, and what is allowed.
+    """
+    host, _ = host_and_port(peer)
+    if insecure and (keys or transport != UDP):
+        given = f"keys:={keys}" if keys else f"transport:={transport}"
+        raise ParameterError(f"insecure = True: must not come with {given}")
+    if not (keys or insecure or (transport == UDP and is_loopback(host))):
+        raise ParameterError(
+            f"keys = '': must be the folder of this host's keys, as peer {host} is another host;"
+            " haptic-accel keys makes it"
+        )

@@ -9,66 +9,51 @@ It is no node of the graph, whose topics stay on their machine. What it carries 
 from __future__ import annotations
 
 import gc
-import os
+import logging
 import select
-import struct
 import sys
-import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
-from itertools import cycle, pairwise
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Protocol
 
-import rclpy
-from rclpy.logging import get_logger
-from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from std_msgs.msg import UInt8MultiArray
-
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.claims import own_domain
+from haptic_accel.graph.arguments import LOG_LEVELS
 from haptic_accel.graph.files import read_parameter_file
 from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.links.addresses import Route, check_free, check_opened, route
-from haptic_accel.links.fastdds import profile
+from haptic_accel.graph.stop_signal import own_domain
+from haptic_accel.links.addresses import Route, bound, route
+from haptic_accel.links.authentication import Authenticator, read_key
 from haptic_accel.links.hearing import Hearing, advice, described
-from haptic_accel.links.local import LINK, LONGEST, LocalEnd
-from haptic_accel.links.parameters import LinkNodeParameters
+from haptic_accel.links.local import LINK, LocalEnd
+from haptic_accel.links.parameters import UDP, LinkNodeParameters, check_peer
+from haptic_accel.links.udp import UdpCarrier
 from haptic_accel.links.zenoh import ZenohCarrier
-from haptic_accel.nodes.middleware import DISCOVERY_RANGE, PROFILES_FILES, STATIC_PEERS
 from haptic_accel.nodes.scheduling import (
     LOOK_ROUND,
     TEARDOWN,
-    EventsExecutor,
     Signals,
-    SupervisedNode,
     ask_for_realtime,
-    close_nodes,
     run_process,
-    take_arguments,
 )
-
-DOMAIN = 100
-"""ROS domain of all links: the local graphs need not agree on theirs, and ports are explicit."""
-
-WAITING = 64
-"""Datagrams kept for a thread that is late, of which the newest count: 0.1 s."""
-
-PUBLISHERS = 32
-"""Publishers that take turns: a subscriber at best effort drops what a later message of the same
-publisher has overtaken. With as many, a packet each ms may come up to 31 ms late."""
-
-MIDDLEWARE = "rmw_fastrtps"
-"""Start of the names of the middleware that follows the profile."""
 
 SEARCH_PERIOD = 2.0
 """Interval between attempts to find the way to a peer, s."""
 
-_HEAD = struct.Struct("<4sIII")
-_ENCAPSULATION = b"\0\1\0\0"  # plain little-endian CDR; then no dimensions, no offset, length
+NOTE_PERIOD = 1.0
+"""Interval between lines to the coupler about this link, s, as it may have started anew."""
+
+INSECURE = (
+    "insecure:=true: datagrams are not authenticated: whoever reaches the port can move the arm;"
+    " make keys with haptic-accel keys"
+)
+
+_FORMAT = "[%(levelname)s] [%(created).9f] [link]: %(message)s"
+"""Form of a line of a node's log."""
+
+_logger = logging.getLogger("link")
 
 
 class Carrier(Protocol):
@@ -84,115 +69,19 @@ class Carrier(Protocol):
         """Release everything."""
 
 
-class DdsCarrier:
-    """Carries datagrams by one topic in each direction, best effort, of one participant.
-
-    Parameters
-    ----------
-    route : Route
-    side : str
-        Side of this host, from `ARMS`.
-
-    Raises
-    ------
-    ParameterError
-        The middleware is another, or the port is taken: Fast DDS would take the next but one.
-    ConnectionError
-        The port was not opened.
-    """
-
-    def __init__(self, route: Route, side: str) -> None:
-        used = rclpy.get_rmw_implementation_identifier()
-        if not used.startswith(MIDDLEWARE):
-            raise ParameterError(
-                f"RMW_IMPLEMENTATION = {used}: must be {MIDDLEWARE}_cpp for transport dds; or use"
-                " transport:=zenoh"
-            )
-        check_free(route.own, route.own_port)
-        self._over = threading.Event()
-        self._deliver: Callable[[bytes], object] = lambda datagram: None
-        self.node = _bare_node()
-        # Fast DDS goes on without an interface that was not up.
-        check_opened(route.own, route.own_port)
-        quality = QoSProfile(depth=WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
-        topics = {name: f"link/from_{name}" for name in ("master", "slave")}
-        own = topics.pop(side)
-        publishers = [
-            self.node.create_publisher(UInt8MultiArray, own, quality) for _ in range(PUBLISHERS)
-        ]
-        self._turns: Iterator[Any] = cycle([each.handle.publish_raw for each in publishers])
-        (heard,) = topics.values()
-        self.node.create_subscription(UInt8MultiArray, heard, self._take, quality, raw=True)
-
-    def send(self, datagram: bytes) -> None:
-        """Send a datagram to whom discovery has found."""
-        next(self._turns)(_HEAD.pack(_ENCAPSULATION, 0, 0, len(datagram)) + datagram)
-
-    def run(self, deliver: Callable[[bytes], object]) -> None:
-        """Pass received datagrams on until `close` is called."""
-        self._deliver = deliver
-        executor = EventsExecutor()
-        executor.add_node(self.node)
-        try:
-            while not self._over.is_set():
-                executor.spin_once(timeout_sec=LOOK_ROUND)
-        finally:
-            executor.shutdown()
-
-    def close(self) -> None:
-        """End receiving."""
-        self._over.set()
-
-    def _take(self, message: bytes) -> None:
-        if len(message) < _HEAD.size:
-            return
-        head, datagram = message[: _HEAD.size], message[_HEAD.size :]
-        *start, length = _HEAD.unpack(head)
-        if start == [_ENCAPSULATION, 0, 0] and length <= min(len(datagram), LONGEST):
-            self._deliver(datagram[:length])
-
-
-@contextmanager
-def only_for(route: Route) -> Iterator[None]:
-    """Let participants made within be of one route's profile.
-
-    To be entered before ROS is initialised, which reads where nodes are to be looked for.
-    """
-    for name in (STATIC_PEERS, "ROS_LOCALHOST_ONLY"):
-        os.environ.pop(name, None)
-    os.environ[DISCOVERY_RANGE] = "SYSTEM_DEFAULT"  # leaves it to the profile
-    with tempfile.NamedTemporaryFile("w", suffix=".xml") as file:
-        file.write(profile(route))
-        file.flush()
-        os.environ.update(dict.fromkeys(PROFILES_FILES, file.name))
-        yield
-
-
-def _bare_node() -> SupervisedNode:
-    """Return a node without the topics and services of any."""
-    node = SupervisedNode(
-        "link",
-        enable_rosout=False,
-        start_parameter_services=False,
-        parameter_overrides=[Parameter("start_type_description_service", value=False)],
-    )
-    for publisher in list(node.publishers):
-        node.destroy_publisher(publisher)
-    return node
-
-
-def carry(local: LocalEnd, carrier: Carrier, hearing: Hearing, signals: Signals) -> None:
+def carry(
+    local: LocalEnd, carrier: Carrier, hearing: Hearing, signals: Signals, note: str = ""
+) -> None:
     """Carry datagrams both ways until the process has to end.
 
     Those from the peer are carried by a thread of its own, so that each direction sleeps until
-    something comes.
+    something comes. The coupler gets a line about what is wrong, or the note if nothing is.
 
     Raises
     ------
     Exception
         Error that ended that thread.
     """
-    logger = get_logger("link")
     failures: list[Exception] = []
 
     def deliver(datagram: bytes) -> None:
@@ -211,12 +100,16 @@ def carry(local: LocalEnd, carrier: Carrier, hearing: Hearing, signals: Signals)
     gc.collect()
     gc.freeze()
     gc.disable()
+    noted = 0.0
     while not (signals.ended() or failures):
         if select.select([local], [], [], LOOK_ROUND)[0]:
             for datagram in local.take():
                 carrier.send(datagram)
-        if line := hearing.line(time.monotonic()):
-            logger.info(line)
+        for line in hearing.lines(now := time.monotonic()):
+            _logger.log(logging.WARNING if line == hearing.problem else logging.INFO, line)
+        if now - noted >= NOTE_PERIOD:
+            noted = now
+            local.write_note(hearing.problem or note)
     carrier.close()
     receiver.join(TEARDOWN)
     if failures:
@@ -229,32 +122,32 @@ def main() -> None:
 
 
 def _run(signals: Signals) -> None:
-    namespace, parameters = _given(sys.argv[1:])
+    namespace, level, parameters = _given(sys.argv[1:])
+    logging.addLevelName(logging.WARNING, "WARN")
+    logging.basicConfig(format=_FORMAT, level=level.upper())
+    logging.raiseExceptions = False  # nobody may be left to read it
+    key = read_key(parameters.keys) if parameters.keys and parameters.transport == UDP else b""
     way = _way(parameters, namespace, signals)
     if way is None:
         return
-    well = False
-    nodes: list[SupervisedNode] = []
-    try:
-        with closing(LocalEnd(LINK, own_domain(), namespace)) as local:
-            logger = get_logger("link")
-            with only_for(way):
-                take_arguments(DOMAIN)
-                if parameters.transport == "dds":
-                    carrier: Carrier = (dds := DdsCarrier(way, parameters.side))
-                    nodes.append(dds.node)
-            if parameters.transport == "zenoh":
-                if parameters.side == "slave":
-                    check_free(way.own, way.own_port)
-                say = logger.warning
-                carrier = ZenohCarrier(way, parameters.side, namespace, parameters.keys, say)
-            logger.info(described(way, parameters.side, parameters.transport))
-            hints = advice(way, parameters.side, parameters.transport)
-            hearing = Hearing(f"peer {way.host}", hints, time.monotonic())
-            carry(local, carrier, hearing, signals)
-        well = True
-    finally:
-        close_nodes(nodes, well)
+    # The name of this machine could have led elsewhere.
+    check_peer(way.peer, parameters.transport, parameters.keys, insecure=parameters.insecure)
+    hints = advice(way, parameters.side, parameters.transport)
+    hearing = Hearing(f"peer {way.host}", hints, parameters.keys, time.monotonic())
+    note = INSECURE if parameters.insecure else ""
+    with closing(LocalEnd(LINK, own_domain(), namespace)) as local:
+        if parameters.transport == UDP:
+            authenticator = Authenticator(key, parameters.side)
+            carrier: Carrier = UdpCarrier(way, authenticator, hearing.refuse)
+        else:
+            if parameters.side == "slave":
+                bound(way.own, way.own_port).close()
+            say = _logger.warning
+            carrier = ZenohCarrier(way, parameters.side, namespace, parameters.keys, say)
+        _logger.info(described(way, parameters.side, parameters.transport))
+        if note:
+            _logger.warning(note)
+        carry(local, carrier, hearing, signals, note)
 
 
 def _way(parameters: LinkNodeParameters, namespace: str, signals: Signals) -> Route | None:
@@ -268,32 +161,39 @@ def _way(parameters: LinkNodeParameters, namespace: str, signals: Signals) -> Ro
             return route(parameters.peer, parameters.side, parameters.transport, namespace)
         except ConnectionError as error:
             if said != (said := str(error)):
-                get_logger("link").warning(f"{said}; trying again")
+                _logger.warning(f"{said}; trying again")
         due = time.monotonic() + SEARCH_PERIOD
         while time.monotonic() < due and not signals.ended():
             time.sleep(LOOK_ROUND)
     return None
 
 
-def _given(words: Sequence[str]) -> tuple[str, LinkNodeParameters]:
-    """Return namespace and parameters from a command line as `graph` writes it.
+def _given(words: Sequence[str]) -> tuple[str, str, LinkNodeParameters]:
+    """Return namespace, log level and parameters from a command line as `graph` writes it.
 
     Raises
     ------
     ParameterError
-        A file cannot be read, a value is not allowed, or no peer is given.
+        A word or value is not allowed, a file cannot be read, or no peer is given.
     """
-    namespace, values = "", dict[str, Any]()
-    for word, following in pairwise(words):
-        if word in ("-r", "--remap") and following.startswith("__ns:="):
-            namespace = following.partition(":=")[2].rstrip("/")
-    for word, following in pairwise(words):
+    given = [word for word in words if word != "--ros-args"]
+    namespace, level, files = "", "info", list[Path]()
+    for word, following in zip(given[::2], given[1::2], strict=False):
         if word == "--params-file":
-            values |= read_parameter_file(Path(following), namespace)["link"]
+            files.append(Path(following))
+        elif word == "--log-level" and following in LOG_LEVELS:
+            level = following
+        elif word in ("-r", "--remap") and following.startswith("__ns:="):
+            namespace = following.partition(":=")[2].rstrip("/")
+        else:
+            raise ParameterError(f"{word} {following}: no such argument")
+    values = dict[str, Any]()
+    for file in files:
+        values |= read_parameter_file(file, namespace)["link"]
     parameters, _ = node_parameters("link", values)
     if not parameters.peer:
         raise ParameterError("peer = '': must be HOST or HOST:PORT of the other host")
-    return namespace, parameters
+    return namespace, level, parameters
 
 
 if __name__ == "__main__":

@@ -5,26 +5,43 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
+from haptic_accel.links.authentication import LINK_KEY, read_key
 from verbs import refusal, status_of
 
-pytest.importorskip("cryptography")
+
+def test_both_hosts_get_one_key_also_without_certificates(
+    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "haptic_accel.links.certificates", None)
+    for name in ("one", "other"):
+        assert status_of("keys", "robot.lab", "desk.lab", "--out", name) == 0
+    assert capsys.readouterr().out.startswith("without certificates for transport:=zenoh")
+    robot, operator, other = (
+        read_key(str(here / name)) for name in ("one/robot", "one/operator", "other/robot")
+    )
+    assert robot == operator != other
+    assert (here / "one/robot" / LINK_KEY).stat().st_mode & 0o777 == 0o600
+    assert [path.name for path in (here / "one/robot").iterdir()] == [LINK_KEY]
 
 
 def test_keys_are_made_once_for_two_hosts(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert status_of("keys", "robot.lab,10.0.0.2", "desk.lab", "--out", "mine") == 0
+    pytest.importorskip("cryptography")
     out = capsys.readouterr().out.splitlines()
     assert [line.partition(":")[0] for line in out] == ["mine/robot", "mine/operator"]
-    before = {path: path.read_bytes() for path in (here / "mine").glob("*/*.pem")}
-    assert len(before) == 6
+    before = {path: path.read_bytes() for path in (here / "mine").glob("*/*")}
+    assert len(before) == 8
     assert "must be a new folder" in refusal("keys", "a", "b", "--out", "mine")
     assert {path: path.read_bytes() for path in before} == before
 
 
 def test_a_wrong_name_leaves_no_folder(here: Path) -> None:
+    pytest.importorskip("cryptography")
     assert "'a b': must be the name" in refusal("keys", "a b", "c")
     assert "'': must be the name" in refusal("keys", "", "c")
     assert list(here.iterdir()) == []

@@ -3,13 +3,11 @@
 
 from __future__ import annotations
 
-import socket
-
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import ARMS
-from haptic_accel.links.addresses import check_free, check_opened, host_and_port, route
+from haptic_accel.links.addresses import bound, host_and_port, route
 from haptic_accel.links.parameters import TRANSPORTS, LinkNodeParameters
 
 
@@ -32,7 +30,7 @@ def test_a_peer_is_a_host_with_or_without_a_port(peer: str, expected: tuple[str,
 )
 def test_another_form_is_refused_in_one_line(peer: str) -> None:
     with pytest.raises(ParameterError, match=r"^peer = .*: must be HOST or HOST:PORT"):
-        LinkNodeParameters(peer=peer)
+        LinkNodeParameters(peer=peer, keys="k")
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
@@ -51,29 +49,45 @@ def test_two_namespaces_have_ports_of_their_own_outside_those_of_ros() -> None:
         port
         for namespace in ("", "/left", "/right")
         for side in ARMS
-        for port in (route("127.0.0.1", side, "dds", namespace).own_port,)
+        for port in (route("127.0.0.1", side, "udp", namespace).own_port,)
     ]
     assert len(set(ports)) == len(ports)
     assert max(ports) < 7400
 
 
 def test_the_own_address_is_that_towards_the_peer() -> None:
-    found = route("localhost", "master", "dds", "")
+    found = route("localhost", "master", "udp", "")
     assert (found.host, found.own, found.peer) == ("localhost", "127.0.0.1", "127.0.0.1")
 
 
 def test_a_peer_without_an_address_is_said_in_one_line() -> None:
     with pytest.raises(OSError, match=r"^peer no-such.invalid: cannot be reached: "):
-        route("no-such.invalid", "master", "dds", "")
+        route("no-such.invalid", "master", "udp", "")
 
 
-def test_a_port_that_is_taken_or_was_not_opened_is_named_in_one_line() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
+@pytest.mark.parametrize("address", ["127.0.0.1", "::1"])
+def test_a_port_that_is_taken_is_named_in_one_line(address: str) -> None:
+    with bound(address, 0) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(ParameterError, match=rf"^port {port}/udp of 127\.0\.0\.1: address al"):
-            check_free("127.0.0.1", port)
-        check_opened("127.0.0.1", port)
-    check_free("127.0.0.1", port)
-    with pytest.raises(ConnectionError, match=rf"^port {port}/udp of 127\.0\.0\.1: cannot be op"):
-        check_opened("127.0.0.1", port)
+        with pytest.raises(ParameterError, match=rf"^port {port}/udp of {address}: address al"):
+            bound(address, port)
+    bound(address, port).close()
+
+
+@pytest.mark.parametrize("side", ARMS)
+def test_a_peer_of_ipv6_is_reached_from_an_address_of_ipv6(side: str) -> None:
+    found = route("[::1]:7000", side, "udp", "")
+    assert (found.own, found.peer) == ("::1", "::1")
+
+
+@pytest.mark.parametrize("peer", ["10.0.0.2", "robot.lab", "fd00::2", "192.168.0.1:7300"])
+def test_another_host_needs_a_key_unless_it_is_said_to_be_insecure(peer: str) -> None:
+    with pytest.raises(ParameterError, match=r"^keys = '': must be the folder of this host's k"):
+        LinkNodeParameters(peer=peer)
+    LinkNodeParameters(peer=peer, insecure=True)
+    LinkNodeParameters(peer=peer, keys="keys")
+
+
+@pytest.mark.parametrize("peer", ["127.0.0.1", "127.9.9.9:7300", "localhost", "::1"])
+def test_this_machine_needs_none(peer: str) -> None:
+    LinkNodeParameters(peer=peer)

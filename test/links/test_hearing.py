@@ -4,24 +4,43 @@
 from __future__ import annotations
 
 from haptic_accel.links.addresses import Route
-from haptic_accel.links.hearing import SILENCE, Hearing, advice
+from haptic_accel.links.hearing import REPEAT, SILENCE, Hearing, advice
 
 
 def test_the_peer_is_reported_once_when_it_is_heard_and_once_when_it_is_not() -> None:
-    hearing = Hearing("peer robot", "check it", 0.0)
-    assert hearing.line(SILENCE - 0.1) == ""
-    assert hearing.line(SILENCE) == "peer robot: nothing heard for 5 s; check it"
-    assert hearing.line(3 * SILENCE) == ""
+    hearing = Hearing("peer robot", "check it", "", 0.0)
+    assert hearing.lines(SILENCE - 0.1) == []
+    assert hearing.lines(SILENCE) == ["peer robot: nothing heard for 5 s; check it"]
+    assert hearing.lines(3 * SILENCE) == []
     hearing.heard += 1
-    assert hearing.line(20.0) == "peer robot is heard"
+    assert hearing.lines(20.0) == ["peer robot is heard"]
     hearing.heard += 1
-    assert hearing.line(24.0) == ""
-    assert hearing.line(28.9) == ""
-    assert hearing.line(29.0).startswith("peer robot: nothing heard")
+    assert hearing.lines(24.0) == []
+    assert hearing.lines(28.9) == []
+    assert hearing.lines(29.0)[0].startswith("peer robot: nothing heard")
 
 
 def test_advice_names_addresses_ports_side_and_transport() -> None:
-    text = advice(Route("robot", "10.0.0.1", "10.0.0.2", 7300, 7301), "master", "dds")
-    for word in ("10.0.0.1", "10.0.0.2", "7300/udp", "7301/udp", "side:=slave", "transport:=dds"):
+    text = advice(Route("robot", "10.0.0.1", "10.0.0.2", 7300, 7301), "master", "udp")
+    for word in ("10.0.0.1", "10.0.0.2", "7300/udp", "7301/udp", "side:=slave", "transport:=udp"):
         assert word in text
     assert "\n" not in text
+
+
+def test_strangers_get_one_line_a_minute_however_many_they_are() -> None:
+    hearing = Hearing("peer robot", "check it", "mine", 0.0)
+    said = []
+    for tick in range(round(2.5 * REPEAT)):
+        hearing.heard += 1
+        for number in range(100):
+            hearing.refuse(f"10.0.0.{number}")
+        said += [line for line in hearing.lines(float(tick)) if "heard" not in line]
+        assert hearing.problem
+    assert len(said) == 3
+    assert said[0] == (
+        "datagrams from 10.0.0.99 do not have this link's key: both hosts need folders of one"
+        " haptic-accel keys, here keys:=mine; 100 refused"
+    )
+    assert said[1].endswith("; 6100 refused")
+    hearing.lines(2.5 * REPEAT + SILENCE)
+    assert hearing.problem == ""

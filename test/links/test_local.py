@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import select
+import sys
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 
 import pytest
@@ -90,3 +93,50 @@ def test_a_second_process_for_one_end_is_refused_in_one_line(
 ) -> None:
     with pytest.raises(ParameterError, match=r"^ROS domain 250: has a link .* in namespace /a al"):
         LocalEnd(LINK, DOMAIN, "/a")
+
+
+def test_the_link_tells_the_coupler_about_itself_and_nobody_else_can(
+    ends: tuple[LocalEnd, LocalEnd],
+) -> None:
+    coupler, link = ends
+    link.write_note("datagrams from 10.0.0.5 do not have the key")
+    link.send(b"1")
+    assert coupler.take() == [b"1"]
+    note = b"note\0all is well"
+    link.send(note)
+    assert (coupler.take(), coupler.note) == ([], "datagrams from 10.0.0.5 do not have the key")
+    link.write_note("")
+    coupler.take()
+    assert coupler.note == ""
+
+
+def test_a_note_of_another_thread_changes_nothing_of_what_is_sent(
+    ends: tuple[LocalEnd, LocalEnd],
+) -> None:
+    coupler, link = ends
+    over = threading.Event()
+
+    def write() -> None:
+        while not over.is_set():
+            link.write_note("all is well")
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    taken = []
+    with ThreadPoolExecutor() as pool:
+        written = pool.submit(write)
+        try:
+            for number in range(20_000):
+                link.send(number.to_bytes(2, "big"))
+                taken += coupler.take()
+        finally:
+            over.set()
+            sys.setswitchinterval(interval)
+        written.result()
+    taken += coupler.take()
+    while not link.send(b"the last"):
+        taken += coupler.take()
+    taken += coupler.take()
+    assert [int.from_bytes(each, "big") for each in taken[:-1]] == [*range(20_000)]
+    assert taken[-1] == b"the last"
+    assert link.dropped == 0

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import json
 import os
-import select
 import signal
 import socket
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -19,9 +19,10 @@ import psutil
 import pytest
 
 from haptic_accel.core.process import DONE, EMERGENCY, WRONG_ARGUMENTS
+from haptic_accel.links.authentication import Authenticator, read_key, write_new_key
 from haptic_accel.links.local import COUPLER, LONGEST, LocalEnd
 from haptic_accel.links.parameters import AUTHORITY, KEY
-from haptic_accel.nodes.link import DOMAIN, SEARCH_PERIOD
+from haptic_accel.nodes.link import SEARCH_PERIOD
 from running import Command, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
@@ -36,12 +37,13 @@ class Pair:
     ) -> None:
         self.ends = ends
         self.links: dict[str, Command] = {}
+        self.sent = {side: side.encode().ljust(LONGEST, b".") for side in SIDES}
         self._start, self._domains = start, domains
 
-    def start(self, side: str, folder: Path, **parameters: str) -> Command:
+    def start(self, side: str, folder: Path, **parameters: str | bool) -> Command:
         """Start the link of one side."""
         values = {"side": side, "peer": PEER, **parameters}
-        lines = "".join(f'    {name}: "{value}"\n' for name, value in values.items())
+        lines = "".join(f"    {name}: {json.dumps(value)}\n" for name, value in values.items())
         file = folder / f"{side}.yaml"
         file.write_text(f"/**/link:\n  ros__parameters:\n{lines}")
         os.environ["ROS_DOMAIN_ID"] = str(self._domains[side])
@@ -52,7 +54,7 @@ class Pair:
 
     def meets(self) -> None:
         """Send both ways until both have received what the other sent, whole."""
-        sent = {side: side.encode().ljust(LONGEST, b".") for side in SIDES}
+        sent = self.sent
         missing = dict(zip(SIDES, reversed(SIDES), strict=True))
 
         def received() -> bool:
@@ -65,9 +67,9 @@ class Pair:
 
         wait_until(received, "datagrams both ways")
 
-    def silent(self) -> bool:
-        """Return whether nothing has come for any coupler."""
-        return not any(end.take() for end in self.ends.values())
+    def received(self) -> set[bytes]:
+        """Return what has come for the couplers since the last look, each datagram once."""
+        return {datagram for end in self.ends.values() for datagram in end.take()}
 
 
 @pytest.fixture
@@ -100,32 +102,19 @@ def free_ports() -> str:
             return f"{PEER}:{port}"
 
 
-def discovery_port() -> socket.socket:
-    """Return what hears the search for other participants of the links' domain on this machine."""
-    hearing = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    hearing.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    hearing.bind(("", 7400 + 250 * DOMAIN))
-    group = socket.inet_aton("239.255.0.1") + socket.inet_aton(PEER)
-    hearing.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
-    return hearing
-
-
 def test_datagrams_cross_and_a_link_that_was_killed_is_met_again(
     pair: Pair, tmp_path: Path
 ) -> None:
     peer = free_ports()
     first = int(peer.rpartition(":")[2])
-    with discovery_port() as searched:
-        pair.start("slave", tmp_path, peer=peer)
-        master = pair.start("master", tmp_path, peer=peer)
-        pair.meets()
-        assert select.select([searched], [], [], 0)[0] == [], "others were looked for"
+    pair.start("slave", tmp_path, peer=peer)
+    master = pair.start("master", tmp_path, peer=peer)
+    pair.meets()
     line = master.wait_for(r"\[link\]: master at 127\.0\.0\.1")
     assert f"port {first}/udp" in line
     assert f"port {first + 1}/udp" in line
     sockets = psutil.Process(master.process.pid).net_connections("udp")
-    assert {each.laddr.ip for each in sockets} == {PEER}
-    assert first in {each.laddr.port for each in sockets}
+    assert [(each.laddr.ip, each.laddr.port) for each in sockets] == [(PEER, first)]
     master.process.send_signal(EMERGENCY)
     pair.links["slave"].end(signal.SIGKILL)
     pair.start("slave", tmp_path, peer=peer)
@@ -148,7 +137,7 @@ def test_a_port_of_another_program_is_refused_in_one_line(pair: Pair, tmp_path: 
 def test_a_peer_that_is_not_heard_is_said_with_what_to_check(pair: Pair, tmp_path: Path) -> None:
     link = pair.start("slave", tmp_path, peer=free_ports())
     line = link.wait_for("nothing heard for 5 s")
-    assert "side:=master transport:=dds" in line
+    assert "side:=master transport:=udp" in line
     assert "/udp" in line
 
 
@@ -156,6 +145,74 @@ def test_without_a_peer_nothing_starts(pair: Pair, tmp_path: Path) -> None:
     link = pair.start("master", tmp_path, peer="")
     assert link.end() == WRONG_ARGUMENTS
     assert link.lines == ["link: peer = '': must be HOST or HOST:PORT of the other host"]
+
+
+def udp_keys(folder: Path, *names: str) -> list[str]:
+    """Make a folder of keys for each name, all with one key."""
+    folders = [folder / name for name in names]
+    for each in folders:
+        each.mkdir()
+    write_new_key(*folders)
+    return [str(each) for each in folders]
+
+
+def test_a_third_that_has_no_key_gets_no_answer_and_stops_nothing(
+    pair: Pair, tmp_path: Path
+) -> None:
+    peer = free_ports()
+    port = int(peer.rpartition(":")[2])
+    for side, keys in zip(SIDES, udp_keys(tmp_path, *SIDES), strict=True):
+        pair.start(side, tmp_path, peer=peer, keys=keys)
+    pair.meets()
+    known = Authenticator(read_key(str(tmp_path / "master")), "master")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as third:
+        third.settimeout(0.0)
+        for ahead, link in enumerate((pair.links["master"], pair.links["slave"])):
+            own = known.tagged(b"from the master to the slave")  # reflected to the master
+            hostile = [own[:-1] + bytes([own[-1] ^ 1]), own[1:], b"", b"hapt", bytes(2000)]
+            hostile += [own] * (ahead == 0)
+            until = time.monotonic() + 1.5
+            while time.monotonic() < until:  # more than a real-time process may take at once
+                for data in hostile:
+                    third.sendto(data, (PEER, port + ahead))
+            link.wait_for(r"datagrams from 127\.0\.0\.1 do not have this link's key")
+        with pytest.raises(BlockingIOError):
+            third.recv(1)
+    assert pair.received() <= set(pair.sent.values())  # the last of them were still under way
+    pair.meets()
+    assert [link.text.count("do not have") for link in pair.links.values()] == [1, 1]
+
+
+@pytest.mark.parametrize("has", ["none", "another"])
+@pytest.mark.parametrize("side", SIDES)
+def test_a_host_without_the_key_is_told_so_on_both_and_nothing_passes(
+    pair: Pair, tmp_path: Path, side: str, has: str
+) -> None:
+    (other,) = set(SIDES) - {side}
+    (keys,), (others,) = (udp_keys(tmp_path, name) for name in ("keys", "others"))
+    peer = free_ports()
+    pair.start(side, tmp_path, peer=peer, keys=keys)
+    if has == "none":
+        pair.start(other, tmp_path, peer=peer, insecure=True)
+        pair.links[other].wait_for("insecure:=true: datagrams are not authenticated")
+    else:
+        pair.start(other, tmp_path, peer=peer, keys=others)
+
+    def told() -> bool:
+        for end in pair.ends.values():
+            end.send(b"not to be passed")
+        return all("do not have this link's key" in link.text for link in pair.links.values())
+
+    wait_until(told, "a line on both hosts")
+    assert f"here keys:={keys}" in pair.links[side].text
+    own = "this host has none" if has == "none" else f"here keys:={others}"
+    assert own in pair.links[other].text
+    ends = pair.ends.values()
+    wait_until(
+        lambda: not [each.take() for each in ends if "do not have" not in each.note],
+        "a note for each coupler",
+    )
+    assert not pair.received()
 
 
 @pytest.fixture
@@ -169,6 +226,7 @@ def keys(tmp_path: Path) -> Callable[[str, str], dict[str, Path]]:
         folders = {side: tmp_path / name / side for side in ("slave", "master")}
         pair = certificates.certified_pair([[host], [host]])
         for folder, identity in zip(folders.values(), pair, strict=True):
+            folder.mkdir()
             identity.write(folder)
         return folders
 
@@ -210,7 +268,7 @@ def test_what_is_not_of_the_pair_is_refused_in_one_line_and_nothing_passes(
             end.send(b"not to be passed")
         link.wait_for("nothing heard for 5 s")
         assert len(link.lines) < 10
-    assert pair.silent()
+    assert not pair.received()
 
 
 def test_a_client_without_a_certificate_is_refused(
@@ -253,7 +311,7 @@ def test_missing_keys_are_named_in_one_line(
 def test_a_link_waits_for_a_way_to_the_peer_and_says_once_why(
     pair: Pair, tmp_path: Path, end: signal.Signals
 ) -> None:
-    link = pair.start("master", tmp_path, peer="no-such.invalid")
+    link = pair.start("master", tmp_path, peer="no-such.invalid", insecure=True)
     link.wait_for("peer no-such.invalid: cannot be reached: .*; trying again")
     with pytest.raises(subprocess.TimeoutExpired):
         link.process.wait(1.5 * SEARCH_PERIOD)

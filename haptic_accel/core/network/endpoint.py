@@ -17,7 +17,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.clock import ClockOffset
 from haptic_accel.core.network.packet import LARGEST_SAMPLE, MOST_SAMPLES, Packet, unpack
 from haptic_accel.core.network.playout import Playout
-from haptic_accel.core.network.session import Session
+from haptic_accel.core.network.session import Admission, Session
 from haptic_accel.core.sampling import NANOSECONDS, same_rate
 
 PACKET_PERIOD = 1e-3
@@ -65,14 +65,14 @@ class Endpoint:
     rate : float
         Samples per second.
     session : int
-        Random number of this run, of 64 bit and not 0.
+        Random number of this run, of 64 bit and not 0, from `random_session`.
 
     Attributes
     ----------
     peer : Packet or None
         Newest packet of the peer: its state, motion and energy.
     session : Session
-        Admission of packets, with its counts.
+        Admission of packets, with its counts and the number of the own session.
     clock : ClockOffset
         Peer's clock minus the own one.
     playout : Playout
@@ -83,24 +83,27 @@ class Endpoint:
     Examples
     --------
     >>> master, slave = Endpoint("master", 1000.0, 1), Endpoint("slave", 1000.0, 2)
-    >>> sent = master.outgoing(State(ready=True), Motion(), 0.0, now=0.0, system=5_000_000)
-    >>> packet = slave.incoming(sent, now=70.0, system=9_000_000)
-    >>> slave.fresh(70.05, timeout=0.1), slave.peer.ready
+    >>> for now in (0.0, 0.1):
+    ...     for sender, receiver in ((master, slave), (slave, master)):
+    ...         sent = sender.outgoing(State(ready=True), Motion(), 0.0, now, system=5_000_000)
+    ...         packet = receiver.incoming(sent, now, system=9_000_000)
+    >>> slave.fresh(0.15, timeout=0.1), slave.peer.ready
     (True, True)
     """
 
     def __init__(self, side: str, rate: float, session: int) -> None:
-        self._side, self._rate, self._own_session = side, rate, session
+        self._side, self._rate = side, rate
         self._period = max(PACKET_PERIOD, 1.0 / rate)
         self._sequence = 0
         self._due = -math.inf
         self._said: State | None = None
-        self._measured = [(0, 0.0)] * REMEMBERED
+        self._sent = [(-1, 0, 0.0)] * REMEMBERED  # sequence, system time, time of the motion
         self._samples: deque[float] = deque(maxlen=MOST_SAMPLES)
         self._next_sample = 0
-        self._received = 0
+        self._answered = 0, 0, 0, 0  # session, sequence and time of sending; own time
+        self._pair = 0, 0
         self.peer: Packet | None = None
-        self.session = Session(side)
+        self.session = Session(side, session)
         self.clock = ClockOffset()
         self.playout = Playout(rate)
         self.delay = 0.0
@@ -138,29 +141,32 @@ class Endpoint:
         self._said = state
         self._sequence += 1
         age = max(0.0, (system - motion.stamp) / NANOSECONDS) if motion.stamp else 0.0
-        self._measured[self._sequence % REMEMBERED] = self._sequence, now - age
-        peer = self.peer
+        self._sent[self._sequence % REMEMBERED] = self._sequence, system, now - age
+        own, peer = self.session.pair
+        session, sequence, sent, received = self._answered
         return Packet(
             self._side,
-            self._own_session,
+            own,
             self._sequence,
             system,
-            peer.session if peer else 0,
-            peer.sequence if peer else 0,
-            peer.sent if peer else 0,
-            self._received,
+            session,
+            sequence,
+            sent,
+            received,
             *state,
             *motion,
-            shipped,
+            # Energy counts for a pair of sessions: none is given before the peer is known.
+            shipped if session == peer else 0.0,
             self._rate,
             self._next_sample - len(self._samples),
             tuple(self._samples),
         ).pack()
 
     def incoming(self, data: bytes, now: float, system: int) -> Packet | None:
-        """Return the packet of a datagram if it is the peer's and newer than those before.
+        """Return the packet of a datagram if it is the peer's, fresh and newer than those before.
 
-        The samples of one that was overtaken are played too: no other may have them.
+        The samples of one that was overtaken are played too: no other may have them. Of one that
+        is not fresh only the session is used, to be answered.
         """
         try:
             packet = unpack(data)
@@ -172,17 +178,30 @@ class Endpoint:
                 f"the peer has rate:={packet.rate:g}: must be {self._rate:g} Hz as here", now
             )
             return None
-        newer = self.session.admits(packet, now)
-        if self.peer and self.session.peer != self.peer.session:
+        admission = self.session.admits(packet, now)
+        if admission is Admission.REFUSED:
+            return None
+        if admission is Admission.HANDSHAKE:
+            self._answered = packet.session, 0, 0, 0
+            return None
+        if self._pair != (pair := self.session.pair):
+            self._pair, self.peer = pair, None
             self.clock = ClockOffset()
             self.playout.clear()
-        if packet.samples and packet.session == self.session.peer:
+        if packet.samples:
             self.playout.put(packet.first, packet.samples, now)
-        if not newer:
+        if admission is Admission.OVERTAKEN:
             return None
-        self.peer, self._received = packet, system
-        if self._is_echoed(packet):
-            self.clock.add(packet.echo_sent, packet.echo_received, packet.sent, system)
+        if self.peer and packet.shipped < self.peer.shipped:
+            # One of both numbers is wrong, and the larger would never be reached again.
+            self.session.refuse("the peer's account of energy contradicts itself", now)
+            self.session.renew()
+            return None
+        self.peer = packet
+        self._answered = packet.session, packet.sequence, packet.sent, system
+        sequence, sent, _ = self._sent[packet.echo % REMEMBERED]
+        if (sequence, sent) == (packet.echo, packet.echo_sent):
+            self.clock.add(sent, packet.echo_received, packet.sent, system)
         self.delay = self._age_of(packet.sent, system)
         return packet
 
@@ -203,7 +222,7 @@ class Endpoint:
         """
         if not (self.peer and self._is_echoed(self.peer)):
             return math.inf
-        sequence, measured = self._measured[self.peer.echo % REMEMBERED]
+        sequence, _, measured = self._sent[self.peer.echo % REMEMBERED]
         return now - measured if sequence == self.peer.echo else math.inf
 
     def age(self, system: int) -> float:
@@ -242,10 +261,11 @@ class Endpoint:
             "packets out of order": str(session.out_of_order),
             "packets refused": str(session.refused),
             "peer restarts": str(session.restarts),
+            "sessions begun anew": str(session.renewals),
         }
 
     def _is_echoed(self, packet: Packet) -> bool:
-        return packet.echo_session == self._own_session
+        return packet.echo_session == self.session.own
 
     def _age_of(self, moment: int, system: int) -> float:
         """Return the age of a moment of the peer's clock, s."""

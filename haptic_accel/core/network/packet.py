@@ -14,7 +14,7 @@ from typing import NamedTuple
 from haptic_accel.core.model import Vector
 from haptic_accel.core.topics import ARMS
 
-VERSION = 1
+VERSION = 2
 """Version of the layout; hosts of different versions refuse each other."""
 
 MOST_SAMPLES = 16
@@ -46,14 +46,14 @@ class Packet(NamedTuple):
     side : str
         Sender, one of `ARMS`.
     session : int
-        Random number of the sender's run, not 0.
+        Random number of the sender's session, not 0.
     sequence : int
         Number of the packet in its session.
     sent : int
         System time of the sender, ns.
     echo_session, echo, echo_sent : int
         Session, sequence and `sent` of the newest packet that the sender received; session 0 for
-        none.
+        none. A packet is fresh for whom it answers: whose session this is.
     echo_received : int
         System time of the sender at that packet's reception, ns.
     ready, engaged, stopped : bool
@@ -67,7 +67,7 @@ class Packet(NamedTuple):
     position, velocity : tuple of float
         Motion of the sender's arm: relative to where it engaged, m, and in m/s.
     shipped : float
-        Energy that the sender gave away since the session began, J.
+        Energy that the sender gave to the session that it answers, J.
     rate : float
         Samples per second of the sender.
     first : int
@@ -145,8 +145,8 @@ def unpack(data: bytes) -> Packet:
     _, _, side, flags, _, *values = layout.unpack(content)
     session, real, samples = values[0], values[10:18], values[19:]
     # A number that is not finite makes a sum that is not.
-    finite = math.isfinite(sum(real) + sum(samples))
-    if side >= len(ARMS) or not (finite and session and real[-1] > 0):
+    possible = math.isfinite(sum(real)) and sum(map(abs, samples)) <= MOST_SAMPLES * LARGEST_SAMPLE
+    if side >= len(ARMS) or not (possible and session and real[-1] > 0):
         raise ValueError("damaged packet")
     px, py, pz, vx, vy, vz, shipped, rate = real
     state = bool(flags & _READY), bool(flags & _ENGAGED), bool(flags & _STOPPED)

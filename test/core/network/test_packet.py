@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fuzzing import fuzz
-from haptic_accel.core.network.packet import MOST_SAMPLES, Packet, unpack
+from haptic_accel.core.network.packet import LARGEST_SAMPLE, MOST_SAMPLES, VERSION, Packet, unpack
 from haptic_accel.core.topics import ARMS
 
 WORD = st.integers(-(2**63), 2**63 - 1)
@@ -20,7 +20,7 @@ COUNT = st.integers(0, 2**32 - 1)
 REAL = st.floats(-1e300, 1e300)
 VECTOR = st.tuples(REAL, REAL, REAL)
 SAMPLES = st.lists(
-    st.floats(width=32, allow_nan=False, allow_infinity=False), max_size=MOST_SAMPLES
+    st.floats(-LARGEST_SAMPLE, LARGEST_SAMPLE, width=32), max_size=MOST_SAMPLES
 ).map(tuple)
 
 PACKETS = st.builds(
@@ -74,8 +74,8 @@ def test_whatever_else_arrives_is_no_packet(data: bytes) -> None:
 
 def test_another_version_is_named_whatever_follows_it() -> None:
     data = bytearray(example().pack()[:9])
-    data[4] = 2
-    with pytest.raises(ValueError, match=r"version 2: must be 1; install the same"):
+    data[4] = VERSION + 1
+    with pytest.raises(ValueError, match=rf"version 3: must be {VERSION}; install the same"):
         unpack(bytes(data))
 
 
@@ -86,6 +86,7 @@ def test_another_version_is_named_whatever_follows_it() -> None:
         {"velocity": (math.inf, 0.0, 0.0)},
         {"shipped": math.nan},
         {"samples": (math.nan,)},
+        {"samples": (1e8,)},
         {"rate": 0.0},
         {"session": 0},
         {"samples": (0.0,) * (MOST_SAMPLES + 1)},
@@ -97,4 +98,4 @@ def test_values_that_no_host_sends_are_refused(values: dict[str, object]) -> Non
 
 
 def test_the_version_follows_the_name() -> None:
-    assert struct.unpack_from("<4sB", example().pack()) == (b"hapt", 1)
+    assert struct.unpack_from("<4sB", example().pack()) == (b"hapt", VERSION)

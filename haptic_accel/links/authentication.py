@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Authentication of datagrams between two hosts by a key that both have, and its file."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+from hmac import compare_digest
+from pathlib import Path
+
+from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.topics import ARMS
+
+LINK_KEY = "link.key"
+"""File of the key in each host's folder."""
+
+TITLE = "haptic_accel link key: a secret of two hosts, to be read by their users alone"
+"""First line of the file; the key follows in hexadecimal."""
+
+KEY_LENGTH = 32
+"""Length of a key, bytes: nobody guesses it."""
+
+TAG_LENGTH = 16
+"""Length of a tag, bytes: of 2^128 one is right."""
+
+_LONGEST_FILE = 1000
+
+
+class Authenticator:
+    """Adds a tag to datagrams, by which the peer knows that they come from the other side.
+
+    The tag is keyed BLAKE2b (RFC 7693) of the whole datagram, made for the side that sends it: one
+    that is reflected to its sender is refused. Sessions and numbers, inside the datagram, are
+    what keeps a recorded one from being admitted again: see `core.network.session`.
+
+    Parameters
+    ----------
+    key : bytes
+        Of `KEY_LENGTH`; empty for none, with which everybody can make tags.
+    side : str
+        Side of this host, from `ARMS`.
+
+    Examples
+    --------
+    >>> master, slave = (Authenticator(bytes(32), side) for side in ("master", "slave"))
+    >>> slave.verified(master.tagged(b"felt")), slave.verified(slave.tagged(b"felt"))
+    (b'felt', None)
+    """
+
+    def __init__(self, key: bytes, side: str) -> None:
+        (other,) = set(ARMS) - {side}
+        # The key takes one of the two blocks to compress: it is taken in once.
+        self._own, self._peer = (
+            hashlib.blake2b(key=key, digest_size=TAG_LENGTH, person=f"link from {each}".encode())
+            for each in (side, other)
+        )
+
+    def tagged(self, datagram: bytes) -> bytes:
+        """Return a datagram to be sent with its tag."""
+        tag = self._own.copy()
+        tag.update(datagram)
+        return datagram + tag.digest()
+
+    def verified(self, data: bytes) -> bytes | None:
+        """Return a datagram that was received without its tag; None if the tag is not right."""
+        datagram = data[:-TAG_LENGTH]
+        tag = self._peer.copy()
+        tag.update(datagram)
+        return datagram if compare_digest(tag.digest(), data[-TAG_LENGTH:]) else None
+
+
+def write_new_key(*folders: Path) -> None:
+    """Make a key and write it into folders that have none, for their owner alone."""
+    text = f"{TITLE}\n{secrets.token_hex(KEY_LENGTH)}\n"
+    for folder in folders:
+        new = os.open(folder / LINK_KEY, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with open(new, "w", encoding="ascii") as file:
+            file.write(text)
+
+
+def read_key(folder: str) -> bytes:
+    """Return the key in a folder.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read, can be read by others, or has no key.
+    """
+    path = Path(folder, LINK_KEY)
+    try:
+        # Of a pipe there is nothing to wait for.
+        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+            mode, data = os.fstat(file.fileno()).st_mode, file.read(_LONGEST_FILE)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ParameterError(
+            f"keys = {shown(repr(folder))}: {LINK_KEY}: {reason}; haptic-accel keys makes it"
+        ) from None
+    if mode & 0o077:
+        raise ParameterError(f"{path}: others can read it: must be for its owner alone, chmod 600")
+    title, _, key = data.decode("ascii", "replace").strip().partition("\n")
+    try:
+        found = bytes.fromhex(key)
+    except ValueError:
+        found = b""
+    if title.strip() != TITLE or len(found) != KEY_LENGTH:
+        raise ParameterError(f"{path}: must be a key that haptic-accel keys made")
+    return found

@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Datagrams between two hosts by UDP, each with a tag that is checked before anything else."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from haptic_accel.links.addresses import Route, bound
+from haptic_accel.links.authentication import TAG_LENGTH, Authenticator
+from haptic_accel.links.local import LONGEST
+
+LOOK = 0.25
+"""Interval between checks for the end while nothing comes, s."""
+
+BURST, BURST_TIME, BREAK = 500, 0.1, 1e-3
+"""Number of datagrams and the time, s, in which so many are more than two hosts ever exchange; and
+the pause that then follows, s: whoever floods the port must not take the processor."""
+
+
+class UdpCarrier:
+    """Carries datagrams to and from the peer on one port of this host; strangers get no answer.
+
+    Parameters
+    ----------
+    route : Route
+    authenticator : Authenticator
+    refused : callable
+        Takes the address of whoever sent a datagram whose tag is not right.
+
+    Raises
+    ------
+    ParameterError
+        The port is taken.
+    """
+
+    def __init__(
+        self, route: Route, authenticator: Authenticator, refused: Callable[[str], None]
+    ) -> None:
+        self._authenticator, self._refused = authenticator, refused
+        self._socket = bound(route.own, route.own_port)
+        # A socket that is closed wakes nobody who waits for it.
+        pause = struct.pack("ll", 0, round(LOOK * 1e6))
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, pause)
+        family = self._socket.family
+        found = socket.getaddrinfo(route.peer, route.peer_port, family, socket.SOCK_DGRAM)
+        self._peer = found[0][4]
+        self._over = threading.Event()
+
+    def send(self, datagram: bytes) -> None:
+        """Send a datagram, or drop it while there is no way or no room."""
+        with suppress(OSError):
+            self._socket.sendto(
+                self._authenticator.tagged(datagram), socket.MSG_DONTWAIT, self._peer
+            )
+
+    def run(self, deliver: Callable[[bytes], object]) -> None:
+        """Pass the peer's datagrams on until `close` is called."""
+        receive, verified = self._socket.recvfrom, self._authenticator.verified
+        count, since = 0, time.monotonic()
+        while not self._over.is_set():
+            try:
+                data, sender = receive(LONGEST + TAG_LENGTH + 1)
+            except BlockingIOError:
+                continue
+            datagram = verified(data)
+            if datagram is None:
+                self._refused(sender[0])
+            elif len(datagram) <= LONGEST:
+                deliver(datagram)
+            count += 1
+            if count % BURST == 0:
+                if time.monotonic() - since < BURST_TIME:
+                    time.sleep(BREAK)
+                since = time.monotonic()
+        self._socket.close()
+
+    def close(self) -> None:
+        """End receiving."""
+        self._over.set()
