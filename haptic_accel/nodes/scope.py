@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import ParameterEvent, ParameterValue
-from rcl_interfaces.srv import GetParameters
-from rclpy.parameter import parameter_value_to_python
-from rclpy.subscription import Subscription
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.serialization import deserialize_message
 
 from haptic_accel.core import topics
+from haptic_accel.core.cdr import unpack_stamped_vector
+from haptic_accel.core.due_forces import LONGEST
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
@@ -28,15 +28,22 @@ from haptic_accel.graph.arguments import SCENE as SCENE_FILE
 from haptic_accel.graph.files import SURFACE
 from haptic_accel.graph.node_parameters import node_parameters, node_schema
 from haptic_accel.nodes.graph_requests import POSTURE
-from haptic_accel.nodes.interface import DEPTH, GraphNode, quality
+from haptic_accel.nodes.interface import GraphNode, Inbox, message_type
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import Commands, choices
+from haptic_accel.nodes.scope_parameters import RemoteParameters
 from haptic_accel.nodes.scope_scene import ScopeScene, drawing, scene_of
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
 from haptic_accel.scope.frames import SCENE
-from haptic_accel.scope.node_reports import NodeReport, NodeReports, expected_nodes
-from haptic_accel.scope.server import ScopeServer
-from haptic_accel.scope.windows import GraphSettings, Windows
+from haptic_accel.scope.node_reports import (
+    MOST_NODES,
+    NodeReport,
+    NodeReports,
+    expected_nodes,
+    number,
+)
+from haptic_accel.scope.server import SOUND_RATE, ScopeServer
+from haptic_accel.scope.windows import LARGEST, GraphSettings, Ring, Windows
 
 NICENESS = 10
 """Niceness of the scope's process: lower priority than the nodes that compute the force."""
@@ -46,6 +53,11 @@ CLIENT_PERIOD = 0.2
 
 ASK_PERIOD = 1.0
 """Interval between attempts to get the parameters of nodes that are not known yet, s."""
+
+PARAMETER_EVENTS = Topic(
+    "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "", "", reliable=True
+)
+"""Parameter changes of all nodes."""
 
 WANTED = {
     "compensator": tuple(
@@ -58,56 +70,6 @@ WANTED = {
     "master_device": ("device", POSTURE),
 }
 """Parameters of other nodes that are shown, or needed to show something."""
-
-
-class RemoteParameters:
-    """Current values of some parameters of another node.
-
-    Parameters
-    ----------
-    node : GraphNode
-        Node that follows the parameters.
-    name : str
-        Name of the other node, in the same namespace.
-    wanted : tuple of str
-        Names of its parameters.
-    changed : callable
-        Called after any value has changed.
-    """
-
-    def __init__(
-        self, node: GraphNode, name: str, wanted: tuple[str, ...], changed: Callable[[], None]
-    ) -> None:
-        self._wanted = wanted
-        self._changed = changed
-        self._client = node.create_client(GetParameters, f"{name}/get_parameters")
-        self._asked = False
-        self.path = f"{node.get_namespace().rstrip('/')}/{name}"
-        """Full name of the other node."""
-        self.values: Mapping[str, Any] = {}
-
-    def refresh(self) -> None:
-        """Ask a node that has appeared; forget one that has disappeared."""
-        if not self._client.service_is_ready():
-            if self._asked:  # otherwise it has only just come, and told its values
-                self._asked, self.values = False, {}
-        elif not self._asked:
-            self._asked = True
-            asked = self._client.call_async(GetParameters.Request(names=list(self._wanted)))
-            asked.add_done_callback(
-                lambda answer: self._take(zip(self._wanted, answer.result().values, strict=False))
-            )
-
-    def take(self, event: ParameterEvent) -> None:
-        """Take the values that the node publishes at its start and after a change."""
-        self._take((p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters))
-
-    def _take(self, given: Iterable[tuple[str, ParameterValue]]) -> None:
-        found = dict(pair for pair in given if pair[0] in self._wanted)
-        if found:
-            known = {name: parameter_value_to_python(value) for name, value in found.items()}
-            self.values = {**self.values, **known}
-            self._changed()
 
 
 class Scope(GraphNode):
@@ -127,8 +89,9 @@ class Scope(GraphNode):
         self._stop_asked = False
         self._expected = expected_nodes(p.side)
         self._stopped: dict[str, bool | None] = dict.fromkeys((p.side,) if p.side else topics.ARMS)
+        refuse = partial(self.refuse, PARAMETER_EVENTS)
         self._remotes = {
-            name: RemoteParameters(self, name, wanted, self._update_settings)
+            name: RemoteParameters(self, name, wanted, self._update_settings, refuse)
             for name, wanted in WANTED.items()
         }
         self._scene = ScopeScene(
@@ -136,14 +99,18 @@ class Scope(GraphNode):
             self.windows.places,
             lambda: self._remotes["master_device"].values,
         )
-        self._signals: dict[str, Subscription] = {}
-        self._reported = (time.monotonic(), 0, 0)
+        self._signals: dict[str, tuple[Topic, Callable[[int, float, int], None]]] = {
+            "desired": (topics.DESIRED_ACCELERATION, _only(self.windows.desired)),
+            "actual": (topics.HANDLE_ACCELERATION, _only(self.windows.handle)),
+            "force": (topics.ACTUATOR_FORCE, self._take_force),
+            "arm_force": (topics.SLAVE_ARM_FORCE, _only(self.windows.arm_force)),
+            "position": (topics.SLAVE_POSITION, _only(self.windows.position)),
+        }
+        self._shown: dict[str, Inbox] = {}
+        self._reported = (time.monotonic(), 0, 0, 0)
         self._commands = Commands(self, self._stopped) if p.control else None
-        reports, take = topics.DIAGNOSTICS, self._take_diagnostics
-        profile = quality(reports, DEPTH)
-        self.create_subscription(DiagnosticArray, reports.name, take, profile)
-        changed = self._take_parameters
-        self.create_subscription(ParameterEvent, "/parameter_events", changed, DEPTH)
+        self._follow_messages(topics.DIAGNOSTICS, self._take_diagnostics)
+        self._follow_messages(PARAMETER_EVENTS, self._take_parameters)
         self.listen_state(topics.COUPLER_STOPPED, self._take_stop)
         for arm, topic in zip(
             topics.ARMS, (topics.MASTER_STOPPED, topics.SLAVE_STOPPED), strict=True
@@ -152,6 +119,9 @@ class Scope(GraphNode):
                 self.listen_state(topic, partial(self._stopped.__setitem__, arm))
         self.create_timer(CLIENT_PERIOD, self._subscribe_for_clients)
         self.create_timer(ASK_PERIOD, self._refresh_parameters)
+        # A sample wakes nobody: where they come faster than they are taken, all that the executor
+        # has to do would wait behind them, the node's own timers and diagnostics, too.
+        self._looking = self.create_timer(1 / SOUND_RATE, self._take_signals, autostart=False)
         try:
             access = Access(p.host, os.environ.get(TOKEN_VARIABLE, ""))
             self._server = ScopeServer(self, access, p.host, p.port, self._commands)
@@ -180,69 +150,71 @@ class Scope(GraphNode):
 
     def state(self) -> dict[str, Any]:
         """Return the graph's state for the page; called on the server's thread."""
-        now = time.monotonic()
-        values = {name: remote.values for name, remote in self._remotes.items()}
-        touched = scene_of(values["slave_device"])
-        settings = self.windows.settings
-        coupler = self._reports.values("coupler", now)
-        master = self._reports.values("master_device", now)
-        return {
-            "nodes": self._reports.rows(now, self._expected),
-            "recorder": dict(self._reports.values("recorder", now)),
-            "controller": values["compensator"].get("controller"),
-            "surface": Path(touched).stem if touched else None,
-            "grip": values["master_device"].get(POSTURE),
-            "scene": touched,
-            "led": self._scene.is_led,
-            "engaged": {"true": True, "false": False}.get(coupler.get("engaged", "")),
-            "stop": {"asked": self._stop_asked, **self._stopped},
-            "actuator": {
-                "age_us": master.get("actuator force age p50 (us)"),
-                "due": master.get("actuator force due"),
-                "missed": master.get("actuator force deadlines missed"),
-            },
-            "limits": {
-                "force": settings.actuator.peak_force,
-                "travel": settings.actuator.travel,
-                "assumed": settings.assumed,
-            },
-        }
+        return state_of(
+            self._reports,
+            self._expected,
+            {name: remote.values for name, remote in self._remotes.items()},
+            self.windows.settings,
+            led=self._scene.is_led,
+            stop={"asked": self._stop_asked, **self._stopped},
+        )
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return the number of connected pages, and what is sent to them."""
-        traffic, (before, frames, sent) = self._server.traffic, self._reported
+        traffic, (before, frames, sent, failures) = self._server.traffic, self._reported
         now = time.monotonic()
-        self._reported = (now, traffic.frames, traffic.bytes)
+        self._reported = (now, traffic.frames, traffic.bytes, traffic.failures)
         passed = max(now - before, 1e-3)
-        return "", {
+        new = traffic.failures - failures
+        return f"failures in serving pages: {new}" if new else "", {
             "pages": str(self._server.clients),
             "frames (1/s)": f"{(traffic.frames - frames) / passed:.0f}",
             "sent (kB/s)": f"{(traffic.bytes - sent) / passed / 1e3:.0f}",
+            "failures in serving pages": str(traffic.failures),
         }
 
     def _subscribe_for_clients(self) -> None:
         """Receive the signals that connected pages show."""
-        windows, shown = self.windows, self._server.shown
-        sources: dict[str, tuple[Topic, Callable[[int, float], None]]] = {
-            "desired": (topics.DESIRED_ACCELERATION, windows.desired.put),
-            "actual": (topics.HANDLE_ACCELERATION, windows.handle.put),
-            "force": (topics.ACTUATOR_FORCE, self._take_force),
-            "arm_force": (topics.SLAVE_ARM_FORCE, windows.arm_force.put),
-            "position": (topics.SLAVE_POSITION, windows.position.put),
-        }
+        shown = self._server.shown
         self._scene.show(SCENE in shown)
-        for name in self._signals.keys() - shown:
-            self.destroy_subscription(self._signals.pop(name))
-        for name in (sources.keys() & shown) - self._signals.keys():
-            self._signals[name] = self._follow(*sources[name])
+        for name in self._shown.keys() - shown:
+            self._shown.pop(name).leave()
+        for name in (self._signals.keys() & shown) - self._shown.keys():
+            self._shown[name] = self.inbox(self._signals[name][0])
+        if self._shown and self._looking.is_canceled():
+            self._looking.reset()
+        elif not self._shown:
+            self._looking.cancel()
 
-    def _follow(self, topic: Topic, take: Callable[[int, float], None]) -> Subscription:
-        """Subscribe to a signal; the callback gets stamps and the component along the axis."""
-        return self.listen(topic, lambda stamp, vector: take(stamp, vector[ACTUATOR_AXIS]))
+    def _take_signals(self) -> None:
+        """Take all samples that wait."""
+        for name, inbox in self._shown.items():
+            topic, put = self._signals[name]
+            for data, received in inbox.take(unpack_stamped_vector):
+                stamp, vector = unpack_stamped_vector(data)
+                value = vector[ACTUATOR_AXIS]
+                if abs(value) <= LARGEST:  # false for NaN
+                    put(stamp, value, received)
+                else:
+                    self.refuse(topic, f"{value:g}: must be at most {LARGEST:g}")
 
-    def _take_force(self, stamp: int, force: float) -> None:
+    def _follow_messages(self, topic: Topic, take: Callable[[Any], None]) -> None:
+        """Subscribe to messages from anyone; one that is malformed is refused."""
+        kind = message_type(topic)
+
+        def read(data: bytes) -> None:
+            try:
+                message = deserialize_message(data, kind)
+            except (RuntimeError, ValueError) as error:  # rclpy's errors, and text not in UTF-8
+                self.refuse(topic, " ".join(str(error).split()))
+            else:
+                take(message)
+
+        self.subscribe_raw(topic, read)
+
+    def _take_force(self, stamp: int, force: float, received: int) -> None:
         self.windows.force.put(stamp, force)
-        self.windows.age.put(stamp, (time.time_ns() - stamp) / NANOSECONDS)
+        self.windows.age.put(stamp, (received - stamp) / NANOSECONDS)
 
     def _take_diagnostics(self, array: DiagnosticArray) -> None:
         now = time.monotonic()
@@ -251,8 +223,10 @@ class Scope(GraphNode):
             level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
             values = {pair.key: pair.value for pair in status.values}
             namespace, node = topics.reporter(status.name)
-            if namespace == self.get_namespace().rstrip("/"):
-                self._reports.take(node, NodeReport(level, status.message, values, now))
+            if namespace != self.get_namespace().rstrip("/"):
+                continue
+            if not self._reports.take(node, NodeReport(level, status.message, values, now)):
+                self.refuse(topics.DIAGNOSTICS, f"more than {MOST_NODES} nodes report")
 
     def _take_parameters(self, event: ParameterEvent) -> None:
         for remote in self._remotes.values():
@@ -279,6 +253,63 @@ class Scope(GraphNode):
 
     def _take_stop(self, stop: bool) -> None:
         self._stop_asked = stop
+
+
+def _only(ring: Ring) -> Callable[[int, float, int], None]:
+    """Return a callback that stores a sample, whenever it was received."""
+    return lambda stamp, value, received: ring.put(stamp, value)
+
+
+def state_of(
+    reports: NodeReports,
+    expected: Sequence[str],
+    values: Mapping[str, Mapping[str, Any]],
+    settings: GraphSettings,
+    *,
+    led: bool,
+    stop: Mapping[str, bool | None],
+) -> dict[str, Any]:
+    """Return the graph's state for a page, ready for JSON.
+
+    Parameters
+    ----------
+    reports : NodeReports
+    expected : sequence of str
+        Nodes that are shown even if they have sent no diagnostics.
+    values : mapping
+        Known parameters of the nodes of `WANTED`.
+    settings : GraphSettings
+    led : bool
+        A page can lead the hand.
+    stop : mapping
+        Emergency stop: ``asked`` for, and as each arm reports it.
+    """
+    now = time.monotonic()
+    touched = scene_of(values["slave_device"])
+    coupler = reports.values("coupler", now)
+    master = reports.values("master_device", now)
+    return {
+        "nodes": reports.rows(now, expected),
+        "recorder": dict(reports.values("recorder", now)),
+        "controller": values["compensator"].get("controller"),
+        "surface": Path(touched).stem if touched else None,
+        "grip": values["master_device"].get(POSTURE),
+        "scene": touched,
+        "led": led,
+        "engaged": {"true": True, "false": False}.get(coupler.get("engaged", "")),
+        "stop": dict(stop),
+        "actuator": {
+            "age_us": number(master.get("actuator force age p50 (us)")),
+            "due": number(master.get("actuator force due")),
+            "missed": number(master.get("actuator force deadlines missed")),
+            "latest_us": number(master.get(f"actuator force {LONGEST}")),
+        },
+        "limits": {
+            "force": settings.actuator.peak_force,
+            "travel": settings.actuator.travel,
+            "assumed": settings.assumed,
+        },
+    }
 
 
 def main() -> None:

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -26,9 +25,6 @@ FINDING_TIME = 0.7
 
 ANSWERING_TIME = 1.2
 """Time in which it must answer, s; together with the time above, a page waits less than 2 s."""
-
-POLLING_PERIOD = 0.02
-"""Interval between checks for an answer, s."""
 
 REQUESTS: dict[str, Callable[[str], requests.GraphRequest]] = {
     "controller": requests.set_controller,
@@ -65,12 +61,12 @@ class Commands:
     """
 
     def __init__(self, node: GraphNode, stopped: dict[str, bool | None]) -> None:
-        self._node = node
         self._stopped = stopped
         self._choices = choices()
         # Created before they are needed, because discovery takes the middleware a while.
-        services = requests.SERVICES.items()
-        self._clients = {name: node.create_client(kind, name) for name, kind in services}
+        self._graph = requests.GraphClient(node, asyncio.sleep, FINDING_TIME, ANSWERING_TIME)
+        for name, kind in requests.SERVICES.items():
+            self._graph.service(kind, name)
 
     async def __call__(self, action: str, value: Any) -> str:
         """Carry out a command; return one line that states what was done.
@@ -80,12 +76,18 @@ class Commands:
         CommandError
             The command is wrong, or the graph does not answer or refuses.
         """
+        try:
+            return await self._carry_out(action, value)
+        except (ParameterError, requests.RequestError) as error:
+            raise CommandError(str(error)) from None
+
+    async def _carry_out(self, action: str, value: Any) -> str:
         if action in SWITCHES:
             if not isinstance(value, bool):
                 raise CommandError(f"{action} = {value!r}: must be true or false", 400)
             if action == "estop":
                 return await self._set_stop(value)
-            answer = await self._send(requests.engage(value))
+            answer = await self._graph.send(requests.engage(value))
             return answer or f"arms: {'engaged' if value else 'disengaged'}"
         if action not in REQUESTS:
             allowed = ", ".join((*REQUESTS, *SWITCHES))
@@ -93,56 +95,32 @@ class Commands:
         known = self._choices[action]
         if not isinstance(value, str) or value not in known:
             raise CommandError(f"{action} = {value!r}: must be one of {', '.join(known)}", 400)
-        try:
-            request = REQUESTS[action](value)
-        except ParameterError as error:
-            raise CommandError(str(error)) from None
-        return f"{action}: {await self._send(request) or value}"
+        return f"{action}: {await self._graph.send(REQUESTS[action](value)) or value}"
 
     async def _set_stop(self, stop: bool) -> str:
         """Stop by all services, or release by the coupler's, or the devices' own without it."""
         self._stopped.update(dict.fromkeys(self._stopped))
-        ready = [name for name in requests.STOP_SERVICES if self._clients[name].service_is_ready()]
+        services = {name: self._graph.service(SetBool, name) for name in requests.STOP_SERVICES}
+        ready = [name for name, service in services.items() if service.service_is_ready()]
         if not stop and requests.STOP_SERVICES[0] in ready:
             ready = ready[:1]
         request = SetBool.Request(data=stop)
-        asked = {name: self._clients[name].call_async(request) for name in ready}
+        asked = {name: services[name].call_async(request) for name in ready}
 
         def confirmed() -> bool:
             return set(self._stopped.values()) == {stop}
 
-        def refusals() -> list[str]:
-            answers = [(name, each.result()) for name, each in asked.items() if each.done()]
-            return [f"{name}: {answer.message}" for name, answer in answers if not answer.success]
+        def refused() -> list[str]:
+            return requests.refusals(
+                {name: each.result() for name, each in asked.items() if each.done()}
+            )
 
-        if await _until(lambda: bool(confirmed() or refusals()), ANSWERING_TIME) and confirmed():
+        await self._graph.until(lambda: confirmed() or refused(), ANSWERING_TIME)
+        if confirmed():
             who = "both devices confirm" if len(self._stopped) > 1 else "the device confirms"
             return f"{'stopped' if stop else 'released'}: {who}"
-        if refused := refusals():
-            raise CommandError("; ".join(refused))
+        if refused():
+            raise CommandError("; ".join(refused()))
         silent = " and ".join(name for name, state in self._stopped.items() if state != stop)
         what = "stop" if stop else "release"
         raise CommandError(f"estop: the {what} is sent; not confirmed by {silent}")
-
-    async def _send(self, request: requests.GraphRequest) -> str:
-        """Return the node's message."""
-        client = self._clients[request.service]
-        if not await _until(client.service_is_ready, FINDING_TIME):
-            raise CommandError(f"{client.srv_name}: no such service; is {request.node} running?")
-        answer = client.call_async(request.content)
-        if not await _until(answer.done, ANSWERING_TIME):
-            raise CommandError(f"{client.srv_name}: no answer within {ANSWERING_TIME:g} s")
-        try:
-            return request.confirm(answer.result())
-        except requests.RequestError as error:
-            raise CommandError(str(error)) from None
-
-
-async def _until(condition: Callable[[], bool], seconds: float) -> bool:
-    """Wait for a condition; return true if it was met in time."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() >= deadline:
-            return False
-        await asyncio.sleep(POLLING_PERIOD)
-    return True

@@ -69,7 +69,7 @@ class ScopeScene:
         else:
             self._looking.cancel()
             for inbox in self._inboxes.values():
-                self._node.leave(inbox)
+                inbox.leave()
             self._inboxes = {}
             self._places.clear()
 
@@ -83,7 +83,7 @@ class ScopeScene:
 
     def lead(self, x: float, z: float) -> str:
         """Send a point to the hand, m; return why not, in one line, or nothing."""
-        device = self._master().get("device", "unknown")
+        device = self._master().get("device") or "unknown"
         if device != POINTER:
             return f"hand: master = {device}: must be {POINTER} to be led"
         if self._sender is None:

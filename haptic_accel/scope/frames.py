@@ -3,18 +3,20 @@
 
 """Binary frames sent to a page: samples and plots, little-endian.
 
-A frame of samples: kind, number of samples of each trace (uint32 each), padding to a multiple of
-8, origin in s since 1970 (float64), then for each trace the times after the origin in s and the
-values (float32 each). A frame of plots: kind, number of points of the spectra, number of points
-of the cloud (uint32 each), then frequency, desired and actual of the spectra, desired and actual
-of the cloud (float32 each). A frame of places: kind (uint32), then x and z of each of `PLACES`
-(float32, NaN for unknown).
+A frame of samples: kind, number of samples of each trace (uint32 each), age of the newest sample
+in s when the frame was made (float32; negative if its stamp is in the future), steady time of that
+moment in s (float64), origin in s since 1970 (float64), then for each trace the times after the
+origin in s and the values (float32 each). A frame of plots: kind, number of points of the spectra,
+number of points of the cloud (uint32 each), then frequency, desired and actual of the spectra,
+desired and actual of the cloud (float32 each). A frame of places: kind (uint32), then x and z of
+each of `PLACES` (float32, NaN for unknown).
 """
 
 from __future__ import annotations
 
 import math
 import struct
+import time
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -47,7 +49,7 @@ ON_DEMAND = (*CHOSEN, SCENE, SOUND)
 PLACES = ("tool", "tool_velocity", "handle", "contact_force")
 """Vectors of a frame of places: m, m/s, m, N; those of the tool in the slave's base frame."""
 
-_SAMPLES_HEADER = struct.Struct("<7I4xd")
+_SAMPLES_HEADER = struct.Struct("<7Ifdd")
 _PLOTS_HEADER = struct.Struct("<3I")
 
 _LARGEST = float(np.finfo(np.float32).max)
@@ -96,8 +98,13 @@ class Cursor:
         if not any(len(stamps) for stamps, _ in parts):
             return None
         origin = min(int(stamps[0]) for stamps, _ in parts if len(stamps))
+        newest = max(int(stamps[-1]) for stamps, _ in parts if len(stamps))
         header = _SAMPLES_HEADER.pack(
-            SAMPLES, *(len(stamps) for stamps, _ in parts), origin / NANOSECONDS
+            SAMPLES,
+            *(len(stamps) for stamps, _ in parts),
+            (time.time_ns() - newest) / NANOSECONDS,
+            time.monotonic(),
+            origin / NANOSECONDS,
         )
         blocks = [
             _float32(block)
@@ -120,7 +127,7 @@ def places_frame(places: Mapping[str, Vector]) -> bytes:
     """Return the latest vectors of `PLACES` as bytes."""
     unknown = (math.nan,) * 3
     found = [places.get(name, unknown) for name in PLACES]
-    return struct.pack("<I8f", PLACED, *(v for x, _, z in found for v in (x, z)))
+    return struct.pack("<I", PLACED) + _float32(np.array([(x, z) for x, _, z in found]))
 
 
 def _float32(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> bytes:

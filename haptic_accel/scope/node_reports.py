@@ -5,8 +5,11 @@
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 
 EXPECTED = ("master_device", "slave_device", "coupler", "compensator", "recorder")
 """Nodes that are shown even if they have sent no diagnostics."""
@@ -20,6 +23,15 @@ NETWORK = (
 SILENCE = 2.5
 """Time without diagnostics after which a node counts as silent, s: two reports are missing then,
 as nodes send one per second."""
+
+MOST_NODES = 64
+"""Nodes that are shown: many times those of a graph, and few enough for a page to list."""
+
+MOST_VALUES = 200
+"""Values that are kept of a node's report: twice the most that a node of ours sends."""
+
+LONGEST_TEXT = 300
+"""Longest message, name or value that is shown, characters; the rest is left out."""
 
 LEVELS = {0: "OK", 1: "warning", 2: "error"}
 """State by diagnostic level; any other level counts as silent."""
@@ -51,10 +63,17 @@ class NodeReports:
     def __init__(self) -> None:
         self._reports: dict[str, NodeReport] = {}
 
-    def take(self, node: str, report: NodeReport) -> None:
-        """Store the report of a node."""
+    def take(self, node: str, report: NodeReport) -> bool:
+        """Store a node's report as far as a page can show it; return false beyond `MOST_NODES`."""
+        if node not in self._reports and len(self._reports) >= MOST_NODES:
+            return False
+        values = {
+            _cut(name): _cut(value) for name, value in islice(report.values.items(), MOST_VALUES)
+        }
+        report = replace(report, message=_cut(report.message), values=values)
         # A new dictionary, so that no reader sees one change.
-        self._reports = {**self._reports, node: report}
+        self._reports = {**self._reports, _cut(node): report}
+        return True
 
     def values(self, node: str, now: float) -> Mapping[str, str]:
         """Return the values that a node reported; none if it has fallen silent."""
@@ -78,4 +97,18 @@ def _row(report: NodeReport | None, now: float) -> dict[str, str]:
     if report.message != state:
         return {"state": state, "message": report.message}
     has_peer = report.values.get("one-way delay (ms)")
-    return {"state": state, "message": NETWORK.format_map(report.values) if has_peer else ""}
+    values = defaultdict(lambda: "–", report.values)
+    return {"state": state, "message": NETWORK.format_map(values) if has_peer else ""}
+
+
+def number(text: str | None) -> float | None:
+    """Return a number that a node reported; None if there is none, or it is not finite."""
+    try:
+        found = float(text or "nan")
+    except ValueError:
+        return None
+    return found if math.isfinite(found) else None
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST_TEXT else text[:LONGEST_TEXT] + "…"

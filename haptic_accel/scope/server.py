@@ -14,17 +14,20 @@ import os
 import re
 import socket
 import threading
+import traceback
 from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from aiohttp import WSCloseCode, http, web
 from aiohttp.typedefs import Handler
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.decimals import defined
+from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.pages import asset, template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
 from haptic_accel.scope.frames import ON_DEMAND, SOUND, Cursor, plots_frame
@@ -92,6 +95,9 @@ for each picture."""
 FARTHEST = 10.0
 """Largest coordinate of a point, m: beyond any arm's reach."""
 
+FAILURE = "the scope failed to serve this page; its log says why"
+"""Reason for which a page is disconnected, or a request is not answered."""
+
 READ_ONLY = "this scope is read-only: it was started without control"
 
 
@@ -133,10 +139,11 @@ Act = Callable[[str, Any], Awaitable[str]]
 
 @dataclass
 class Traffic:
-    """Counts of what was sent to all pages."""
+    """Counts of what was sent to all pages, and of failures to do so."""
 
     frames: int = 0
     bytes: int = 0
+    failures: int = 0
 
 
 def _is_own(record: logging.LogRecord) -> bool:
@@ -181,6 +188,7 @@ class ScopeServer:
         self._leader: tuple[web.WebSocketResponse | None, float] = None, 0.0
         self._update: tuple[str, bytes] = ("", b"")
         self._updated = float("-inf")
+        self._logged: set[str] = set()
         self._thread: threading.Thread | None = None
         self._stop: Callable[[], object] | None = None
         self.traffic = Traffic()
@@ -289,6 +297,11 @@ class ScopeServer:
         except web.HTTPException as error:
             error.headers.update(HEADERS)
             raise
+        except ConnectionError:
+            raise  # who asked has left
+        except Exception as error:
+            self._note_failure(request.path, error)
+            response = _message(500, FAILURE)
         if not response.prepared:
             response.headers.update(HEADERS)
         return response
@@ -326,7 +339,8 @@ class ScopeServer:
 
     async def _scene(self, request: web.Request) -> web.Response:
         try:
-            return web.json_response(await asyncio.to_thread(self._source.scene))
+            scene = await asyncio.to_thread(self._source.scene)
+            return web.json_response(text=as_json(scene))
         except ParameterError as error:
             return _message(503, str(error))
 
@@ -358,23 +372,35 @@ class ScopeServer:
         )
         await page.prepare(request)
         cursor = self._clients[page] = Cursor(self._source.windows)
-        sending = asyncio.create_task(self._send(page, cursor))
+        acts = self._send(page, cursor), self._receive(page, cursor)
+        tasks = [asyncio.create_task(act) for act in acts]
         try:
-            async for message in page:  # ends when the page disconnects
-                asked = _parsed(message.data)
-                if isinstance(asked, list) and all(name in ON_DEMAND for name in asked):
-                    cursor.choose(asked)
-                elif isinstance(asked, dict) and _is_point(asked.get("point", ())):
-                    if refusal := self._lead(page, asked["point"]):
-                        await page.send_json({"refused": refusal})
-                else:
-                    await page.close(code=WSCloseCode.UNSUPPORTED_DATA)
-                    break
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
+            for task in tasks:
+                task.cancel()
             self._lead(page, None)
-            sending.cancel()
             del self._clients[page]
+        for error in await asyncio.gather(*tasks, return_exceptions=True):
+            # After a ConnectionError, or none, the page has disconnected.
+            if isinstance(error, Exception) and not isinstance(error, ConnectionError):
+                self._note_failure("page", error)
+                # The page shows that, and connects again.
+                await page.close(code=WSCloseCode.INTERNAL_ERROR, message=FAILURE.encode())
         return page
+
+    async def _receive(self, page: web.WebSocketResponse, cursor: Cursor) -> None:
+        """Follow what a page asks for until it disconnects."""
+        async for message in page:
+            asked = _parsed(message.data)
+            if isinstance(asked, list) and all(name in ON_DEMAND for name in asked):
+                cursor.choose(asked)
+            elif isinstance(asked, dict) and _is_point(asked.get("point", ())):
+                if refusal := self._lead(page, asked["point"]):
+                    await page.send_json({"refused": refusal})
+            else:
+                await page.close(code=WSCloseCode.UNSUPPORTED_DATA)
+                return
 
     def _lead(self, page: web.WebSocketResponse, point: list[float] | None) -> str:
         """Lead the hand for a page, or let go; return why it may not, or nothing."""
@@ -398,21 +424,28 @@ class ScopeServer:
         """
         loop = asyncio.get_running_loop()
         sent = float("-inf")
-        try:
-            while not page.closed:
-                due = loop.time() + 1 / (SOUND_RATE if SOUND in cursor.shown else FRAME_RATE)
-                if (frame := cursor.frame()) is not None:
-                    await self._give(page, frame)
-                if (places := cursor.places()) is not None:
-                    await self._give(page, places)
-                self._refresh(loop.time())
-                if self._updated > sent:
-                    sent = self._updated
-                    for part in self._update:
-                        await self._give(page, part)
-                await asyncio.sleep(max(0.0, due - loop.time()))
-        except ConnectionError:
-            pass  # `_live` notices that the page has disconnected
+        while True:
+            due = loop.time() + 1 / (SOUND_RATE if SOUND in cursor.shown else FRAME_RATE)
+            if (frame := cursor.frame()) is not None:
+                await self._give(page, frame)
+            if (places := cursor.places()) is not None:
+                await self._give(page, places)
+            self._refresh(loop.time())
+            if self._updated > sent:
+                sent = self._updated
+                for part in self._update:
+                    await self._give(page, part)
+            await asyncio.sleep(max(0.0, due - loop.time()))
+
+    def _note_failure(self, what: str, error: Exception) -> None:
+        """Count a failure of this server; log the first of its kind."""
+        self.traffic.failures += 1
+        *_, (frame, line) = traceback.walk_tb(error.__traceback__)
+        place = f"{Path(frame.f_code.co_filename).name}:{line}"
+        kind = f"{what}: {type(error).__name__} at {place}"
+        if kind not in self._logged:
+            self._logged.add(kind)
+            _LOG.error("%s: %s", kind, shown(str(error)))
 
     async def _give(self, page: web.WebSocketResponse, data: str | bytes) -> None:
         if isinstance(data, str):
@@ -426,10 +459,10 @@ class ScopeServer:
         """Update metrics and states for all pages when it is time."""
         if now - self._updated < METRICS_PERIOD:
             return
-        self._updated = now
         metrics = self._source.windows.metrics()
         state = {"version": self._version, "metrics": metrics.values} | self._source.state()
-        self._update = (json.dumps(state, allow_nan=False), plots_frame(metrics))
+        self._update = (as_json(state), plots_frame(metrics))
+        self._updated = now  # not before: what could not be made must not pass for new
 
 
 class _Refusal(asyncio.Protocol):
@@ -446,6 +479,11 @@ async def _body(request: web.Request) -> bytes:
         return await asyncio.wait_for(request.read(), REQUEST_TIME)
     except (web.RequestPayloadError, OSError, asyncio.TimeoutError):
         return b""
+
+
+def as_json(value: Any) -> str:
+    """Return a value as JSON, which has no number that is not finite: null in place of it."""
+    return json.dumps(defined(value), allow_nan=False)
 
 
 def _parsed(text: Any) -> Any:

@@ -24,6 +24,12 @@ LONGEST_WINDOW = 5.0
 HIGHEST_RATE = 20e3
 """Highest sampling rate at which the longest window fits into a ring, Hz."""
 
+LOWEST_RATE = 10.0
+"""Lowest sampling rate from which signals are derived, Hz: a fifth of the lowest of the nodes."""
+
+LARGEST = 1e6
+"""Largest value of a signal, in its SI unit: far beyond any sensor's, and squares stay finite."""
+
 SLACK = 1.25
 """Capacity of a ring over what readers get, so that nothing is read while it is overwritten."""
 
@@ -311,7 +317,7 @@ class Derivation:
 
 
 def live_rate(ring: Ring) -> float | None:
-    """Estimate a signal's rate from its newest stamps, Hz; None if there are too few.
+    """Estimate a signal's rate from its newest stamps, Hz; None if they tell of no likely one.
 
     The median step, to four digits, stays the same from one update to the next, as an average
     does not: a new rate would reset the filters.
@@ -320,7 +326,8 @@ def live_rate(ring: Ring) -> float | None:
     if len(stamps) < FEWEST:
         return None
     period = float(np.median(np.diff(stamps)))
-    return float(f"{NANOSECONDS / period:.4g}") if period > 0 else None
+    rate = float(f"{NANOSECONDS / period:.4g}") if period > 0 else 0.0
+    return rate if LOWEST_RATE <= rate <= HIGHEST_RATE * SLACK else None
 
 
 def held(stamps: IntArray, values: FloatArray, moments: IntArray, rate: float) -> FloatArray:

@@ -5,21 +5,29 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
+import os
 import re
 import signal
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import aiohttp
 import pytest
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 
 from browsing import LISTEN, chromium
 from haptic_accel.core.process import REALTIME
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
-from running import Command, reserved_domain, use_domain, wait_until
+from haptic_accel.scope.server import METRICS_PERIOD
+from running import PATIENCE, Command, nodes_of, reserved_domain, use_domain, wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -234,6 +242,58 @@ def test_what_is_set_elsewhere_is_shown(shared: Shared, watcher: Observer) -> No
     shared.wait(shared.is_pressed("controller", "constant"), "the page follows")
 
 
+def value(kind: int, **content: Any) -> ParameterValue:
+    return ParameterValue(type=kind, **content)
+
+
+TEXT, NUMBER, BYTES = (
+    getattr(ParameterType, f"PARAMETER_{kind}") for kind in ("STRING", "DOUBLE", "BYTE_ARRAY")
+)
+HOSTILE = [
+    ("compensator", "controller", value(99)),
+    ("compensator", "controller", value(BYTES, byte_array_value=[b"\xff", b"\0"])),
+    ("compensator", "controller", value(NUMBER, double_value=float("nan"))),
+    ("compensator", "controller", value(TEXT, string_value="\x1b[2J")),
+    ("compensator", "high_pass_frequency", value(NUMBER, double_value=float("inf"))),
+    ("compensator", "actuator.peak_force", value(TEXT, string_value="much")),
+    ("slave_device", "simulated.surface.name", value(BYTES, byte_array_value=[b"\x01"])),
+    ("slave_device", "virtual.scene", value(NUMBER, double_value=float("nan"))),
+    ("master_device", "device", value(255)),
+    ("master_device", "\n", value(TEXT, string_value="\0")),
+]
+"""Parameter events that no node of the graph sends: node, name and value."""
+
+
+def test_hostile_parameter_events_are_refused_and_the_page_goes_on(
+    shared: Shared, watcher: Observer
+) -> None:
+    kept = 2 * len(HOSTILE)  # none may be replaced before a scope that is busy has taken it
+    publisher = watcher.node.create_publisher(ParameterEvent, "/parameter_events", kept)
+    wait_until(lambda: publisher.get_subscription_count() >= 2, "scope and recorder listen")
+    for node, name, content in HOSTILE:
+        changed = [ParameterMessage(name=name, value=content)]
+        publisher.publish(ParameterEvent(node=f"/{node}", changed_parameters=changed))
+    publisher.publish(b"\0\1\0\0 not an event")
+    watcher.status("scope", least={"messages malformed": len(HOSTILE)})
+    states = int(shared.page.evaluate("hapticScope.counters.states"))
+    shared.wait(f"hapticScope.counters.states > {states} + 2", "states go on")
+    shared.wait(shared.is_pressed("controller", "constant"), "what is true is shown")
+    said = [line for line in shared.graph.lines if "malformed message refused" in line]
+    assert len([line for line in said if "compensator" in line]) == 1, said
+    watcher.node.destroy_publisher(publisher)
+
+
+def test_a_scope_that_is_stopped_is_missed_by_its_page(shared: Shared) -> None:
+    scope = nodes_of(shared.domain)["scope"]
+    os.kill(scope, signal.SIGSTOP)
+    try:
+        shared.wait("document.querySelector('#link').innerText.startsWith('no data for')", "said")
+        assert shared.page.locator("#stop-state").inner_text() == "stop: unknown"
+    finally:
+        os.kill(scope, signal.SIGCONT)
+    shared.wait("document.querySelector('#stop-state').innerText === 'no stop'", "known again")
+
+
 def test_arms_are_let_go_and_taken_again_which_is_heard(shared: Shared) -> None:
     for button in ("#sound-on", "[data-sound=desired]"):
         shared.page.locator(button).click()
@@ -329,7 +389,7 @@ def test_the_page_comes_back_with_the_graph(shared: Shared) -> None:
     newest = shared.page.evaluate("hapticScope.newest()")
     shared.graph = shared.start("master:=pointer")
     shared.wait(f"hapticScope.newest() > {newest}", "new samples")
-    wait_until(lambda: status.inner_text() == "live", "live again")
+    wait_until(lambda: status.inner_text().startswith("data "), "its age is shown again")
 
 
 def test_the_mouse_leads_the_hand_over_the_surface(shared: Shared) -> None:
@@ -350,3 +410,52 @@ def test_the_mouse_leads_the_hand_over_the_surface(shared: Shared) -> None:
     page.mouse.up()
     shared.press("grip", "hook")
     shared.wait(shared.is_pressed("grip", "hook"), "the hand takes another grip")
+
+
+FLOOD = """
+import time
+import rclpy
+from haptic_accel.core import topics
+from haptic_accel.core.cdr import StampedVector
+from haptic_accel.nodes.interface import message_type, offered_quality
+
+rclpy.init()
+node = rclpy.create_node("flood")
+senders = [
+    (node.create_publisher(message_type(topic), topic.name, offered_quality(topic)).publish,
+     StampedVector(topic).pack)
+    for topic in (
+        topics.DESIRED_ACCELERATION, topics.HANDLE_ACCELERATION, topics.ACTUATOR_FORCE,
+        topics.SLAVE_ARM_FORCE, topics.SLAVE_POSITION,
+    )
+]
+while True:
+    for publish, pack in senders:
+        publish(pack(time.time_ns(), (0.0, 0.0, 1.0)))
+"""
+"""Sends all signals of a page as quickly as it can: some thousand of each in a second."""
+
+
+def test_a_flood_of_signals_does_not_silence_the_scope(start: Callable[..., Command]) -> None:
+    line = start("-m", "haptic_accel.nodes.scope", "--ros-args", "-p", "port:=0").wait_for("http")
+    address = line.split()[0]
+    start("-c", FLOOD)
+
+    async def states() -> list[str]:
+        found: list[str] = []
+        async with aiohttp.ClientSession() as session:
+            headers = {"Origin": address.rstrip("/")}
+            async with session.ws_connect(
+                f"{address}live", headers=headers, max_msg_size=2**27
+            ) as live:
+                await live.send_json(["arm_force", "position"])
+                while found.count("OK") < 5 / METRICS_PERIOD:
+                    message = await live.receive(PATIENCE)
+                    if message.type is aiohttp.WSMsgType.TEXT:
+                        rows = json.loads(message.data)["nodes"]
+                        found += [row["state"] for row in rows if row["name"] == "scope"]
+        return found
+
+    # A browser of another test has an event loop in this thread.
+    with ThreadPoolExecutor(1) as thread:
+        assert set(thread.submit(asyncio.run, states()).result()) == {"OK"}

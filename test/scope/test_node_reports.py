@@ -9,10 +9,14 @@ import pytest
 
 from haptic_accel.scope.node_reports import (
     EXPECTED,
+    LONGEST_TEXT,
+    MOST_NODES,
+    MOST_VALUES,
     SILENCE,
     NodeReport,
     NodeReports,
     expected_nodes,
+    number,
 )
 
 
@@ -74,3 +78,39 @@ def test_who_falls_silent_is_said_to_be_and_believed_no_more() -> None:
     assert reports.values("coupler", SILENCE) == {}
     reports.take("coupler", NodeReport(0, "OK", {"engaged": "false"}, 9.0))
     assert row(reports, "coupler", 9.0)["state"] == "OK"
+
+
+def test_a_peer_host_that_tells_only_its_delay_is_shown_with_that() -> None:
+    reports = NodeReports()
+    reports.take("coupler", NodeReport(0, "OK", {"one-way delay (ms)": "20.10"}, 0.0))
+    shown = "delay 20.10 ms, loss – %, clock – ms, energy – mJ"
+    assert row(reports, "coupler", 0.0)["message"] == shown
+
+
+def test_of_a_flood_of_nodes_the_first_are_shown_and_the_rest_refused() -> None:
+    reports = NodeReports()
+    report = NodeReport(0, "OK", {}, 0.0)
+    taken = [reports.take(f"node {k}", report) for k in range(MOST_NODES + 3)]
+    assert taken == [True] * MOST_NODES + [False] * 3
+    assert reports.take("node 0", report)
+    assert len(reports.rows(0.0, ())) == MOST_NODES
+
+
+def test_a_report_that_is_too_long_is_cut() -> None:
+    reports = NodeReports()
+    values = {f"{k}": "x" * 10_000 for k in range(10 * MOST_VALUES)}
+    reports.take("coupler", NodeReport(1, "m" * 10_000, values, 0.0))
+    assert len(row(reports, "coupler", 0.0)["message"]) == LONGEST_TEXT + 1
+    kept = reports.values("coupler", 0.0)
+    assert len(kept) == MOST_VALUES
+    assert max(map(len, kept.values())) == LONGEST_TEXT + 1
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("12.5", 12.5), ("nan", None), ("-inf", None), ("much", None), (None, None)],
+)
+def test_a_number_that_was_reported_is_finite_or_unknown(
+    text: str | None, value: float | None
+) -> None:
+    assert number(text) == value

@@ -9,6 +9,7 @@ import asyncio
 import base64
 import json
 import socket
+import struct
 import threading
 import time
 from collections.abc import Awaitable, Callable, Iterator
@@ -119,6 +120,14 @@ def visit(use: Callable[[aiohttp.ClientSession], Awaitable[Any]]) -> Any:
     return asyncio.run(run())
 
 
+def visit_live(url: URL, use: Callable[[aiohttp.ClientWebSocketResponse], Awaitable[Any]]) -> Any:
+    async def opened(session: aiohttp.ClientSession) -> Any:
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+            return await use(live)
+
+    return visit(opened)
+
+
 def origin(url: URL) -> dict[str, str]:
     return {"Origin": str(url.origin())}
 
@@ -151,6 +160,11 @@ async def frames(live: aiohttp.ClientWebSocketResponse, wanted: int) -> list[Any
         if message.type is aiohttp.WSMsgType.BINARY and message.data[0] == 1:
             found.append(message.data)
     return found
+
+
+def samples_of(frame: bytes) -> tuple[bytes, bytes]:
+    """Return counts and samples of a frame, without age and time."""
+    return frame[:28], frame[40:]
 
 
 def test_everything_the_page_needs_comes_from_here(started: Started) -> None:
@@ -302,7 +316,9 @@ def test_two_pages_see_the_same_and_one_that_leaves_is_forgotten(
         live = url.with_path("/live")
         async with session.ws_connect(live, headers=origin(url)) as first:
             async with session.ws_connect(live, headers=origin(url)) as second:
-                assert await frames(first, 1) == await frames(second, 1)
+                # But for the time at which the frame was made.
+                one, other = await frames(first, 1), await frames(second, 1)
+                assert samples_of(*one) == samples_of(*other)
                 assert server.clients == 2
             source.feed(50)
             assert len(await frames(first, 1)) == 1
@@ -322,17 +338,75 @@ def test_states_are_json_and_samples_only_what_is_new(started: Started, source: 
     _, url = started()
     source.feed(100)
 
+    async def use(live: aiohttp.ClientWebSocketResponse) -> None:
+        (frame,) = await frames(live, 1)
+        assert int.from_bytes(frame[4:8], "little") == 100
+        state = json.loads((await live.receive(10)).data)
+        assert state["metrics"]["rate"] == 1000.0
+        source.feed(7)
+        (frame,) = await frames(live, 1)
+        assert int.from_bytes(frame[4:8], "little") == 7
+
+    visit_live(url, use)
+
+
+def test_a_frame_tells_how_old_its_newest_sample_was(started: Started, source: Source) -> None:
+    _, url = started()
+
+    async def use(live: aiohttp.ClientWebSocketResponse) -> None:
+        source.windows.desired.put(time.time_ns() - 2 * NANOSECONDS, 1.0)
+        begun = time.monotonic()
+        (frame,) = await frames(live, 1)
+        age, made = *struct.unpack_from("<f", frame, 28), *struct.unpack_from("<d", frame, 32)
+        assert age == pytest.approx(2.0 + made - begun, abs=0.05)
+
+    visit_live(url, use)
+
+
+def test_a_state_that_cannot_be_made_disconnects_the_page_and_is_logged_once(
+    started: Started, source: Source, monkeypatch: pytest.MonkeyPatch, caplog: Any
+) -> None:
+    server, url = started()
+    monkeypatch.setattr(source, "state", lambda: {"nodes": {1, 2}})
+
     async def use(session: aiohttp.ClientSession) -> None:
-        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
-            (frame,) = await frames(live, 1)
-            assert int.from_bytes(frame[4:8], "little") == 100
-            state = json.loads((await live.receive(10)).data)
-            assert state["metrics"]["rate"] == 1000.0
-            source.feed(7)
-            (frame,) = await frames(live, 1)
-            assert int.from_bytes(frame[4:8], "little") == 7
+        for _ in range(3):
+            async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+                message = await live.receive(20)
+                assert message.type is aiohttp.WSMsgType.CLOSE, message
+                assert message.data == aiohttp.WSCloseCode.INTERNAL_ERROR
+                assert message.extra == served.FAILURE
 
     visit(use)
+    assert server.traffic.failures == 3
+    (record,) = caplog.records
+    assert "set is not JSON serializable" in record.message
+
+
+def test_a_failing_request_is_answered_and_logged_once(
+    started: Started, source: Source, monkeypatch: pytest.MonkeyPatch, caplog: Any
+) -> None:
+    _, url = started()
+
+    def fail() -> dict[str, Any]:
+        raise OverflowError("a scene too large")
+
+    monkeypatch.setattr(source, "scene", fail)
+    assert [get(url.with_path("/scene")).status for _ in range(3)] == [500] * 3
+    (record,) = caplog.records
+    assert "OverflowError" in record.message
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+        lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    )
+)
+def test_a_number_that_is_not_finite_is_null_in_json(value: Any) -> None:
+    read = json.loads(served.as_json(value), parse_constant=pytest.fail)
+    if value == value and "inf" not in repr(value) and "nan" not in repr(value):
+        assert read == value
 
 
 def test_more_pages_than_are_served_are_told(started: Started) -> None:
@@ -494,13 +568,12 @@ def test_a_page_outlives_the_time_for_its_request(
     monkeypatch.setattr(served, "REQUEST_TIME", 0.01)
     _, url = started()
 
-    async def use(session: aiohttp.ClientSession) -> None:
-        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
-            for _ in range(10):
-                source.feed(50)
-                assert len(await frames(live, 1)) == 1
+    async def use(live: aiohttp.ClientWebSocketResponse) -> None:
+        for _ in range(10):
+            source.feed(50)
+            assert len(await frames(live, 1)) == 1
 
-    visit(use)
+    visit_live(url, use)
 
 
 def test_more_connections_than_allowed_are_closed(
@@ -527,13 +600,12 @@ def test_more_connections_than_allowed_are_closed(
 def test_a_page_asks_for_further_signals(started: Started) -> None:
     server, url = started()
 
-    async def use(session: aiohttp.ClientSession) -> None:
-        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
-            await live.send_json(["position"])
-            await asyncio.to_thread(wait_until, lambda: "position" in server.shown, "asked for")
-            assert "arm_force" not in server.shown
+    async def use(live: aiohttp.ClientWebSocketResponse) -> None:
+        await live.send_json(["position"])
+        await asyncio.to_thread(wait_until, lambda: "position" in server.shown, "asked for")
+        assert "arm_force" not in server.shown
 
-    visit(use)
+    visit_live(url, use)
     wait_until(lambda: server.shown == set(), "nothing is shown to nobody")
 
 
@@ -576,21 +648,20 @@ def test_a_page_that_plays_sound_receives_frames_more_often(
     monkeypatch.setattr(served, "SOUND_RATE", 1000)
     _, url = started()
 
-    async def use(session: aiohttp.ClientSession) -> None:
-        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+    async def use(live: aiohttp.ClientWebSocketResponse) -> None:
 
-            async def time_of_frames() -> float:
-                begun = time.monotonic()
-                for _ in range(15):
-                    source.feed(8)
-                    await frames(live, 1)
-                return time.monotonic() - begun
+        async def time_of_frames() -> float:
+            begun = time.monotonic()
+            for _ in range(15):
+                source.feed(8)
+                await frames(live, 1)
+            return time.monotonic() - begun
 
-            silent = await time_of_frames()
-            await live.send_json(["sound"])
-            assert await time_of_frames() < silent
+        silent = await time_of_frames()
+        await live.send_json(["sound"])
+        assert await time_of_frames() < silent
 
-    visit(use)
+    visit_live(url, use)
 
 
 def test_the_scene_is_served_and_places_to_who_asks(started: Started, source: Source) -> None:
@@ -636,28 +707,26 @@ def test_a_page_that_asks_for_anything_else_is_disconnected(
 ) -> None:
     _, url = started()
 
-    async def use(session: aiohttp.ClientSession) -> None:
-        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
-            await (live.send_bytes(sent) if isinstance(sent, bytes) else live.send_str(sent))
-            while (message := await live.receive(20)).type is not aiohttp.WSMsgType.CLOSE:
-                pass
-            assert message.data == aiohttp.WSCloseCode.UNSUPPORTED_DATA
+    async def use(live: aiohttp.ClientWebSocketResponse) -> None:
+        await (live.send_bytes(sent) if isinstance(sent, bytes) else live.send_str(sent))
+        while (message := await live.receive(20)).type is not aiohttp.WSMsgType.CLOSE:
+            pass
+        assert message.data == aiohttp.WSCloseCode.UNSUPPORTED_DATA
 
-    visit(use)
+    visit_live(url, use)
     assert caplog.records == []
 
 
 def test_a_page_that_sends_too_much_is_disconnected(started: Started) -> None:
     server, url = started()
 
-    async def use(session: aiohttp.ClientSession) -> None:
-        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
-            await live.send_str("x" * (served.LONGEST_COMMAND + 1))
-            while (message := await live.receive(20)).type is not aiohttp.WSMsgType.CLOSE:
-                pass
-            assert message.data == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+    async def use(live: aiohttp.ClientWebSocketResponse) -> None:
+        await live.send_str("x" * (served.LONGEST_COMMAND + 1))
+        while (message := await live.receive(20)).type is not aiohttp.WSMsgType.CLOSE:
+            pass
+        assert message.data == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
 
-    visit(use)
+    visit_live(url, use)
     wait_until(lambda: server.clients == 0, "the page is forgotten")
 
 
@@ -675,18 +744,17 @@ def test_a_stopped_server_says_goodbye_and_frees_its_port(
 ) -> None:
     server, url = started()
 
-    async def use(session: aiohttp.ClientSession) -> None:
-        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
-            await live.receive(10)
-            await asyncio.to_thread(server.stop)
-            while (message := await live.receive(10)).type in (
-                aiohttp.WSMsgType.TEXT,
-                aiohttp.WSMsgType.BINARY,
-            ):
-                pass
-            assert message.type is aiohttp.WSMsgType.CLOSE
+    async def use(live: aiohttp.ClientWebSocketResponse) -> None:
+        await live.receive(10)
+        await asyncio.to_thread(server.stop)
+        while (message := await live.receive(10)).type in (
+            aiohttp.WSMsgType.TEXT,
+            aiohttp.WSMsgType.BINARY,
+        ):
+            pass
+        assert message.type is aiohttp.WSMsgType.CLOSE
 
-    visit(use)
+    visit_live(url, use)
     again = ScopeServer(source, Access("127.0.0.1"), "127.0.0.1", url.port or 0)
     again.start()
     again.stop()
@@ -846,3 +914,44 @@ def test_a_page_that_sends_anything_is_forgotten_when_it_leaves(
     assert acting.done == []
     assert caplog.records == []
     caplog.clear()
+
+
+ASKED = (
+    *('["position"]', '["arm_force", "scene", "sound"]', "[]", '{"point": null}'),
+    *('{"point": [0.01, -0.02]}', '{"point": [10, -10]}', '{"point": [-0.0, 5e-324]}'),
+)
+"""Messages that a page may send."""
+
+coordinates = st.floats() | st.integers() | st.sampled_from([10.0, -10.5, True, None, "0", []])
+odd_points = st.lists(coordinates, max_size=3).map(lambda point: json.dumps({"point": point}))
+said = st.one_of(st.sampled_from(ASKED), odd_points, mutated(st.sampled_from(ASKED), st.text()))
+
+LONGEST_CASE = 10.0
+"""Longest time until a page that has said a few things is forgotten, s."""
+
+
+@fuzz
+@given(st.lists(said, max_size=8))
+def test_whatever_a_page_says_in_turn_the_hand_is_led_within_reach(
+    controlled: Controlled, source: Source, caplog: pytest.LogCaptureFixture, texts: list[str]
+) -> None:
+    server, acting, url = controlled
+    asked = "\r\n".join((*LIVE, "", "")).replace("{host}", url.authority).encode()
+    payloads = [text.encode("utf-8", "surrogatepass") for text in texts]
+    begun = time.monotonic()
+    with connected(url, asked) as opened:
+        assert opened.recv(12) == b"HTTP/1.1 101"
+        source.feed(3)
+        with suppress(ConnectionError):  # disconnected already
+            for payload in payloads:
+                opened.sendall(frame(0x81, payload, len(payload), masked=True))
+            opened.sendall(frame(0x88, b"", 0, masked=True))
+    while server.clients:
+        assert time.monotonic() - begun < LONGEST_CASE
+        time.sleep(1e-3)
+    for point in source.led:
+        assert all(abs(each) <= served.FARTHEST for each in point)
+    source.led.clear()
+    assert acting.done == []
+    assert server.traffic.failures == 0
+    assert caplog.records == []

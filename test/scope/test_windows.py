@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 import struct
+import time
+import warnings
 
 import numpy as np
 import pytest
@@ -13,13 +15,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from fuzzing import fuzz
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.filters import high_pass, without_hand_motion
 from haptic_accel.core.model import Suspension
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope import windows
-from haptic_accel.scope.frames import PLOTS, SAMPLES, TRACES, Cursor, plots_frame
+from haptic_accel.scope.frames import (
+    PLOTS,
+    SAMPLES,
+    TRACES,
+    Cursor,
+    places_frame,
+    plots_frame,
+)
 from haptic_accel.scope.windows import (
+    LARGEST,
     LONGEST_WINDOW,
     SLACK,
     GraphSettings,
@@ -281,8 +292,8 @@ def read_frame(frame: bytes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Read a frame of samples as the page does: times in s since 1970, and values."""
     kind, *counts = struct.unpack_from("<7I", frame)
     assert kind == SAMPLES
-    (origin,) = struct.unpack_from("<d", frame, 32)
-    blocks = np.frombuffer(frame, "<f4", offset=40)
+    (origin,) = struct.unpack_from("<d", frame, 40)
+    blocks = np.frombuffer(frame, "<f4", offset=48)
     found, at = {}, 0
     for name, count in zip(TRACES, counts, strict=True):
         times = origin + blocks[at : at + count].astype(float)
@@ -318,7 +329,9 @@ def test_who_comes_late_gets_the_longest_window_and_no_more() -> None:
 
 def test_two_pages_get_the_same_samples() -> None:
     made, _, _ = filled(0.5)
-    assert Cursor(made).frame() == Cursor(made).frame()
+    first, second = (read_frame(Cursor(made).frame() or b"") for _ in range(2))
+    for name in TRACES:
+        assert np.array_equal(first[name], second[name])
 
 
 def test_a_signal_is_sent_from_when_it_is_chosen_until_it_is_not() -> None:
@@ -333,3 +346,53 @@ def test_a_signal_is_sent_from_when_it_is_chosen_until_it_is_not() -> None:
     cursor.choose([])
     made.position.put(START + 11 * MILLISECOND, 11.0)
     assert cursor.frame() is None
+
+
+def test_a_place_is_sent_however_far_it_is() -> None:
+    frame = places_frame({"tool": (1e300, 0.0, -1e300), "handle": (np.nan, 0.0, np.inf)})
+    found = np.frombuffer(frame, "<f4", offset=4)
+    assert found[0] == -found[1] > 1e38
+    assert np.isnan(found[2:5]).all()
+    assert found[5] > 1e38
+
+
+# Whatever comes
+
+steps = st.one_of(
+    st.just(MILLISECOND),
+    st.sampled_from([0, 1, 10**5, 10**9, 10**12, -MILLISECOND, -(10**9), 2**61]),
+    st.integers(-(2**62), 2**62),
+)
+values = st.floats(-LARGEST, LARGEST) | st.sampled_from([LARGEST, -LARGEST, 0.0, 1e-320])
+rings = st.sampled_from(["desired", "handle", "force", "age", "arm_force", "position"])
+bursts = st.tuples(rings, st.integers(1, 120), steps, values)
+
+LATEST = (2**31 - 1) * NANOSECONDS
+"""Latest stamp that a message can have, ns."""
+
+LONGEST_CASE = 5.0
+"""Longest time in which frames and metrics are made of a few bursts, s."""
+
+
+@fuzz
+@given(st.lists(bursts, max_size=6))
+def test_of_samples_with_any_stamps_frames_and_metrics_are_made(
+    found: list[tuple[str, int, int, float]],
+) -> None:
+    made, stamp = Windows(), START
+    cursor = Cursor(made)
+    begun = time.monotonic()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for name, count, step, value in found:
+            for index in range(count):
+                stamp = max(-LATEST, min(stamp + step, LATEST))
+                getattr(made, name).put(stamp, value * (-1) ** index)
+                if name == "handle":
+                    made.desired.put(stamp, value)
+            if frame := cursor.frame():
+                read_frame(frame)
+            metrics = made.metrics()
+            assert np.isfinite(list(metrics.values.values())).all()
+            plots_frame(metrics)
+    assert time.monotonic() - begun < LONGEST_CASE

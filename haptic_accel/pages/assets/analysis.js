@@ -110,7 +110,7 @@
     if (!series) {
       const words = document.createElement("p");
       words.className = "quiet";
-      words.textContent = "This trial does not have it.";
+      words.textContent = "Not recorded in this trial.";
       place.append(words);
       return;
     }
@@ -233,9 +233,12 @@
 
   function drawCloud(trial) {
     const cloud = trial.cloud;
-    byId("slope").textContent = cloud
-      ? `desired = ${cloud.slope.toFixed(2)} × actual, R² ${cloud.r2.toFixed(2)}`
-      : "";
+    const slope = cloud?.slope ?? null;
+    byId("slope").textContent = !cloud
+      ? ""
+      : slope === null
+        ? `R² ${cloud.r2.toFixed(2)}: too little in common for a regression.`
+        : `desired = ${slope.toFixed(2)} × actual, R² ${cloud.r2.toFixed(2)}`;
     if (!cloud) return draw("cloud", {}, null);
     const actual = unpacked(cloud.actual);
     const desired = unpacked(cloud.desired);
@@ -243,25 +246,25 @@
     const reach = 1.05 * Math.max(most(actual), most(desired), 1e-9);
     // The lines go from end to end, where there need not be a sample.
     const x = [-reach, ...actual, reach];
-    const fitted = x.map((value) => cloud.middle[1] + cloud.slope * (value - cloud.middle[0]));
+    const fitted = slope === null ? [] : [x.map((value) => cloud.middle[1] + slope * (value - cloud.middle[0]))];
     draw(
       "cloud",
       {
-        name: `Desired against actual acceleration of ${trial.name}, slope ${cloud.slope.toFixed(2)}`,
+        name: `Desired against actual acceleration of ${trial.name}, R² ${cloud.r2.toFixed(2)}`,
         series: [
           { label: "actual", value: shown(2, " m/s²") },
           line("desired", "desired", 2, " m/s²", {
             paths: () => null,
             points: { show: true, size: 3, width: 0, fill: () => colour("desired") },
           }),
-          line("regression", "line", 2, " m/s²", { width: 2 }),
+          ...fitted.map(() => line("regression", "line", 2, " m/s²", { width: 2 })),
           line("1:1", "text", 2, " m/s²", { dash: [6, 4], width: 1 }),
         ],
         scales: { x: { time: false, range: [-reach, reach] }, y: { range: [-reach, reach] } },
         axes: [axis("actual (m/s²)"), upright("desired (m/s²)")],
         height: HEIGHT + 40,
       },
-      [x, [null, ...desired, null], fitted, x],
+      [x, [null, ...desired, null], ...fitted, x],
     );
   }
 

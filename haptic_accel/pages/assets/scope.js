@@ -18,7 +18,13 @@
   const JUMP = 0.25; // s by which the clocks may drift apart before they are synchronised again
   const SHRINK = 1.5; // s for which a smaller range would do before a scale is reduced
   const BAND = 1.0; // s whose range the pale band of a gauge shows
-  const QUIET = 1.0; // s without samples after which the page reports no signals
+  const QUIET = 1.0; // s without samples after which a gauge shows nothing
+  const OLD = 0.3; // s, age of the newest sample from which on it is a warning
+  const DRIFT = 1e-4; // s/s by which the steady clocks of two machines may drift apart
+  const LOST = 500; // ms without a state from the scope after which what is shown counts as unknown
+  const WATCH = 100; // ms between two looks for that
+  const RENEW = 5000; // ms without one after which another connection is tried
+  const INTERNAL_ERROR = 1011; // WebSocket's code: the server failed
   const PROMPT = 20; // ms to the next picture of a machine that draws all of them
   const LEFT = 4; // of the time that plots cost beyond that, part that they leave to others
   const CALM = 250; // ms between two frames if the user prefers reduced motion
@@ -128,6 +134,26 @@
     },
     get now() {
       return this.offset === null ? 0 : performance.now() / 1000 + this.offset;
+    },
+  };
+
+  /** Age of the newest sample: as the scope sent it, with the time it took from there until now. */
+  const age = {
+    found: null, // s, on arrival of the newest frame; null before the first
+    at: 0, // s, time of that arrival
+    least: Infinity, // s, difference of the two clocks with the shortest transit
+    forget() {
+      Object.assign(this, { found: null, at: 0, least: Infinity });
+    },
+    meet(sent, when) {
+      const now = performance.now() / 1000;
+      const transit = now - when;
+      this.least = Math.min(this.least + DRIFT * (now - this.at), transit);
+      this.found = sent + transit - this.least;
+      this.at = now;
+    },
+    get now() {
+      return this.found === null ? null : this.found + performance.now() / 1000 - this.at;
     },
   };
 
@@ -531,13 +557,14 @@
       setState(badge, row.state, row.state);
       setText(say, row.message);
       // The emergency stop has its own display.
-      const news = before && before !== row.state && row.state !== "OK";
+      const news = before && !lost && before !== row.state && row.state !== "OK";
       if (news && row.message !== "emergency stop") {
         tell(`${row.name}: ${row.message || row.state}`, row.state);
       }
     }
   }
 
+  const UNHEARD = new Set(["absent", "silent"]); // states of nodes that report nothing
   const HIDDEN_FACTS = new Set(["scheduling", "state"]);
 
   /** Name and value of a fact for display: bytes as a rounded size. */
@@ -587,12 +614,14 @@
 
   function showStop(stop, engaged, rows, numbers) {
     // Beside a peer host there is one arm here.
-    const answers = [stop.master, stop.slave].filter((answer) => answer !== undefined);
+    const devices = ["master", "slave"].filter((arm) => stop[arm] !== undefined);
+    const answers = devices.map((arm) => stop[arm]);
     const stopped = stop.asked || answers.includes(true);
     const all = answers.every((answer) => answer === true);
     // A device reports nothing about the stop before the first one.
-    const there = rows.filter(({ name, state }) => name.endsWith("_device") && state === "OK");
-    const free = there.length ? ["OK", "no stop"] : ["absent", "stop: unknown"];
+    const heard = new Set(rows.filter((row) => !UNHEARD.has(row.state)).map((row) => row.name));
+    const known = devices.length && devices.every((arm) => heard.has(`${arm}_device`));
+    const free = known ? ["OK", "no stop"] : ["absent", "stop: unknown"];
     setState(byId("stop-state"), ...(stopped ? ["error", "emergency stop"] : free));
     // Without vibration of the tool there is nothing to compare.
     const idle = numbers.rms_desired !== undefined && numbers.nrmse_percent === undefined;
@@ -609,7 +638,7 @@
   }
 
   function describe() {
-    if (!state) return;
+    if (!state || lost) return;
     const n = state.metrics;
     const rms = `desired ${digits(n.rms_desired, 1)}, actual ${digits(n.rms_actual, 1)} m/s² RMS`;
     byId("time").setAttribute("aria-label", `Acceleration over the last seconds: ${rms}`);
@@ -643,9 +672,10 @@
     state = received;
     counters.states++;
     if (held === null) showNumbers(state.metrics);
-    const { age_us, due, missed } = state.actuator;
+    const { age_us, due, missed, latest_us } = state.actuator;
     setText(byId("actuator_age"), digits(age_us, 0));
     setText(byId("deadlines"), due ? `${missed} of ${due}` : "–");
+    setText(byId("latest"), digits(due ? latest_us : null, 2, 1e-3));
     setText(byId("force-limit"), digits(state.limits.force, 1));
     setText(byId("travel-limit"), digits(state.limits.travel, 1, 1e3));
     byId("assumed").hidden = !state.limits.assumed;
@@ -655,12 +685,58 @@
     for (const action of ["controller", "surface", "grip"]) showChoice(action, state[action]);
     showChoice("engage", state.engaged);
     showStop(state.stop, state.engaged, state.nodes, state.metrics);
-    showLink();
+    retry = FIRST_RETRY;
+    shownAt = performance.now();
+    [lost, trouble] = [false, ""];
+    document.body.classList.remove("lost");
+    watch();
   }
 
-  function showLink() {
-    const flowing = clock.now - traces.actual.newest < QUIET;
-    setState(byId("link"), flowing ? "OK" : "waiting", flowing ? "live" : "no signals");
+  // ---- Age of what is shown ---------------------------------------------------------------
+
+  let shownAt = performance.now(); // when the last state was shown
+  let lost = false; // no state came for too long: what is shown may be so no more
+  let trouble = ""; // reason, if it is known
+
+  function showAge() {
+    if (age.now === null) {
+      setState(byId("link"), "waiting", "no signals");
+      return;
+    }
+    const size = Math.abs(age.now);
+    const when = age.now < -OLD ? "ahead of the scope's clock" : "old";
+    const text = `data ${size.toFixed(size < 10 ? 2 : 0)} s ${when}`;
+    setState(byId("link"), size < OLD ? "OK" : "warning", text);
+  }
+
+  /** Show what was known as unknown. */
+  function lose() {
+    lost = true;
+    document.body.classList.add("lost");
+    setState(byId("stop-state"), "absent", "stop: unknown");
+    setState(byId("arms"), "absent", "arms: unknown");
+    setState(byId("recorder-state"), "absent", "unknown");
+    for (const badge of document.querySelectorAll("#nodes .state")) setState(badge, "absent", "unknown");
+    setText(byId("alarm"), byId("alarm").hidden ? "" : "Emergency stop when last heard of; now unknown.");
+  }
+
+  /** Show the age of what is seen, and its loss, whatever the scope or this tab was held up by. */
+  function watch() {
+    const silence = performance.now() - shownAt;
+    if (silence < LOST && !trouble) {
+      if (!lost) showAge();
+      return;
+    }
+    if (!lost) lose();
+    const time = `no data for ${(silence / 1000).toFixed(1)} s`;
+    setState(byId("link"), "error", trouble ? `${trouble}, ${time}` : time);
+    // A connection that broke without a word stays open here for ever.
+    const renewed = performance.now() - openedAt > RENEW;
+    if (silence > RENEW && renewed && socket.readyState === WebSocket.OPEN) {
+      const silent = socket;
+      connect();
+      silent.close();
+    }
   }
 
   // ---- The link to the scope --------------------------------------------------------------
@@ -677,9 +753,10 @@
   function takeSamples(buffer) {
     const view = new DataView(buffer);
     const counts = TRACES.map((_, index) => view.getUint32(4 + 4 * index, true));
-    let place = 8 * Math.ceil((1 + TRACES.length) / 2);
-    const origin = view.getFloat64(place, true);
-    place += 8;
+    let place = 4 + 4 * TRACES.length;
+    const sentAge = view.getFloat32(place, true);
+    const [sentAt, origin] = [4, 12].map((after) => view.getFloat64(place + after, true));
+    place += 20;
     const block = (count) => {
       const values = new Float32Array(buffer, place, count);
       place += 4 * count;
@@ -692,6 +769,7 @@
       hapticSound.take(name, origin, offsets, values, state?.metrics.rate);
     });
     clock.meet(Math.max(traces.desired.newest, traces.actual.newest));
+    age.meet(sentAge, sentAt);
   }
 
   function takePlots(buffer) {
@@ -712,6 +790,7 @@
 
   let retry = FIRST_RETRY;
   let socket = null;
+  let openedAt = -Infinity; // ms, when a connection was tried last
 
   function send(value) {
     if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(value));
@@ -725,20 +804,34 @@
 
   function connect() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    socket = new WebSocket(`${scheme}://${location.host}/live`);
-    socket.binaryType = "arraybuffer";
-    socket.addEventListener("open", () => {
-      retry = FIRST_RETRY;
+    const opened = new WebSocket(`${scheme}://${location.host}/live`);
+    socket = opened;
+    openedAt = performance.now();
+    opened.binaryType = "arraybuffer";
+    // One that was given up says nothing more.
+    const listen = (event, act) =>
+      opened.addEventListener(event, (given) => socket === opened && act(given));
+    listen("open", () => {
       for (const trace of Object.values(traces)) trace.count = 0; // the last seconds come again
+      age.forget();
       hapticScene.forget();
       askForSignals();
     });
-    socket.addEventListener("message", ({ data }) => {
-      if (typeof data === "string") showState(JSON.parse(data));
-      else take(data);
+    listen("message", ({ data }) => {
+      if (typeof data !== "string") {
+        take(data);
+        return;
+      }
+      try {
+        showState(JSON.parse(data));
+      } catch (fault) {
+        trouble = "this page failed";
+        console.error(fault);
+      }
     });
-    socket.addEventListener("close", () => {
-      setState(byId("link"), "error", "scope not reached, retrying");
+    listen("close", ({ code }) => {
+      trouble = code === INTERNAL_ERROR ? "the scope failed, see its log" : "scope not reached";
+      watch();
       setTimeout(connect, retry);
       if (retry === LAST_RETRY) checkToken();
       retry = Math.min(2 * retry, LAST_RETRY);
@@ -861,6 +954,8 @@
     for (const one of [...strips.map((strip) => strip.plot), spectraPlot, cloudPlot, hapticScene]) one.redraw();
   });
   setInterval(describe, DESCRIBE);
+  setInterval(watch, WATCH);
+  document.addEventListener("visibilitychange", watch); // the interval is longer while hidden
   hapticScene.start({ send, ask: askForSignals, plot, axis, colour: () => colour });
   hapticSound.start(askForSignals);
   if (control) listenToControls();

@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of other nodes that the live scope shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from rcl_interfaces.msg import ParameterEvent, ParameterValue
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
+
+from haptic_accel.core.parameters import ParameterError, checked, shown
+from haptic_accel.graph.node_parameters import node_schema
+from haptic_accel.nodes.interface import GraphNode
+
+LONGEST_TEXT = 1000
+"""Longest text that is taken for the value of a parameter, characters: no path is as long."""
+
+Given = Iterable[tuple[str, ParameterValue]]
+
+
+class RemoteParameters:
+    """Current values of some parameters of another node.
+
+    Anyone may publish an event in the name of a node. An event is therefore shown at once, but
+    the node itself is asked afterwards.
+
+    Parameters
+    ----------
+    node : GraphNode
+        Node that follows the parameters.
+    name : str
+        Name of the other node, in the same namespace, and of its executable.
+    wanted : tuple of str
+        Names of its parameters.
+    changed : callable
+        Called after any value has changed.
+    refuse : callable
+        Called with a line for each value that the parameter cannot have.
+    """
+
+    def __init__(
+        self,
+        node: GraphNode,
+        name: str,
+        wanted: tuple[str, ...],
+        changed: Callable[[], None],
+        refuse: Callable[[str], None],
+    ) -> None:
+        self._name = name
+        self._wanted = wanted
+        self._changed = changed
+        self._refuse = refuse
+        self._client = node.create_client(GetParameters, f"{name}/get_parameters")
+        self._found = False
+        self._asked = False
+        self.path = f"{node.get_namespace().rstrip('/')}/{name}"
+        """Full name of the other node."""
+        self.values: Mapping[str, Any] = {}
+
+    def refresh(self) -> None:
+        """Ask a node that has appeared, or whose parameters changed; forget one that is gone."""
+        if not self._client.service_is_ready():
+            if self._found:  # otherwise it has only just come, and told its values
+                self._found = self._asked = False
+                self.values = {}
+        elif not self._asked:
+            self._found = self._asked = True
+            asked = self._client.call_async(GetParameters.Request(names=list(self._wanted)))
+            asked.add_done_callback(lambda answer: self._take_answer(answer.result()))
+
+    def take(self, event: ParameterEvent) -> None:
+        """Take the values that the node publishes at its start and after a change."""
+        given = [(p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters)]
+        known, refused = admitted(self._name, self._wanted, given)
+        if known or refused:
+            self._asked = False
+            self._take(known, refused)
+
+    def _take_answer(self, answer: GetParameters.Response) -> None:
+        given = zip(self._wanted, answer.values, strict=False)
+        known, refused = admitted(self._name, self._wanted, given)
+        # A node of another version may have values that mean nothing here.
+        self._take({**dict.fromkeys(self._wanted), **known}, refused)
+
+    def _take(self, known: Mapping[str, Any], refused: list[str]) -> None:
+        for reason in refused:
+            self._refuse(reason)
+        before, self.values = self.values, {**self.values, **known}
+        if self.values != before:
+            self._changed()
+
+
+def admitted(
+    executable: str, wanted: Iterable[str], given: Given
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the wanted parameters that have a value of a node's schema, and why others have none.
+
+    Parameters
+    ----------
+    executable : str
+        Name of the node's executable.
+    wanted : iterable of str
+        Names of the parameters that are looked at.
+    given : iterable of tuple
+        Names and values from outside.
+
+    Returns
+    -------
+    tuple
+        Values by name, and a line for each value that is refused.
+    """
+    schema = node_schema(executable)
+    known: dict[str, Any] = {}
+    refused = []
+    for name, message in given:
+        if name not in wanted:
+            continue
+        try:
+            value = parameter_value_to_python(message)
+            if value is not None:  # unknown to the node
+                known[name] = _checked(name, value, *schema[name])
+        except (ParameterError, RuntimeError) as error:  # the latter for no type of ROS
+            refused.append(f"{executable}: {name}: {shown(str(error))}")
+    return known, refused
+
+
+def _checked(name: str, value: Any, default: Any, specification: Any) -> Any:
+    if isinstance(value, str) and len(value) > LONGEST_TEXT:
+        raise ParameterError(f"{len(value)} characters: at most {LONGEST_TEXT} are allowed")
+    return checked(name, value, default, specification)
