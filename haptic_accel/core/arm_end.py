@@ -46,7 +46,7 @@ class ArmEnd:
         self.half = PassiveHalf(own, rate, latency, leads=leads)
         self.endpoint = Endpoint(side, rate, session)
         self._origin = ZERO
-        self._peer_session = 0
+        self._pair = 0, 0
 
     @property
     def engaged(self) -> bool:
@@ -80,8 +80,8 @@ class ArmEnd:
         packet = self.endpoint.incoming(data, now, system)
         if packet is None:
             return None
-        if packet.session != self._peer_session:
-            self._peer_session = packet.session
+        if self._pair != (pair := self.endpoint.session.pair):
+            self._pair = pair
             self.half.new_session()
         self.half.receive(self.endpoint.shipped)
         return packet

@@ -57,30 +57,29 @@ class ArmWork:
         position : tuple of float
             Position then, m; one that is not finite counts as lost.
         """
-        if not math.isfinite(sum(position)):
+        # One line for each axis here and below, as a loop over them takes four times as long.
+        x, y, z = position
+        if not math.isfinite(x + y + z):
             return self._sum
         before, since = self._position, self._time
-        force = self._mean_force(since, time)
+        f_x, f_y, f_z = self._mean_force(since, time)
         self._position, self._time = position, time
         if before is not None:
-            x, y, z = (
-                w + f * (new - old)
-                for w, f, new, old in zip(self._sum, force, position, before, strict=True)
-            )
-            self._sum = x, y, z
+            (w_x, w_y, w_z), (b_x, b_y, b_z) = self._sum, before
+            self._sum = w_x + f_x * (x - b_x), w_y + f_y * (y - b_y), w_z + f_z * (z - b_z)
         return self._sum
 
     def _mean_force(self, since: float, time: float) -> Vector:
         """Return the mean force between two times, and go on to what is held at the second."""
-        mean = self._force
-        while self._changes and self._changes[0][0] <= time:
-            moment, force = self._changes.popleft()
+        held, changes = self._force, self._changes
+        x, y, z = held
+        while changes and changes[0][0] <= time:
+            moment, force = changes.popleft()
             left = (time - max(moment, since)) / (time - since) if time > since else 0.0
             if left:
-                x, y, z = (
-                    m + (new - old) * left
-                    for m, new, old in zip(mean, force, self._force, strict=True)
-                )
-                mean = x, y, z
-            self._force = force
-        return mean
+                x += (force[0] - held[0]) * left
+                y += (force[1] - held[1]) * left
+                z += (force[2] - held[2]) * left
+            held = force
+        self._force = held
+        return x, y, z

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,13 @@ ComplexArray = npt.NDArray[np.complex128]
 
 Vector = tuple[float, float, float]
 """x, y, z in the arm's base frame."""
+
+
+def vector(values: FloatArray) -> Vector:
+    """Return three numbers as a vector."""
+    x, y, z = values.tolist()
+    return x, y, z
+
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 
@@ -87,7 +95,9 @@ def handle_model(handle: HandleParameters) -> RationalModel:
     actuator = np.array([handle.m_a, handle.b_s, handle.k_s])
     grip = np.array([handle.m_h, handle.b_s + handle.b_u, handle.k_s + handle.k_u])
     bearing = np.array([handle.b_s, handle.k_s])
-    denominator: FloatArray = np.polysub(np.polymul(actuator, grip), np.polymul(bearing, bearing))
+    # numpy.polymul and polysub take ten times as long, and a controller waits for it.
+    denominator: FloatArray = np.convolve(actuator, grip)
+    denominator[2:] -= np.convolve(bearing, bearing)
     return RationalModel(np.array([handle.m_a, 0.0, 0.0, 0.0, 0.0]), denominator)
 
 
@@ -192,6 +202,18 @@ class Sample(NamedTuple):
     velocity: Vector
     acceleration: float
 
+
+class _Answer(Enum):
+    """Answer of a device that has not received a sample yet."""
+
+    LATER = "later"
+
+
+LATER: Final = _Answer.LATER
+"""Answer of a device while the sample may still come."""
+
+Reading: TypeAlias = Sample | Literal[_Answer.LATER] | None
+"""A sample, `LATER`, or None for a sample that is lost or was never taken."""
 
 GRIP_STREAM = 3
 """Random stream of the user's grip, independent of sensor noise with the same seed."""

@@ -120,6 +120,10 @@ SIGNALS = (
 )
 """The sampled topics, each a stamped vector."""
 
+BUNDLES = Topic("_bundles", "std_msgs/msg/UInt8MultiArray", "", "", reliable=True)
+"""Messages of `SIGNALS` as each process sends them, some hundredths of a second together, for the
+recorder. ROS' own tools leave names with an underscore out."""
+
 ASKED = (MASTER_WORK, SLAVE_WORK, CONTACT_FORCE)
 """Sampled topics that are published only while somebody subscribes."""
 

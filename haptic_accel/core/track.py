@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from haptic_accel.core.model import ZERO, FloatArray, Sample, Vector
+from haptic_accel.core.model import ZERO, FloatArray, Sample, Vector, vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import MOST_SAMPLES, crossfaded, resampled
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, Stamped, half_period, on_grid
@@ -240,7 +240,7 @@ class ReplayRig:
     def __init__(self, track: Track, *, loop: bool = False) -> None:
         self._track = track
         self._loop = loop
-        self._waiting = Sample(_vector(track.position[0]), ZERO, track.rest)
+        self._waiting = Sample(vector(track.position[0]), ZERO, track.rest)
         self._driven = False
         self._now = 0.0
         self._since: float | None = None
@@ -268,8 +268,8 @@ class ReplayRig:
         self._count(place)
         track, index = self._track, place % len(self._track)
         return Sample(
-            _vector(track.position[index]),
-            _vector(track.velocity[index]),
+            vector(track.position[index]),
+            vector(track.velocity[index]),
             float(track.acceleration[index]),
         )
 
@@ -301,11 +301,6 @@ class ReplayRig:
         self._skipped += place - self._place - 1
         self._place = place
         self._lost += bool(self._track.lost[place % len(self._track)])
-
-
-def _vector(row: FloatArray) -> Vector:
-    x, y, z = row.tolist()
-    return x, y, z
 
 
 def _whole(signal: Stamped) -> Stamped:

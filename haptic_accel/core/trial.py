@@ -8,10 +8,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
 from haptic_accel.core import topics
+from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import (
@@ -21,23 +23,30 @@ from haptic_accel.core.control.filters import (
 )
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
+from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
 from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
     PositionPositionCoupling,
 )
 from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
+from haptic_accel.core.identification.stops import LIMITED
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
-from haptic_accel.core.model import FloatArray, HandleParameters, Sample, Vector
+from haptic_accel.core.loop.compensation import CompensationPart
+from haptic_accel.core.loop.coupling import CouplingPart
+from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, rig_side
+from haptic_accel.core.model import ZERO, FloatArray, HandleParameters
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import TRUE, WAITING, Played
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters, Vibrating
-from haptic_accel.core.sampling import LATENCY, check_latency
+from haptic_accel.core.sampling import LATENCY, NANOSECONDS, check_latency
 from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
+from haptic_accel.core.topics import along_actuator
 from haptic_accel.core.track import ReplayRig, Track
 from haptic_accel.core.two_hosts import Crossed, TwoHosts
 
@@ -59,7 +68,8 @@ LOOK = 0.05
 class RigParameters:
     """Both sides of the virtual rig and what couples them; `virtual` is the slave in a scene.
 
-    The halves of the passive coupling take the place of the paper's where they are given.
+    The halves of the passive coupling take the place of the paper's where they are given. The
+    master's safety layer knows its actuator unless other limits are given.
     """
 
     master: MasterRigParameters = field(default_factory=MasterRigParameters)
@@ -67,6 +77,8 @@ class RigParameters:
     coupling: CouplingParameters = field(default_factory=CouplingParameters)
     halves: PassiveParameters | None = None
     virtual: VirtualRigParameters = field(default_factory=VirtualRigParameters)
+    master_safety: MasterSafetyParameters | None = None
+    slave_safety: SafetyParameters = field(default_factory=SafetyParameters)
 
     def coupled(self, rate: float, latency: int) -> PositionPositionCoupling | PassivePair:
         """Return the coupling of arms on one host."""
@@ -80,6 +92,12 @@ class RigParameters:
         sensor, delay = master.accelerometer.bandwidth, master.drive.delay
         stiffness = self.halves.stiffness if self.halves else self.coupling.k_m
         return Plant(handle, master.mount, delay, sensor, coupling=stiffness).coupled()
+
+    @property
+    def safety(self) -> tuple[SafetyParameters, SafetyParameters]:
+        """Limits of the devices of master and slave."""
+        master = self.master_safety or MasterSafetyParameters(hardware=self.master.actuator)
+        return master, self.slave_safety
 
     def passive(self, law: str) -> PassiveParameters:
         """Return the parameters of the coupling in two halves, by a law."""
@@ -236,7 +254,7 @@ def run_trial(
     In each sample both rigs are read, coupling and compensation are computed, then the forces of
     the sample `latency` before take effect; the response is seen one sample later, the paper's
     tau_d. The compensation receives the handle's acceleration of the previous sample. So does the
-    live graph while no deadline is missed. The rigs stand still until their first force.
+    live graph while no force comes after its tick. The rigs stand still until their first force.
 
     Parameters
     ----------
@@ -303,24 +321,34 @@ def run_trial(
         slave = SlaveRig(rig.slave, rate, seed, recording, physics_step, texture)
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
+    crossings: list[Crossed] = []
     arms = (
-        _OneHost(rig.coupled(rate, latency))
+        _OneHost(rig.coupled(rate, latency), rate)
         if channel is None
         else TwoHosts(rig.passive(law), channel, rate, latency, seed, blackouts)
     )
+    rigs = MasterRig(rig.master, rate, seed), slave
+    safety = rig.safety
     samples = _samples(
-        MasterRig(rig.master, rate, seed),
-        slave,
+        rigs,
+        (
+            rig_side(rigs[0], safety[0], rate, latency),
+            rig_side(slave, safety[1], rate, latency, (ARM,)),
+        ),
         arms,
         Compensation(around, rate, controllers, latency=latency),
+        rate,
         time.tolist(),
         latency,
         deque(grips),
         warnings,
+        None if channel is None else crossings,
     )
-    signals, vectors, crossings = zip(*samples, strict=True)
-    tool, desired, handle, force = np.array(signals).T.copy()
-    by_topic = dict(zip(_arms(slave), np.array(vectors, dtype=float).swapaxes(0, 1), strict=True))
+    # Number by number: an array takes three times as long to read tuples of tuples.
+    rows = np.fromiter(chain.from_iterable(samples), float).reshape(len(time), -1)
+    tool, desired, handle, force = rows[:, :_SIGNALS].T.copy()
+    vectors = rows[:, _SIGNALS:].reshape(len(time), -1, 3).swapaxes(0, 1)
+    by_topic = dict(zip(_arms(slave), vectors, strict=True))
     surface = scene.name if scene else rig.slave.surface.name
     corner = around.high_pass_frequency
     crossing = None
@@ -345,24 +373,41 @@ def _crossed(
     played = np.array([each.played.value for each in crossings])
     kinds = tuple(each.played.kind for each in crossings)
     energy = np.array([each.energy for each in crossings])
-    aligned = np.interp(np.nan_to_num(places), count, tool)
+    waiting = np.isnan(places)  # then nothing is played, and nothing desired
+    aligned = np.where(waiting, played, np.interp(np.nan_to_num(places), count, tool))
     return Crossing(played, (count - places) / rate, kinds, energy), aligned
 
 
 class _OneHost:
     """Both arms on one host, with nothing between them."""
 
-    def __init__(self, coupling: PositionPositionCoupling | PassivePair) -> None:
-        self._coupling = coupling
+    def __init__(self, coupling: PositionPositionCoupling | PassivePair, rate: float) -> None:
+        self._part = CouplingPart(coupling, rate, longest=1)
+        self._engagement = Engagement(EngagementParameters(), now=0.0)
+        for arm in topics.ARMS:
+            self._engagement.arm_stopped(arm, False)
 
-    def sample(self, _: float, handle: Sample, tool: Sample) -> Crossed:
-        """Take a sample of both arms."""
-        coupling = self._coupling
-        if not coupling.engaged:
-            coupling.engage(handle.position, tool.position)
-        forces = coupling.forces(handle.position, tool.position, handle.velocity, tool.velocity)
-        return Crossed(*forces, Played(tool.acceleration, TRUE))
+    def sample(self, time: float, handle: Motion, tool: Motion, acceleration: float) -> Crossed:
+        """Take a sample of both arms, and the tool's acceleration."""
+        self._part.put(0, handle)
+        self._part.put(1, tool)
+        if self._engagement.due(time):
+            for arm in topics.ARMS:
+                self._engagement.position_received(arm, time)
+            decision = self._engagement.step(time, listeners=1)
+            if decision.release:
+                self._part.disengage()
+            if decision.engage:
+                self._part.engage()
+        played = Played(acceleration, TRUE)
+        for caused in self._part.step():
+            if caused:
+                return Crossed(caused.on_master, caused.on_slave, played)
+        return Crossed(ZERO, ZERO, played)
 
+
+_SIGNALS = 4
+"""Numbers of a sample that are no vectors."""
 
 _ARMS = [
     topic.name
@@ -377,53 +422,68 @@ def _arms(slave: Rig) -> list[str]:
 
 
 def _samples(
-    master: MasterRig,
-    slave: Rig,
+    rigs: tuple[MasterRig, Rig],
+    sides: tuple[DeviceSide, DeviceSide],
     arms: _OneHost | TwoHosts,
     compensation: Compensation,
+    rate: float,
     times: Sequence[float],
     latency: int,
     grips: deque[GripChange],
     warnings: list[Warned],
-) -> Iterator[tuple[tuple[float, ...], tuple[Vector, ...], Crossed]]:
-    """Yield the signals of each sample in the order of `Trial`, the arms' vectors, and the rest.
+    crossings: list[Crossed] | None,
+) -> Iterator[tuple[float, ...]]:
+    """Yield the signals of each sample in the order of `Trial`, then the arms' vectors.
 
-    Adds to the warnings as the compensator's change.
+    Adds to the warnings as the compensator's change, and to the crossings where they are wanted.
     """
-    before: float | None = None
-    looked, words = 0.0, ""
-    pending: deque[tuple[Vector, Vector, float]] = deque()
-    for time in times:
-        master.advance(time)
+    master, slave = rigs
+    part = CompensationPart(compensation, rate, latency, longest=1)
+    period = round(NANOSECONDS / rate)
+    touching = slave if isinstance(slave, VirtualRig) else None
+    looked, words, lost = 0.0, "", 0
+    for tick, time in enumerate(times):
         if grips and grips[0][0] <= time:
+            master.advance(time)
             master.change_grip(grips.popleft()[1])
-        slave.advance(time)
-        handle, tool = master.measure(), slave.measure()
-        contact = (slave.contact_force,) if isinstance(slave, VirtualRig) else ()
-        crossed = arms.sample(time, handle, tool)
+        for side in sides:
+            side.begin(tick)
+        (_, handle, master_work), (_, tool, slave_work) = (next(side.read()) for side in sides)
+        contact = touching.contact_force if touching else ()
+        stamp = round(tick * NANOSECONDS / rate)
+        crossed = arms.sample(
+            time,
+            Motion(stamp, handle.position, handle.velocity, sum(master_work)),
+            Motion(stamp, tool.position, tool.velocity, sum(slave_work)),
+            tool.acceleration,
+        )
         on_master, on_slave, played = crossed[:3]
-        if before is None:  # the rig was at rest
-            before = handle.acceleration
+        if crossings is not None:
+            crossings.append(crossed)
         desired = force = 0.0
+        lost += 1
         if played.kind != WAITING:
-            desired, force = compensation.sample(played.value, before)
-        pending.append((on_master, on_slave, force))
-        if len(pending) > latency:
-            due = pending.popleft()
-            master.apply_arm_force(due[0])
-            slave.apply_arm_force(due[1])
-            master.apply_actuator_force(due[2])
-        compensation.adapt()
-        before = handle.acceleration
+            part.put_tool(stamp, played.value, lost - 1)
+            lost = 0
+        for caused in part.forces(stamp + (latency + 1) * period):
+            _, desired, force = caused
+        part.put_handle(stamp, handle.acceleration)
+        sides[0].command(ACTUATOR, stamp, along_actuator(force))
+        for side, pull in zip(sides, crossed[:2], strict=True):
+            if pull is not None:
+                side.command(ARM, stamp, pull)
+            side.apply()
+            side.watch()
         if time >= looked + LOOK:
             looked, (now, _) = time, compensation.status()
             if now != words:
                 words = now
                 warnings.append((time, words))
         yield (
-            (tool.acceleration, desired, handle.acceleration, force),
-            (*handle[:2], on_master, *tool[:2], on_slave, *contact),
-            crossed,
+            *(tool.acceleration, desired, handle.acceleration, force),
+            *(*handle.position, *handle.velocity, *(on_master or ZERO)),
+            *(*tool.position, *tool.velocity, *(on_slave or ZERO)),
+            *contact,
         )
 
 
@@ -437,9 +497,9 @@ def run_identification(
 ) -> list[IdentificationTrial]:
     """Excite the simulated handle in lockstep: no clock, the same result every time.
 
-    In each sample the rig is read, then the force of the sample `latency` before is applied,
-    which acts until the next sample; so the acceleration shows it one sample later at the
-    earliest. Arm and hand do not move.
+    In each sample the rig is read, then the force of the sample `latency` before is applied, as
+    far as the device's safety layer allows it; it acts until the next sample, so that the
+    acceleration shows it one sample later at the earliest. Arm and hand do not move.
 
     Parameters
     ----------
@@ -472,8 +532,7 @@ def run_identification(
     force = np.append(excitation(parameters or SweepParameters(), rate), np.zeros(latency))
     rig = rig or MasterRigParameters()
     return [
-        _excite(MasterRig(rig, rate, _trial_seed(seed, index)), force, rate, latency)
-        for index in range(trials)
+        _excite(rig, _trial_seed(seed, index), force, rate, latency) for index in range(trials)
     ]
 
 
@@ -483,12 +542,18 @@ def _trial_seed(seed: int, trial: int) -> int:
 
 
 def _excite(
-    master: MasterRig, force: FloatArray, rate: float, latency: int
+    rig: MasterRigParameters, seed: int, force: FloatArray, rate: float, latency: int
 ) -> IdentificationTrial:
+    master = MasterRig(rig, rate, seed)
+    limits = MasterSafetyParameters(hardware=rig.actuator)
+    side = rig_side(master, limits, rate, latency, (ACTUATOR,))
     acceleration = np.zeros(len(force))
-    due = np.append(np.zeros(latency), force).tolist()
-    for index in range(len(force)):
-        master.advance(index / rate)
-        acceleration[index] = master.measure().acceleration
-        master.apply_actuator_force(due[index])
-    return IdentificationTrial(rate, force, acceleration, master.status(), latency)
+    for tick, exciting in enumerate(force.tolist()):
+        side.begin(tick)
+        acceleration[tick] = next(side.read()).sample.acceleration
+        side.command(ACTUATOR, tick * NANOSECONDS / rate, along_actuator(exciting))
+        side.apply()
+        side.watch()
+    values: dict[str, str | int] = {**master.status(), **side.safety.status()}
+    counts = {key: int(values[key]) for key in (*master.status(), *LIMITED)}
+    return IdentificationTrial(rate, force, acceleration, counts, latency)

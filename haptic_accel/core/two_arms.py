@@ -1,17 +1,19 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Two point masses, a hand and a wall: the least that shows whether a coupling is stable."""
+"""Two point masses, a hand and a wall: a minimal model for checking coupling stability."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from haptic_accel.core.actuator.safety import SafetyParameters
+from haptic_accel.core.coupling.pairing import Motion
+from haptic_accel.core.loop.device_side import ARM, rig_side
 from haptic_accel.core.model import ZERO, Sample, Vector
-from haptic_accel.core.sampling import LATENCY
+from haptic_accel.core.sampling import LATENCY, NANOSECONDS
 from haptic_accel.core.two_hosts import TwoHosts
 
 RATE = 1000.0
@@ -33,40 +35,55 @@ Path = Callable[[float], Vector]
 """Place of the hand, m, over time, s."""
 
 
-@dataclass
-class Arm:
-    """A point mass that a motor, and whatever is around it, push; it has no friction.
+class PointMass:
+    """A rig without friction and accelerometer, which hand or wall and the arm's motors push.
 
-    Attributes
+    Parameters
     ----------
     outside : callable
         Force of hand or wall.
-    limit : float
-        Largest force of each motor, N.
+    mass : float
+        kg.
     """
 
-    outside: Around
-    mass: float = 0.1
-    limit: float = math.inf
-    position: Vector = ZERO
-    velocity: Vector = ZERO
-    work: float = 0.0
+    def __init__(self, outside: Around, mass: float = 0.1) -> None:
+        self._outside, self._mass = outside, mass
+        self._tick = 0
+        self._position = self._velocity = self._force = ZERO
 
-    def move(self, force: Vector) -> None:
-        """Let a motor force act for a sample."""
-        before, step = self.position, 1.0 / RATE / STEPS
-        fx, fy, fz = (max(-self.limit, min(self.limit, f)) for f in force)
-        for _ in range(STEPS):
-            x, y, z = self.position
-            vx, vy, vz = self.velocity
-            ox, oy, oz = self.outside(self.position, self.velocity)
-            vx += step * (fx + ox) / self.mass
-            vy += step * (fy + oy) / self.mass
-            vz += step * (fz + oz) / self.mass
-            self.velocity = vx, vy, vz
-            self.position = x + step * vx, y + step * vy, z + step * vz
-        moved = (now - then for now, then in zip(self.position, before, strict=True))
-        self.work += sum(f * d for f, d in zip((fx, fy, fz), moved, strict=True))
+    def advance(self, time: float) -> None:
+        """Let the present forces act until a time in s, in whole samples."""
+        samples = round(time * RATE) - self._tick
+        self._tick += samples
+        step, (fx, fy, fz) = 1.0 / RATE / STEPS, self._force
+        for _ in range(samples * STEPS):
+            x, y, z = self._position
+            vx, vy, vz = self._velocity
+            ox, oy, oz = self._outside(self._position, self._velocity)
+            vx += step * (fx + ox) / self._mass
+            vy += step * (fy + oy) / self._mass
+            vz += step * (fz + oz) / self._mass
+            self._velocity = vx, vy, vz
+            self._position = x + step * vx, y + step * vy, z + step * vz
+
+    def measure(self) -> Sample:
+        """Return position and velocity."""
+        return Sample(self._position, self._velocity, 0.0)
+
+    def apply_arm_force(self, force: Vector) -> None:
+        """Set the force of the motors, N."""
+        self._force = force
+
+    def apply_actuator_force(self, force: float) -> None:
+        """Leave the mass as it is: it has no actuator."""
+
+    def release(self) -> None:
+        """Take the force off."""
+        self._force = ZERO
+
+    def status(self) -> dict[str, int]:
+        """Return no counts."""
+        return {}
 
 
 class Hand:
@@ -140,6 +157,8 @@ def couple(
 ) -> Iterator[Instant]:
     """Yield sample by sample how two arms move that two hosts couple.
 
+    The arms' safety layers have their default limits, which no law's default forces reach.
+
     Parameters
     ----------
     hosts : TwoHosts
@@ -152,14 +171,23 @@ def couple(
         s.
     """
     hand = Hand(path)
-    master, slave = Arm(hand), Arm(around_slave)
-    due = deque([(ZERO, ZERO)] * LATENCY)
+    sides = [
+        rig_side(PointMass(around), SafetyParameters(), RATE, LATENCY, [ARM])
+        for around in (hand, around_slave)
+    ]
     for tick in range(round(duration * RATE)):
-        now = tick / RATE
-        hand.lead(max(0.0, now - ENGAGING))
-        samples = (Sample(arm.position, arm.velocity, 0.0) for arm in (master, slave))
-        due.append(hosts.sample(now, *samples)[:2])
-        for arm, force in zip((master, slave), due.popleft(), strict=True):
-            arm.move(force)
-        speed = math.hypot(*slave.velocity)
-        yield Instant(master.position, slave.position, speed, master.work + slave.work)
+        stamp = round(tick * NANOSECONDS / RATE)
+        for side in sides:
+            side.begin(tick)
+        master, slave = (
+            Motion(stamp, *arm[:2], sum(work)) for side in sides for _, arm, work in side.read()
+        )
+        given = (master.work or 0.0) + (slave.work or 0.0)
+        yield Instant(master.position, slave.position, math.hypot(*slave.velocity), given)
+        forces = hosts.sample(tick / RATE, master, slave)[:2]
+        hand.lead(max(0.0, tick / RATE - ENGAGING))
+        for side, force in zip(sides, forces, strict=True):
+            if force is not None:
+                side.command(ARM, stamp, force)
+            side.apply()
+            side.watch()

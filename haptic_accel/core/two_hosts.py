@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,12 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_accel.core.arm_end import ArmEnd
+from haptic_accel.core.coupling.engagement import EngagementParameters
+from haptic_accel.core.coupling.half_engagement import HalfEngagement
+from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.model import ZERO, Sample, Vector
+from haptic_accel.core.loop.half_coupling import HalfCouplingPart
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.network.endpoint import Motion, State
 from haptic_accel.core.network.playout import Played
-from haptic_accel.core.sampling import LATENCY, NANOSECONDS, RELEASED
+from haptic_accel.core.sampling import LATENCY, NANOSECONDS
 from haptic_accel.core.topics import ARMS
 
 BEGIN = 1_800_000_000
@@ -33,7 +37,7 @@ class Crossed(NamedTuple):
     Attributes
     ----------
     on_master, on_slave : tuple of float
-        Forces for the arms, N.
+        Forces for the arms, N; None for one that is free, and commanded nothing.
     played : Played
         The tool's acceleration at the master, m/s^2.
     position : float
@@ -42,57 +46,19 @@ class Crossed(NamedTuple):
         Accounts of the master's and the slave's half, J.
     """
 
-    on_master: Vector
-    on_slave: Vector
+    on_master: Vector | None
+    on_slave: Vector | None
     played: Played
     position: float = math.nan
     energy: tuple[float, float] = (0.0, 0.0)
 
 
-class Host:
-    """One host: an arm's end of the coupling.
-
-    It engages as soon as packets come and are answered, and lets go once they fail for
-    `RELEASED`, or the peer has let go.
-    """
-
-    def __init__(
-        self, side: str, parameters: PassiveParameters, rate: float, latency: int
-    ) -> None:
-        session = 1 + ARMS.index(side)
-        self.end = ArmEnd(side, parameters, rate, latency, session)
-        self._engagement = 0
-        self._with_peer = False
-
-    def say(self, arm: Sample, now: float, system: int) -> bytes | None:
-        """Return the packet that is due."""
-        state = State(ready=True, engaged=self.end.engaged, engagement=self._engagement)
-        return self.end.outgoing(state, Motion(system, arm.position, arm.velocity), now, system)
-
-    def hear(self, packets: Sequence[bytes], now: float, system: int) -> None:
-        """Take the packets that have arrived."""
-        for data in packets:
-            self.end.incoming(data, now, system)
-
-    def force(self, arm: Sample, now: float) -> Vector:
-        """Return the force for the arm, N."""
-        end, endpoint = self.end, self.end.endpoint
-        peer, age = endpoint.peer, endpoint.round_trip_age(now)
-        answered = peer is not None and endpoint.fresh(now, RELEASED) and age < math.inf
-        if end.engaged and not (answered and peer and peer.engaged >= self._with_peer):
-            end.half.disengage()
-        elif answered and not end.engaged:
-            end.engage(arm.position)
-            self._with_peer = False
-            self._engagement += 1
-        if not (end.engaged and peer):
-            return ZERO
-        self._with_peer |= peer.engaged
-        return end.force(arm.position, arm.velocity, now)
-
-
 class TwoHosts:
     """Coupling of two arms, and the tool's acceleration, over a simulated network.
+
+    The halves are those of the live hosts, and so is the order of what is done at a sample: a
+    packet leaves once the sample's force is known, and arrives with the next sample at the
+    earliest.
 
     Parameters
     ----------
@@ -107,6 +73,13 @@ class TwoHosts:
         Seed of the network.
     blackouts : sequence of (float, float)
         Start and end of each time, s, in which nothing comes through.
+
+    Attributes
+    ----------
+    halves : list of HalfCouplingPart
+        Those of master and slave.
+    channels : list of Channel
+        From the master, and from the slave.
     """
 
     def __init__(
@@ -119,29 +92,49 @@ class TwoHosts:
         blackouts: Sequence[tuple[float, float]] = (),
     ) -> None:
         self._first = round(BEGIN * rate)
-        self.hosts = [Host(side, parameters, rate, latency) for side in ARMS]
+        self._made = parameters, rate, latency
+        self._sessions = itertools.count(1)
+        self.halves = [self._half(side, 0.0) for side in ARMS]
         self.channels = [
             Channel[bytes](network, number, blackouts)
             for number in np.random.SeedSequence(seed).generate_state(2).tolist()
         ]
 
-    def sample(self, time: float, handle: Sample, tool: Sample) -> Crossed:
-        """Take a sample of both arms at a time in s."""
+    def restart(self, index: int, now: float) -> None:
+        """Start the half of an arm again, 0 for the master's and 1 for the slave's, at a time."""
+        self.halves[index] = self._half(ARMS[index], now)
+
+    def sample(
+        self, time: float, handle: Motion, tool: Motion, acceleration: float = 0.0
+    ) -> Crossed:
+        """Take a sample of both arms at a time in s, and the tool's acceleration, m/s^2."""
         system = BEGIN * NANOSECONDS + round(time * NANOSECONDS)
-        master, slave = self.hosts
-        slave.end.endpoint.sampled(system, tool.acceleration)
-        arms = handle, tool
-        for host, arm, channel in zip(self.hosts, arms, self.channels, strict=True):
-            if packet := host.say(arm, time, system):
+        for half, channel in zip(self.halves, reversed(self.channels), strict=True):
+            half.receive(channel.arrived(time + ROUNDING), time, system)
+        master, slave = self.halves
+        played = master.play(time)
+        slave.put_tool(system, acceleration)
+        on_master = self._force(master, handle, time, system)
+        on_slave = self._force(slave, tool, time, system)
+        for half, channel in zip(self.halves, self.channels, strict=True):
+            if packet := half.packet(time, system):
                 channel.send(packet, time)
-        for host, channel in zip(self.hosts, reversed(self.channels), strict=True):
-            host.hear(channel.arrived(time + ROUNDING), time, system)
-        playout = master.end.endpoint.playout
-        played = playout.take(time)
-        return Crossed(
-            master.force(handle, time),
-            slave.force(tool, time),
-            played,
-            playout.position - self._first,
-            (master.end.half.energy, slave.end.half.energy),
-        )
+        position = master.end.endpoint.playout.position - self._first
+        energy = master.end.half.energy, slave.end.half.energy
+        return Crossed(on_master, on_slave, played, position, energy)
+
+    def _half(self, side: str, now: float) -> HalfCouplingPart:
+        parameters, rate, latency = self._made
+        conditions = EngagementParameters()
+        end = ArmEnd(side, parameters, rate, latency, next(self._sessions))
+        return HalfCouplingPart(end, HalfEngagement(conditions, now, side), conditions.timeout)
+
+    def _force(
+        self, half: HalfCouplingPart, arm: Motion, now: float, system: int
+    ) -> Vector | None:
+        """Return the force that a sample of an arm causes, whose device stops with its coupler."""
+        engagement = half.engagement
+        engagement.arm_stopped(engagement.arms[0], engagement.stop.stopped)
+        force = half.put(arm._replace(stamp=system), now)
+        released = engagement.due(now) and half.look(now, listeners=1).release
+        return ZERO if released else force

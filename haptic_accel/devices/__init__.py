@@ -6,12 +6,7 @@
 from __future__ import annotations
 
 from haptic_accel.devices.can.device import CanMaster, CanSlave
-from haptic_accel.devices.combined import (
-    CanSerialMaster,
-    CanSerialSlave,
-    CrtkSerialMaster,
-    CrtkSerialSlave,
-)
+from haptic_accel.devices.combined import combined
 from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 from haptic_accel.devices.playback import ReplayMaster, ReplaySlave
@@ -25,9 +20,9 @@ MASTERS: dict[str, type[Device]] = {
     "replay": ReplayMaster,
     "can": CanMaster,
     "serial": SerialMaster,
-    "can_serial": CanSerialMaster,
+    "can_serial": combined(CanMaster, SerialMaster),
     "crtk": CrtkMaster,
-    "crtk_serial": CrtkSerialMaster,
+    "crtk_serial": combined(CrtkMaster, SerialMaster),
 }
 SLAVES: dict[str, type[Device]] = {
     "simulated": SimulatedSlave,
@@ -35,9 +30,9 @@ SLAVES: dict[str, type[Device]] = {
     "replay": ReplaySlave,
     "can": CanSlave,
     "serial": SerialSlave,
-    "can_serial": CanSerialSlave,
+    "can_serial": combined(CanSlave, SerialSlave),
     "crtk": CrtkSlave,
-    "crtk_serial": CrtkSerialSlave,
+    "crtk_serial": combined(CrtkSlave, SerialSlave),
 }
 
 __all__ = ["MASTERS", "SLAVES", "Device", "DeviceError", "Sample"]

@@ -350,6 +350,11 @@ class AudioActuator(Device):
         return "; ".join(filter(None, (self._device.remark, own)))
 
     @property
+    def unguarded(self) -> str:
+        """Warning of the device; the card itself runs dry, and is silent."""
+        return self._device.unguarded
+
+    @property
     def problem(self) -> str:
         """Problem of the device."""
         return self._device.problem

@@ -6,17 +6,12 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import field, make_dataclass
 from typing import Any, ClassVar
 
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import Checked
-from haptic_accel.devices.can.device import CanMaster, CanSlave
-from haptic_accel.devices.can.parameters import CanMasterParameters, CanSlaveParameters
-from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
-from haptic_accel.devices.crtk.parameters import CrtkMasterParameters, CrtkSlaveParameters
 from haptic_accel.devices.interface import LATER, Device, Joints, Reading, Sample
-from haptic_accel.devices.serial import device as serial
 
 
 class CombinedDevice(Device):
@@ -87,6 +82,11 @@ class CombinedDevice(Device):
         return "; ".join(device.remark for device in self._parts.values() if device.remark)
 
     @property
+    def unguarded(self) -> str:
+        """Warnings of both."""
+        return "; ".join(each.unguarded for each in self._parts.values() if each.unguarded)
+
+    @property
     def problem(self) -> str:
         """Problems of both."""
         return "; ".join(device.problem for device in self._parts.values() if device.problem)
@@ -105,63 +105,15 @@ class CombinedDevice(Device):
         }
 
 
-@dataclass(frozen=True)
-class CanSerialMasterParameters(Checked):
-    """Parameters of the arm on the CAN bus and of the board in the handle."""
-
-    arm: CanMasterParameters = field(default_factory=CanMasterParameters)
-    handle: serial.SerialMasterParameters = field(default_factory=serial.SerialMasterParameters)
-
-
-@dataclass(frozen=True)
-class CanSerialSlaveParameters(Checked):
-    """Parameters of the arm on the CAN bus and of the board at the tool."""
-
-    arm: CanSlaveParameters = field(default_factory=CanSlaveParameters)
-    handle: serial.SerialSlaveParameters = field(default_factory=serial.SerialSlaveParameters)
-
-
-class CanSerialMaster(CombinedDevice):
-    """Master with an arm of ODrives, and a handle behind a microcontroller."""
-
-    Parameters = CanSerialMasterParameters
-    ArmDevice, HandleDevice = CanMaster, serial.SerialMaster
-    AHEAD = serial.SerialMaster.AHEAD
-
-
-class CanSerialSlave(CombinedDevice):
-    """Slave with an arm of ODrives, and a tool behind a microcontroller."""
-
-    Parameters = CanSerialSlaveParameters
-    ArmDevice, HandleDevice = CanSlave, serial.SerialSlave
-
-
-@dataclass(frozen=True)
-class CrtkSerialMasterParameters(Checked):
-    """Parameters of the arm that speaks CRTK and of the board in the handle."""
-
-    arm: CrtkMasterParameters = field(default_factory=CrtkMasterParameters)
-    handle: serial.SerialMasterParameters = field(default_factory=serial.SerialMasterParameters)
-
-
-@dataclass(frozen=True)
-class CrtkSerialSlaveParameters(Checked):
-    """Parameters of the arm that speaks CRTK and of the board at the tool."""
-
-    arm: CrtkSlaveParameters = field(default_factory=CrtkSlaveParameters)
-    handle: serial.SerialSlaveParameters = field(default_factory=serial.SerialSlaveParameters)
-
-
-class CrtkSerialMaster(CombinedDevice):
-    """Master with an arm that speaks CRTK, and a handle behind a microcontroller."""
-
-    Parameters = CrtkSerialMasterParameters
-    ArmDevice, HandleDevice = CrtkMaster, serial.SerialMaster
-    AHEAD = serial.SerialMaster.AHEAD
-
-
-class CrtkSerialSlave(CombinedDevice):
-    """Slave with an arm that speaks CRTK, and a tool behind a microcontroller."""
-
-    Parameters = CrtkSerialSlaveParameters
-    ArmDevice, HandleDevice = CrtkSlave, serial.SerialSlave
+def combined(arm: type[Device], handle: type[Device]) -> type[CombinedDevice]:
+    """Return the class of a device with an arm of one class, and a handle or tool of another."""
+    parts = {"arm": arm.Parameters, "handle": handle.Parameters}
+    parameters = make_dataclass(
+        f"{arm.__name__}{handle.__name__}Parameters",
+        [(name, kind, field(default_factory=kind)) for name, kind in parts.items()],
+        bases=(Checked,),
+        frozen=True,
+    )
+    members = {"ArmDevice": arm, "HandleDevice": handle, "AHEAD": handle.AHEAD}
+    name = f"{arm.__name__}{handle.__name__}"
+    return type(name, (CombinedDevice,), {"Parameters": parameters, **members})

@@ -119,8 +119,3 @@ def explained(error: BaseException, reasons: Mapping[int, str]) -> str:
             return reasons[number]
         cause = cause.__cause__ or cause.__context__
     return ""
-
-
-def one_line(error: BaseException) -> str:
-    """Return an error's text in one line."""
-    return " ".join(str(error).split()) or type(error).__name__

@@ -7,25 +7,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from enum import Enum
-from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeAlias
+from typing import Any, ClassVar, NamedTuple
 
-from haptic_accel.core.model import Sample, Vector
+from haptic_accel.core.model import LATER, Reading, Sample, Vector
 
 __all__ = ["LATER", "Device", "DeviceError", "Joints", "Reading", "Sample"]
-
-
-class _Answer(Enum):
-    """Answer of a device that has not received a sample yet."""
-
-    LATER = "later"
-
-
-LATER: Final = _Answer.LATER
-"""Answer of `Device.read` while the sample may still come."""
-
-Reading: TypeAlias = Sample | Literal[_Answer.LATER] | None
-"""A sample, `LATER`, or None for a sample that is lost or was never taken."""
 
 
 class Joints(NamedTuple):
@@ -187,6 +173,11 @@ class Device(ABC):
     @property
     def remark(self) -> str:
         """Remark for the log once it is open; empty for none."""
+        return ""
+
+    @property
+    def unguarded(self) -> str:
+        """Warning that a force may outlast this process where it hangs; empty where none can."""
         return ""
 
     @property

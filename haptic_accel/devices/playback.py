@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from haptic_accel.bags.folder import is_storage
 from haptic_accel.core import track
+from haptic_accel.core.bounded_files import located
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.sampling import NANOSECONDS, Stamped, sampling_rate
 from haptic_accel.core.topics import MASTER, SLAVE, ArmTopics, Topic
@@ -161,10 +162,8 @@ def bag_track(bag: Bag, arm: ArmTopics) -> track.Track:
     acceleration = _stamped(bag, arm.acceleration)
     assert acceleration
     motion = _stamped(bag, arm.position), _stamped(bag, arm.velocity)
-    try:
+    with located(bag.path):
         return track.gridded(acceleration, *motion, rate, _coupled(bag))
-    except ParameterError as error:
-        raise ParameterError(f"{bag.path}: {error}") from None
 
 
 def bag_rate(bag: Bag, arm: ArmTopics = SLAVE) -> float:
@@ -180,10 +179,8 @@ def bag_rate(bag: Bag, arm: ArmTopics = SLAVE) -> float:
         raise NothingRecordedError(f"{bag.path}: has no message of {arm.acceleration.name}")
     arguments = bag.facts.get("arguments")
     stated = arguments.get("rate") if isinstance(arguments, dict) else None
-    try:
+    with located(bag.path):
         return sampling_rate(acceleration[0], stated if isinstance(stated, (int, float)) else None)
-    except ParameterError as error:
-        raise ParameterError(f"{bag.path}: {error}") from None
 
 
 def start_offset(bag: Bag, start: float) -> float:

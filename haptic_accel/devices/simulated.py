@@ -11,42 +11,23 @@ from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.rig.guided_hand import WORKSPACE, GuidedHand
-from haptic_accel.core.rig.interface import Rig
+from haptic_accel.core.rig.interface import SampledRig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, Vibrating
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.core.surfaces.texture import Texture
-from haptic_accel.devices.interface import Device, Sample
+from haptic_accel.devices.interface import Device
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
 
 
-class SimulatedDevice(Device):
-    """Virtual rig, sampled exactly at the requested times, as by a converter with a clock."""
-
-    _rig: Rig
-    _elapsed = 0.0
-    _origin: float | None = None
+class SimulatedDevice(SampledRig, Device):
+    """One side of the virtual rig, which is always there."""
 
     def open(self) -> None:
         """Continue the rig's time with the first read or write."""
         self._origin = None
-
-    def read(self, time: float) -> Sample:
-        """Simulate until `time`, and return the sample then."""
-        self._advance(time)
-        return self._rig.measure()
-
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
-    ) -> None:
-        """Simulate until `time`, then change the forces."""
-        self._advance(time)
-        if arm_force is not None:
-            self._rig.apply_arm_force(arm_force)
-        if actuator_force is not None:
-            self._rig.apply_actuator_force(actuator_force)
 
     def close(self) -> None:
         """Remove all forces."""
@@ -55,12 +36,6 @@ class SimulatedDevice(Device):
     def status(self) -> dict[str, int]:
         """Return the rig's counts."""
         return self._rig.status()
-
-    def _advance(self, time: float) -> None:
-        if self._origin is None:
-            self._origin = time - self._elapsed
-        self._elapsed = time - self._origin
-        self._rig.advance(self._elapsed)
 
 
 class SimulatedMaster(SimulatedDevice):

@@ -14,7 +14,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.model import FloatArray, vector
 from haptic_accel.devices.can import protocol
 from haptic_accel.devices.can.kinematics import kinematics_of
 from haptic_accel.devices.can.load import HEARTBEAT_RATE
@@ -44,7 +44,7 @@ class EmulatedAxis:
     estimates_period : float
         Period of streamed estimates, s; 0 for none.
     watchdog : float
-        Time-out of the watchdog, s; 0 for none, ODrive's default.
+        Time-out of the watchdog, s; 0 for none, ODrive's default. It may be changed.
     firmware : str
 
     Attributes
@@ -64,7 +64,7 @@ class EmulatedAxis:
         self._state = AxisState.IDLE
         self._torque_mode = False
         self._torque = 0.0
-        self._watchdog = watchdog
+        self.watchdog = watchdog
         self._fed = -math.inf
         self._periods = {self._heartbeat: HEARTBEAT_PERIOD, self._estimates: estimates_period}
         self._next = dict.fromkeys(self._periods, -math.inf)
@@ -107,7 +107,7 @@ class EmulatedAxis:
 
     def due(self, now: float) -> list[Frame]:
         """Return the periodic frames due at a time."""
-        if self._watchdog and self.armed and now - self._fed > self._watchdog:
+        if self.watchdog and self.armed and now - self._fed > self.watchdog:
             self.fail(protocol.WATCHDOG_TIMER_EXPIRED[self._firmware])
         frames = []
         for report, period in self._periods.items():
@@ -202,8 +202,7 @@ class EmulatedArm:
             self._torques = torques
             pairs = zip(self._joints, torques, strict=True)
             of_joints = [joint.joint_torque(torque) for joint, torque in pairs]
-            x, y, z = (self._inverse.T @ of_joints).tolist()
-            self._device.write(now, arm_force=(x, y, z))
+            self._device.write(now, arm_force=vector(self._inverse.T @ of_joints))
 
     def _move(self, now: float) -> None:
         """Set position and speed of the motors to those of the simulated arm."""

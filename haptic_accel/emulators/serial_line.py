@@ -14,7 +14,12 @@ from collections.abc import Callable, Sequence
 from operator import attrgetter
 from pathlib import Path
 
+from haptic_accel.core.actuator.safety import SafetyLayer, SafetyParameters
+from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
+from haptic_accel.core.loop.coupling import CouplingPart
+from haptic_accel.core.loop.device_side import ARM, DeviceSide
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, Identity
 from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG, Faults
@@ -186,7 +191,8 @@ class EmulatedBoard:
 class CoupledArms:
     """Arms of both devices, coupled to each other as soon as both boards are sampled.
 
-    The first force lets the hand explore, and the times of faults count from then.
+    The first force lets the hand explore, and the times of faults count from then. A force acts
+    from the sample that causes it on: the robot that it stands for has no latency.
 
     Parameters
     ----------
@@ -197,8 +203,8 @@ class CoupledArms:
 
     Attributes
     ----------
-    due : float
-        Time of the next step, s.
+    coupled : bool
+        True once both boards were sampled.
     """
 
     def __init__(
@@ -208,35 +214,48 @@ class CoupledArms:
         coupling: PositionPositionCoupling,
     ) -> None:
         self._boards = boards
-        self._devices = devices
-        self._coupling = coupling
-        self.due = 0.0
+        self._sides = [_side(device) for device in devices]
+        self._part = CouplingPart(coupling, 1 / STEP, longest=1)
+        self._tick = 0
+        self.coupled = False
 
     @property
-    def coupled(self) -> bool:
-        """True once both boards were sampled."""
-        return self._coupling.engaged
+    def due(self) -> float:
+        """Time of the next step, s."""
+        return self._tick * STEP
 
     def skip(self, before: float) -> None:
         """Leave out the forces that were due before a time."""
-        self.due = max(self.due, before)
+        self._tick = max(self._tick, math.ceil(before / STEP))
 
     def step(self) -> None:
         """Exchange the forces of the arms."""
-        now = self.due
-        self.due += STEP
-        master, slave = (device.read(now) for device in self._devices)
-        if not self.coupled:
-            if not all(board.rate for board in self._boards):
-                return
-            self._coupling.engage(master.position, slave.position)
+        tick = self._tick
+        self._tick += 1
+        stamp = round(tick * STEP * NANOSECONDS)
+        for index, side in enumerate(self._sides):
+            side.begin(tick)
+            for _, arm, _ in side.read():
+                self._part.put(index, Motion(stamp, arm.position, arm.velocity))
+        if not self.coupled and all(board.rate for board in self._boards):
+            self.coupled = True
+            self._part.engage()
             for board in self._boards:
                 board.faults.begin()
-        forces = self._coupling.forces(
-            master.position, slave.position, master.velocity, slave.velocity
-        )
-        for device, force in zip(self._devices, forces, strict=True):
-            device.write(now, arm_force=force)
+        for caused in self._part.step():
+            if caused:
+                for side, force in zip(self._sides, caused[2:], strict=True):
+                    side.command(ARM, stamp, force)
+        for side in self._sides:
+            side.apply()
+            side.watch()
+
+
+def _side(device: SimulatedDevice) -> DeviceSide:
+    """Return a device's arm behind a safety layer that allows forces."""
+    safety = SafetyLayer(SafetyParameters(), 1 / STEP)
+    safety.enable(0.0, True)
+    return DeviceSide(device, safety, 1 / STEP, latency=0, kinds=[ARM])
 
 
 class SerialLines:

@@ -18,8 +18,7 @@ from haptic_accel.devices.playback import ReplayParameters
 from haptic_accel.graph import node_parameters as nodes
 from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.words import parse_words
-from haptic_accel.links.addresses import host_and_port
-from haptic_accel.links.parameters import LinkNodeParameters
+from haptic_accel.links.parameters import LinkNodeParameters, check_peer
 
 AVERAGE_GRIP = "average"
 """Grip of Table I."""
@@ -36,14 +35,14 @@ POINTER = "pointer"
 RECORDING = "recording"
 """Name of the surface that plays a recorded acceleration."""
 
-ZENOH = "zenoh"
-"""Transport that needs certificates."""
-
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
 """Severities of messages in ROS 2."""
 
 VIRTUAL = "virtual"
 """Name of the slave device whose tool touches a scene."""
+
+CRTK = "crtk"
+"""Begin of the names of devices whose arm is another node's, which need not have a watchdog."""
 
 SCENE = f"{VIRTUAL}.scene"
 """Parameter of `slave_device`: file of the scene."""
@@ -108,6 +107,7 @@ class NetworkArguments(Checked):
     peer: str = like(LinkNodeParameters, "peer")
     transport: str = like(LinkNodeParameters, "transport")
     keys: str = like(LinkNodeParameters, "keys")
+    insecure: bool = like(LinkNodeParameters, "insecure")
 
     def __post_init__(self) -> None:
         """Check all fields, and that they go together; two hosts have the passive coupling."""
@@ -115,17 +115,13 @@ class NetworkArguments(Checked):
         if self.side and not self.peer:
             raise ParameterError(f"side = {self.side!r}: must come with peer:=HOST")
         if not self.peer:
-            for name in ("transport", "keys"):
+            for name in ("transport", "keys", "insecure"):
                 if (value := getattr(self, name)) != schema(LinkNodeParameters)[name][0]:
                     raise ParameterError(f"{name} = {value!r}: must come with peer:=HOST")
             return
         if not self.side:
             raise ParameterError(f"peer = {self.peer!r}: must come with side:=master or slave")
-        host_and_port(self.peer)
-        if bool(self.keys) != (self.transport == ZENOH):
-            needed = f"transport:={ZENOH}" if self.keys else "keys:=FOLDER"
-            name = "keys" if self.keys else "transport"
-            raise ParameterError(f"{name} = {getattr(self, name)!r}: must come with {needed}")
+        check_peer(self.peer, self.transport, self.keys, insecure=self.insecure)
         object.__setattr__(self, "coupling", nodes.PASSIVE)
 
 
@@ -148,7 +144,9 @@ class RunArguments(LaunchArguments):
         0.0, "time from engaging to the end; 0 = until stopped", unit="s", low=0.0, high=1e6
     )
     composed: bool = parameter(
-        False, "run all nodes but the recorder in one process: quicker, less robust"
+        True,
+        "run all nodes that make forces in one process, which suits two cores; false for a"
+        " process for each node, as always with respawn:=true, slave:=topics or an arm by CRTK",
     )
     respawn: bool = parameter(
         False, "start nodes that fail again, all but recorder and scope, rather than end the graph"
@@ -185,8 +183,16 @@ class GraphArguments(
     """Arguments of the graph."""
 
     def __post_init__(self) -> None:
-        """Check all fields, and that what is chosen can be under the slave's tool."""
+        """Check all fields, and that what is chosen can be under the slave's tool.
+
+        What needs a process for each node gets it: a node that is started again learns from the
+        others of an emergency stop; played topics have no device; and where nothing else takes
+        off the force of an arm, only a fault of its own node may leave it.
+        """
         super().__post_init__()
+        unwatched = self.master.startswith(CRTK) or self.slave.startswith(CRTK)
+        if self.respawn or self.slave == PLAYED_TOPICS or unwatched:
+            object.__setattr__(self, "composed", False)
         unused, how = ("surface", "without") if self.slave == VIRTUAL else ("scene", "with")
         if (given := getattr(self, unused)) != schema(ConditionArguments)[unused][0]:
             raise ParameterError(f"{unused} = {given!r}: must come {how} slave:={VIRTUAL}")

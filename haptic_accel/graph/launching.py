@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 import atexit
+import signal
+import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -25,11 +27,20 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from haptic_accel.core.parameters import suggestion
+from haptic_accel.core.process import EMERGENCY
 from haptic_accel.core.topics import JOINT_STATE_RATE
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
-from haptic_accel.graph.processes import RESPAWN_DELAY, Process
+from haptic_accel.graph.namespaces import NamespaceArguments
+from haptic_accel.graph.processes import RESPAWN_DELAY, Process, arrangement
 from haptic_accel.graph.words import given_keys, unknown_key
+
+BLOCKED = (signal.SIGINT, EMERGENCY)
+"""Signals that wait until a node handles them. Ctrl-C would interrupt Python while it starts, with
+a traceback, and an emergency stop would end it."""
+
+PREFIX = "launch-prefix"
+"""Launch configuration with words before each command line, such as those of a debugger."""
 
 PUSHED = "ros_namespace"
 """Launch configuration in which launch_ros keeps what `PushRosNamespace` pushed."""
@@ -54,15 +65,19 @@ def launched(
     def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         _check_spelling([name for name, _, _ in arguments], context)
         given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in arguments}
+        NamespaceArguments(given["namespace"])  # refuses it as it was typed
         given["namespace"] = _pushed(given["namespace"], context)
         found = processes([f"{name}:={value}" for name, value in given.items()])
         claim = ExitStack()
         claim.enter_context(sole_graph(found[0].namespace))
+        if line := arrangement(found):
+            get_logger("haptic_accel").info(line)
         leave = OnShutdown(on_shutdown=lambda *_: claim.close())
         # Later, as nodes that start meanwhile, or come back, read their parameters.
         folder = TemporaryDirectory(prefix="haptic_accel-")
         atexit.register(folder.cleanup)
-        nodes = [_node(process, Path(folder.name)) for process in found]
+        prefix = " ".join([context.launch_configurations.get(PREFIX, ""), *blocking_words()])
+        nodes = [_node(process, Path(folder.name), prefix) for process in found]
         return [RegisterEventHandler(leave), *nodes, *_frame_publishers(found[0].namespace or "/")]
 
     declared = [
@@ -89,7 +104,18 @@ def _pushed(namespace: str, context: LaunchContext) -> str:
     return f"{context.launch_configurations.get(PUSHED, '')}/{namespace}"
 
 
-def _node(process: Process, folder: Path) -> Node:
+def blocking_words() -> Sequence[str]:
+    """Return the words before a command line that block `BLOCKED`; none where there is no way."""
+    names = ",".join(each.name.removeprefix("SIG") for each in BLOCKED)
+    words = "env", f"--block-signal={names}"
+    try:
+        known = subprocess.run([*words, "true"], capture_output=True, check=False).returncode == 0
+    except OSError:
+        known = False
+    return words if known else ()
+
+
+def _node(process: Process, folder: Path, prefix: str) -> Node:
     """Return the action that starts a process, whose parameters are in a folder."""
     return Node(
         package="haptic_accel",
@@ -97,6 +123,8 @@ def _node(process: Process, folder: Path) -> Node:
         namespace=process.namespace or "/",
         arguments=process.ros_arguments(folder),
         output="screen",
+        prefix=prefix,
+        exec_name=process.executable,  # not that of the first word
         on_exit=None if process.optional else partial(_end, process),
         respawn=process.respawn,
         respawn_delay=RESPAWN_DELAY,

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from haptic_accel.bags.facts import custom_data
+from haptic_accel.bags.facts import LOCKSTEP, PREFIX, RUN, custom_data
 from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.network.channel import ChannelParameters
@@ -106,4 +107,5 @@ def record_trial(bag: Path, trial: Trial, arguments: GraphArguments, start: int)
         The folder exists already, or cannot be written.
     """
     recorder = next(p for p in graph(replace(arguments, record=True)) if p.executable == RECORDER)
-    write_trial(bag, trial, custom_data(recorder.parameters[RECORDER]["facts"]), start)
+    facts = custom_data(recorder.parameters[RECORDER]["facts"])
+    write_trial(bag, trial, facts | {PREFIX + RUN: json.dumps(LOCKSTEP)}, start)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 from haptic_accel.bags.recording_options import RecordingOptions
@@ -25,11 +27,12 @@ from haptic_accel.core.model import ACTUATOR, AccelerometerParameters
 from haptic_accel.core.parameters import (
     Checked,
     ParameterError,
-    Schema,
+    Specification,
     from_flat,
     like,
     parameter,
     schema,
+    shown,
 )
 from haptic_accel.core.sampling import HIGHEST_LATENCY, IDENTIFICATION_LATENCY, LATENCY
 from haptic_accel.core.topics import ARMS
@@ -241,13 +244,14 @@ NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
 """Per node its own parameters, and those of what it can be made of, by name."""
 
 
-def node_schema(executable: str) -> Schema:
+@cache
+def node_schema(executable: str) -> Mapping[str, tuple[Any, Specification]]:
     """Return default and specification of every parameter of a node, by dotted name."""
     own, options = NODES[executable]
     found = schema(own)
     for name, option in options.items():
         found |= schema(option, name + ".")
-    return found
+    return MappingProxyType(found)
 
 
 def node_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
@@ -285,8 +289,8 @@ def check_clock(use_sim_time: object) -> None:
     """
     if use_sim_time is not False:
         raise ParameterError(
-            f"{USE_SIM_TIME} = {use_sim_time}: must be false: samples are stamped, and forces"
-            " timed, by this machine's clock"
+            f"{USE_SIM_TIME} = {shown(str(use_sim_time))}: must be false: samples are stamped, and"
+            " forces timed, by this machine's clock"
         )
 
 

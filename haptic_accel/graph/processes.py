@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -16,12 +16,13 @@ from typing import Any, TypeAlias
 from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.bags.facts import facts_text
 from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.core.bounded_files import located
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS
 from haptic_accel.core.topics import CONTACT_FORCE
 from haptic_accel.core.trial import RigParameters
-from haptic_accel.devices import MASTERS, SLAVES
+from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.simulated import played
 from haptic_accel.graph import arguments as names
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
@@ -45,8 +46,8 @@ HALF_COUPLER = "half_coupler"
 """Executable of the node `coupler` where each arm has a host of its own."""
 
 COMPOSED = "composed"
-"""Executable that runs all nodes but the recorder in one process; with the name of the side behind
-it, those of one of two hosts, but the link."""
+"""Executable that runs the nodes that make forces in one process; with the name of the side behind
+it, those of one of two hosts."""
 
 
 Arguments: TypeAlias = GraphArguments | IdentifyArguments
@@ -111,8 +112,7 @@ def graph(arguments: GraphArguments) -> list[Process]:
     _check_side(arguments)
     _check_recording(arguments, options["slave_device"])
     _check_replay(arguments, options)
-    if arguments.slave == names.VIRTUAL:
-        _build(arguments, "slave", options)
+    _check_devices(arguments, options)
     if arguments.record:
         _check_bag(arguments)
     return _processes(arguments, values, composed=arguments.composed, respawn=arguments.respawn)
@@ -127,7 +127,7 @@ def identification_graph(arguments: IdentifyArguments) -> list[Process]:
         A file or parameter is not usable.
     """
     values = graph_parameters(arguments)
-    _checked_options(values)
+    _check_devices(arguments, _checked_options(values))
     _check_bag(arguments)
     repeat_samples(arguments.sweep, arguments.rate)  # the rate must do for the sweep
     return _processes(arguments, values)
@@ -158,13 +158,40 @@ def _processes(
             node: {name: default for name, (default, _) in node_schema(node).items()} | given
             for node, given in nodes.items()
         }
-        recorder = {**values[RECORDER], "facts": facts_text(asdict(arguments), effective)}
+        recorded = asdict(arguments)
+        if arguments.params_file:  # found from another working directory, too
+            recorded["params_file"] = str(Path(arguments.params_file).absolute())
+        recorder = {**values[RECORDER], "facts": facts_text(recorded, effective)}
         # First, so that it misses as little as can be of the others.
         processes.insert(0, process(RECORDER, {RECORDER: recorder}, last=True))
     if SCOPE in asked:
         # Last, as what makes the forces need not wait for it.
         processes.append(process(SCOPE, {SCOPE: values[SCOPE]}, optional=True))
     return processes
+
+
+def arrangement(processes: Sequence[Process]) -> str:
+    """Return the line that tells which nodes share a process, and how to change that.
+
+    Empty where there is no choice, as for an identification.
+    """
+    nodes = {process.executable: tuple(process.parameters) for process in processes}
+    joint = next((own for own in nodes.values() if len(own) > 1), ())
+    if joint:
+        apart = [name for name, own in nodes.items() if own != joint]
+        rest = f", one{' each' * (len(apart) > 1)} for {_listed(apart)}" if apart else ""
+        return f"one process for {_listed(joint)}{rest}; composed:=false gives each node its own"
+    if "identifier" in nodes:
+        return ""
+    return (
+        "a process for each node; composed:=true joins those that make forces, but with"
+        " respawn:=true, slave:=topics or an arm by CRTK"
+    )
+
+
+def _listed(words: Sequence[str]) -> str:
+    """Return words as a list in a sentence."""
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
 def _checked_options(values: Values) -> Values:
@@ -235,7 +262,8 @@ def rig_parameters(values: Values) -> RigParameters:
     coupling, _ = node_parameters("coupler", values["coupler"])
     halves = coupling if coupling.coupling == PASSIVE else None
     return RigParameters(
-        *(masters["simulated"], slaves["simulated"], coupling, halves, slaves["virtual"])
+        *(masters["simulated"], slaves["simulated"], coupling, halves, slaves["virtual"]),
+        *(masters[SAFETY], slaves[SAFETY]),
     )
 
 
@@ -308,7 +336,8 @@ def _own_parameters(arguments: Arguments) -> Values:
     if has_handle:
         own["compensator"] = {**timed, "controller": arguments.controller}
     if arguments.peer:
-        own[LINK] = {name: getattr(arguments, name) for name in ("side", "peer", "transport")}
+        given = ("side", "peer", "transport", "insecure")
+        own[LINK] = {name: getattr(arguments, name) for name in given}
         own[LINK]["keys"] = _absolute(arguments.keys)
     if arguments.record:
         own[RECORDER] = recorder
@@ -340,18 +369,17 @@ def _check_replay(arguments: GraphArguments, options: Values) -> None:
         raise ParameterError(
             f"replay = '{arguments.replay}': must come with slave:=replay or master:=replay"
         )
-    if arguments.composed and arguments.slave == names.PLAYED_TOPICS:
-        raise ParameterError(f"composed = true: not with slave:={names.PLAYED_TOPICS}")
-    for arm in ("master", "slave"):
-        if getattr(arguments, arm) == names.REPLAY:
-            _build(arguments, arm, options)
 
 
-def _build(arguments: GraphArguments, arm: str, options: Values) -> None:
-    """Build an arm's device once, so that it refuses what it cannot be built with."""
-    name = getattr(arguments, arm)
-    kind = (MASTERS if arm == "master" else SLAVES)[name]
-    kind(options[f"{arm}_device"][name], arguments.rate, arguments.seed)
+def _check_devices(arguments: Arguments, options: Values) -> None:
+    """Build each arm's device once, so that it refuses what it cannot be built with."""
+    for arm, kinds in (("master", MASTERS), ("slave", SLAVES)):
+        name = getattr(arguments, arm, "")
+        if name in kinds and name not in (names.SIMULATED, names.POINTER):  # which always can
+            try:
+                kinds[name](options[f"{arm}_device"][name], arguments.rate, arguments.seed)
+            except DeviceError as error:  # without its library
+                raise ParameterError(f"{arm} = {name!r}: {error}") from None
 
 
 def _check_bag(arguments: Arguments) -> None:
@@ -360,6 +388,12 @@ def _check_bag(arguments: Arguments) -> None:
         raise ParameterError(f"record = true: {NO_ROSBAGS}; or record:=false")
     if arguments.bag and os.path.exists(arguments.bag):
         raise ParameterError(f"bag = '{arguments.bag}': must be a new folder")
+    folder = Path(arguments.bag or "bags/new").absolute()
+    missing = (each for each in (*reversed(folder.parents), folder) if not os.path.exists(each))
+    with located(f"bag = '{arguments.bag}'", unreadable="must be a folder to make: "):
+        if first := next(missing, None):
+            first.mkdir()
+            first.rmdir()
 
 
 def _check_recording(arguments: GraphArguments, slave: Mapping[str, Any]) -> None:

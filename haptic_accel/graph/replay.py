@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 INHERITED = ("controller", "rig", "grip", "surface", "master", "params_file", "seed")
 """Arguments of the graph that are as they were when the bag was recorded, unless given."""
 
-ONE_HOST = ("side", "peer", "transport", "keys")
+ONE_HOST = ("side", "peer", "transport", "keys", "insecure")
 """Arguments of the graph that a replay has not."""
 
 REPLAYED = ("replay", "replay_speed", "replay_loop", "replay_start", "rate", "duration", "bag")

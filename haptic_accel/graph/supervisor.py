@@ -15,7 +15,7 @@ import signal
 import subprocess
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -27,6 +27,12 @@ from haptic_accel.graph.processes import RESPAWN_DELAY, Process
 
 LAST_LINES = 20
 """Lines of a dead process that are shown."""
+
+WAITING_LINES = 1000
+"""Most lines that wait for a terminal that does not take them; more are dropped."""
+
+LAST_WORDS = 1.0
+"""Longest time that the end of a graph waits for lines to be taken, s."""
 
 PATIENCE = ((signal.SIGTERM, 10.0), (signal.SIGKILL, 5.0))
 """Signals that ask a process to end, each with the time in s before the next. No SIGINT: a process
@@ -54,12 +60,15 @@ class Outcome:
         Exit status of each executable that the graph cannot do without.
     last_lines : dict
         Last lines of output of each executable.
+    unread : OSError, SystemExit or None
+        Reason why nobody could be shown any more output, for which the graph was stopped.
     """
 
     first: str
     status: int
     statuses: dict[str, int]
     last_lines: dict[str, list[str]]
+    unread: OSError | SystemExit | None = None
 
     @property
     def failed(self) -> dict[str, int]:
@@ -75,6 +84,74 @@ class Outcome:
         return {n: s for n, s in statuses if n == self.first or s == -signal.SIGKILL}
 
 
+OnLine = Callable[[str, str], None]
+"""Takes the executable and a line of its output."""
+
+
+class Lines:
+    """Lines on their way to whoever shows them, on a thread that may be held up.
+
+    Who says a line never waits: if more than `WAITING_LINES` wait, lines are dropped, and their
+    number is said in their place.
+
+    Parameters
+    ----------
+    on_line : callable
+        Called for each line. An OSError means that nobody will see any more.
+
+    Attributes
+    ----------
+    error : OSError, SystemExit or None
+        The error with which `on_line` ended; rich exits where a pipe has no reader.
+    """
+
+    def __init__(self, on_line: OnLine) -> None:
+        self._on_line = on_line
+        self._waiting: list[tuple[str, str]] = []
+        self._dropped: Counter[str] = Counter()
+        self._news = threading.Condition()
+        self._ended = False
+        self.error: OSError | SystemExit | None = None
+        self._thread = threading.Thread(target=self._show, daemon=True)
+
+    def start(self) -> None:
+        """Begin to show lines."""
+        self._thread.start()
+
+    def say(self, name: str, line: str) -> None:
+        """Let a line be shown, or drop it."""
+        with self._news:
+            if len(self._waiting) < WAITING_LINES:
+                self._waiting.append((name, line))
+            else:
+                self._dropped[name] += 1
+            self._news.notify()
+
+    def end(self) -> None:
+        """Wait a little until all has been shown."""
+        with self._news:
+            self._ended = True
+            self._news.notify()
+        self._thread.join(LAST_WORDS)
+
+    def _show(self) -> None:
+        while lines := self._take():
+            try:
+                for name, line in lines:
+                    self._on_line(name, line)
+            except (OSError, SystemExit) as error:
+                self.error = error
+                return
+
+    def _take(self) -> list[tuple[str, str]]:
+        """Wait for lines and return them; none at the end."""
+        with self._news:
+            self._news.wait_for(lambda: self._waiting or self._ended)
+            lines, self._waiting = self._waiting, []
+            dropped, self._dropped = self._dropped, Counter()
+        return lines + [(n, f"{k} lines dropped: nobody read them") for n, k in dropped.items()]
+
+
 @dataclass
 class Supervisor:
     """Runs processes until one ends or it is asked to stop, then ends the others.
@@ -83,13 +160,15 @@ class Supervisor:
     ----------
     processes : sequence of Process
     on_line : callable, optional
-        Called with executable and line for each line of output, on threads of its own.
+        Called with executable and line for each line of output, on a thread of its own. Lines are
+        dropped while it takes too long. If it raises an OSError, such as that of a pipe without a
+        reader, the graph is stopped.
     environment : dict, optional
         Added to the environment.
     """
 
     processes: Sequence[Process]
-    on_line: Callable[[str, str], None] = lambda executable, line: None
+    on_line: OnLine = lambda executable, line: None
     environment: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -102,6 +181,7 @@ class Supervisor:
         # Not SimpleQueue: of CPython up to 3.11 at least, a signal in the instant its time-out
         # is over makes it wait for ever.
         self._ended: queue.Queue[str] = queue.Queue()
+        self._lines = Lines(lambda name, line: self.on_line(name, line))
 
     @property
     def pids(self) -> dict[str, int]:
@@ -117,24 +197,30 @@ class Supervisor:
             Asked ten times a second whether to stop.
         """
         first = ""
+        self._lines.start()
         with TemporaryDirectory(prefix="haptic_accel-") as folder:
             try:
                 for process in self.processes:
                     self._start(process, Path(folder))
-                while not first and not stop():
+                while not (first or stop() or self._lines.error):
                     with suppress(queue.Empty):
                         ended = self._ended.get(timeout=LOOK_PERIOD)
                         first = "" if self._goes_on_after(ended) else ended
                     self._start_again(Path(folder))
             finally:
                 self._stop_all()
+                self._lines.end()
         statuses = {
             name: child.returncode
             for name, child in self._running.items()
             if not self._named[name].optional
         }
         lines = {name: list(last) for name, last in self._last_lines.items()}
-        return Outcome(first, statuses.get(first, 0), statuses, lines)
+        return Outcome(first, statuses.get(first, 0), statuses, lines, self._lines.error)
+
+    def say(self, line: str) -> None:
+        """Let `on_line` have a line of no executable in its turn; never waits."""
+        self._lines.say("", line)
 
     def stop_forces(self) -> None:
         """Let every node take its forces off at once; from any thread."""
@@ -146,9 +232,9 @@ class Supervisor:
         process, status = self._named[name], self._running[name].returncode
         if process.comes_back(status):
             self._due[name] = time.monotonic() + RESPAWN_DELAY
-            self.on_line(name, f"ended with status {status}; it is started again")
+            self._lines.say(name, f"ended with status {status}; it is started again")
         elif process.optional:
-            self.on_line(name, f"ended with status {status}; the graph goes on without it")
+            self._lines.say(name, f"ended with status {status}; the graph goes on without it")
         else:
             return False
         return True
@@ -187,7 +273,7 @@ class Supervisor:
         try:
             for line in child.stdout:
                 self._last_lines[name].append(line.rstrip("\n"))
-                self.on_line(name, line.rstrip("\n"))
+                self._lines.say(name, line.rstrip("\n"))
         finally:
             # Whatever becomes of its lines, the end of a process must not be missed.
             child.wait()

@@ -5,7 +5,9 @@
 
 import os
 
+from haptic_accel.core.process import BLAS_THREADS
+
 # A node computes on one thread. BLAS's own would spin while they wait for each other, and where
 # the spinning one is real-time and the other is not, the other may never get a core.
-for _variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+for _variable in BLAS_THREADS:
     os.environ.setdefault(_variable, "1")

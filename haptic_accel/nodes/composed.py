@@ -3,8 +3,8 @@
 
 """Executable `composed`: all nodes of a host with both arms but the recorder in one process.
 
-Messages then pass without waking another process, which costs most of a force's age and of the
-CPU; but a fault in one node ends all. The recorder stays apart, so that writing delays no force.
+They hand signals to each other without messages, in the order of lockstep; but a fault in one node
+ends all. The recorder stays apart, so that writing delays no force.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from haptic_accel.nodes.slave_device import SlaveDevice
 
 def main() -> None:
     """Run the nodes."""
-    # The tool's sample makes the felt force, and both devices share one interpreter.
-    run("composed", SlaveDevice, Compensator, MasterDevice, Coupler)
+    # The order of lockstep: both arms are sampled first, the one that is held before the other;
+    # what they cause is due at the next tick.
+    run("composed", MasterDevice, SlaveDevice, Coupler, Compensator)
 
 
 if __name__ == "__main__":

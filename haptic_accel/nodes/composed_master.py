@@ -16,8 +16,8 @@ from haptic_accel.nodes.scheduling import run
 
 def main() -> None:
     """Run the nodes."""
-    # The order in which a sample from the peer passes through them.
-    run("composed_master", HalfCoupler, Compensator, MasterDevice)
+    # The arm is sampled first; what it and the peer's sample cause is due at the next tick.
+    run("composed_master", MasterDevice, HalfCoupler, Compensator)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from haptic_accel.nodes.slave_device import SlaveDevice
 
 def main() -> None:
     """Run the nodes."""
-    # The order in which a sample of the tool passes through them.
+    # The arm is sampled first; what it causes is due at the next tick.
     run("composed_slave", SlaveDevice, HalfCoupler)
 
 

@@ -9,15 +9,14 @@ import time
 from dataclasses import replace
 from typing import Any
 
-from haptic_accel.core.coupling.engagement import Engagement
-from haptic_accel.core.coupling.pairing import Motion, Pairing
+from haptic_accel.core.coupling.engagement import Decision, Engagement
 from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
 from haptic_accel.core.coupling.position_position import (
     FADE_TIME,
     CouplingParameters,
     PositionPositionCoupling,
 )
-from haptic_accel.core.model import Vector
+from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.topics import ARMS
 from haptic_accel.graph.node_parameters import PASSIVE
@@ -34,8 +33,7 @@ class Coupler(CouplingNode):
         self._passive = PassivePair(p, rate, p.latency) if p.coupling == PASSIVE else None
         self._coupling = self._passive or PositionPositionCoupling(p)
         self._changed = False
-        self._pairing = Pairing(rate, round(CATCH_UP * rate))
-        self._engaging = False
+        self._part = CouplingPart(self._coupling, rate, round(CATCH_UP * rate))
         self._motions = {
             arm: Motions(
                 self.samples(signals.position, rate),
@@ -49,13 +47,18 @@ class Coupler(CouplingNode):
     def _damped(self) -> bool:
         return bool(self._passive or self.parameters.damping > 0)
 
+    @property
+    def fed(self) -> bool:
+        """True while both arms are sampled in this process."""
+        return all(motions.fed for motions in self._motions.values())
+
     def build_engagement(self, now: float) -> Engagement:
         """Return the engagement of both arms."""
         return Engagement(self.parameters, now)
 
     def start_anew(self) -> None:
         """Forget the samples that wait."""
-        self._pairing.clear()
+        self._part.clear()
         for motions in self._motions.values():
             motions.clear()
 
@@ -74,8 +77,8 @@ class Coupler(CouplingNode):
     def status(self) -> tuple[str, dict[str, str]]:
         """Return whether the arms are coupled, and the accounts of energy."""
         values = {
-            "engaged": str(self._coupling.engaged).lower(),
-            "positions held": str(self._pairing.held),
+            "engaged": str(self._part.engaged).lower(),
+            "positions held": str(self._part.held),
         }
         for arm, half in zip(ARMS, self._passive.halves, strict=True) if self._passive else ():
             values |= {
@@ -90,33 +93,22 @@ class Coupler(CouplingNode):
         for index, motions in enumerate(self._motions.values()):
             for motion in motions.take():
                 self.engagement.position_received(ARMS[index], time.monotonic())
-                self._pairing.put(index, motion)
-        for master, slave in self._pairing.pairs():
+                self._part.put(index, motion)
+        for caused in self._part.step():
             coupled = True
-            if self._engaging:
-                self._engaging = False
-                self._coupling.engage(master.position, slave.position)
-            if self._coupling.engaged:
-                on_master, on_slave = self._caused(master, slave)
-                self.forces[MASTER].send(slave.stamp, on_master)
-                self.forces[SLAVE].send(master.stamp, on_slave)
-        return coupled and not self._pairing.waiting
+            if caused:
+                self.forces[MASTER].send(caused.slave.stamp, caused.on_master)
+                self.forces[SLAVE].send(caused.master.stamp, caused.on_slave)
+        return coupled and not self._part.waiting
 
-    def _caused(self, master: Motion, slave: Motion) -> tuple[Vector, Vector]:
-        """Return the forces that the samples of a tick cause."""
-        motions = master.position, slave.position, master.velocity, slave.velocity
-        if self._passive:
-            return self._passive.forces(*motions, (master.work, slave.work))
-        return self._coupling.forces(*motions)
-
-    def engage(self) -> None:
-        """Couple the arms with the next samples of both."""
-        self._engaging = True
-
-    def disengage(self) -> None:
-        """Uncouple the arms."""
-        self._engaging = False
-        self._coupling.disengage()
+    def decide(self, now: float) -> Decision:
+        """Couple the arms with the next samples of both, or uncouple them."""
+        decision = self.engagement.step(now, self.listeners)
+        if decision.release:
+            self._part.disengage()
+        if decision.engage:
+            self._part.engage()
+        return decision
 
     def prepare(self) -> None:
         """Begin to turn the gains into new ones; a damper waits for velocities."""

@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterator
 from std_srvs.srv import SetBool
 
 from haptic_accel.core import topics
-from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement
+from haptic_accel.core.coupling.engagement import Decision, Engagement
 from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.nodes.interface import GraphNode, Inbox, Samples
@@ -111,6 +111,11 @@ class Motions:
             yield Motion(stamp, position, velocity, work)
 
     @property
+    def fed(self) -> bool:
+        """True while the positions are sent in this process."""
+        return self._arriving.fed
+
+    @property
     def waiting(self) -> bool:
         """True while a position waits for what is joined with it."""
         return bool(self._positions)
@@ -153,7 +158,6 @@ class CouplingNode(GraphNode):
         self._stop_due = 0.0
         self._arm_stops = {arm: self.inbox(ARM_TOPICS[arm].stopped) for arm in self.forces}
         self.create_service(SetBool, "~/engage", self._serve_engage)
-        self.create_timer(STEP_PERIOD, self.step)
 
     @abstractmethod
     def build_engagement(self, now: float) -> Engagement:
@@ -163,13 +167,14 @@ class CouplingNode(GraphNode):
     def couple(self) -> bool:
         """Send the forces of every sample that is complete; return if none waits."""
 
+    @property
     @abstractmethod
-    def engage(self) -> None:
-        """Couple the arms."""
+    def fed(self) -> bool:
+        """True while all arms of this host are sampled in this process."""
 
     @abstractmethod
-    def disengage(self) -> None:
-        """Uncouple the arms, whose forces are then taken off."""
+    def decide(self, now: float) -> Decision:
+        """Couple or uncouple the arms, as the engagement decides at a time in s."""
 
     def prepare(self) -> None:
         """Do what is due before each decision to engage."""
@@ -184,11 +189,16 @@ class CouplingNode(GraphNode):
         super().report()
 
     def work(self) -> float:
-        """Follow the emergency stop, and couple the samples that came."""
+        """Follow the emergency stop, engage or release, and couple the samples that came."""
         if (now := time.monotonic()) >= self._stop_due:
             self._stop_due = now + LOOK_PERIOD
             self._follow_stop()
-        return self._arrivals.looked(found=self.couple())
+        if self.engagement.due(now):
+            self.step()
+        complete = self.couple()
+        if self.fed:  # by a node of this process, whose tick wakes it
+            return self._stop_due
+        return self._arrivals.looked(found=complete)
 
     def stop_forces(self) -> None:
         """Stop all, and let the arms go."""
@@ -210,20 +220,17 @@ class CouplingNode(GraphNode):
         self._step_aside(self.engagement.aside(time.monotonic()))
         self.prepare()
         if self._first_force and self._first_force.take_vectors():
-            self.destroy_subscription(self._first_force.subscription)
+            self._first_force.leave()
             self._first_force = None
             self.engagement.force_received()
             return  # that took a while: engaging waits for the next call
-        decision = self.engagement.step(time.monotonic(), self.listeners)
+        decision = self.decide(time.monotonic())
+        if decision.release:
+            self._let_go()
         if decision.warning:
             self.get_logger().warning(decision.warning)
-        if decision.release:
-            self.disengage()
-            self._let_go()
         if decision.engage:
             self.get_logger().info("engaged")
-            self.couple()  # what came meanwhile
-            self.engage()
         if decision.finished:
             self.finish(f"duration of {self.parameters.duration:g} s is over")
 

@@ -6,8 +6,6 @@
 from __future__ import annotations
 
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.lifecycle import LifecycleState
@@ -16,24 +14,19 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.safety import MAX_AGE, STOPPED, SafetyLayer
-from haptic_accel.core.arm_work import ArmWork
-from haptic_accel.core.due_forces import DueForces
+from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
 from haptic_accel.core.emergency_stop import EmergencyStop
-from haptic_accel.core.evaluation.histogram import DurationHistogram
-from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, Taken
+from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ACTUATOR_AXIS, ArmTopics, along_actuator
+from haptic_accel.core.topics import ArmTopics, along_actuator
 from haptic_accel.devices import Device, DeviceError, Sample
-from haptic_accel.devices.interface import LATER
 from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY
 from haptic_accel.nodes.crtk import Motions, OperatingState, Queries
-from haptic_accel.nodes.interface import Inbox
 from haptic_accel.nodes.joint_states import JointStates
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from haptic_accel.nodes.scheduling import (
-    FLOWING,
     ArrivalKeeper,
     RateKeeper,
     system_time,
@@ -41,103 +34,14 @@ from haptic_accel.nodes.scheduling import (
 )
 from haptic_accel.nodes.stopping import LOOK_PERIOD, StopWords
 
-ARM, ACTUATOR = "arm_force", "actuator_force"
-"""Kinds of commands, by their names in `Device.write`."""
-
 MANY_MISSED = 0.01
 """Share of missed deadlines between two reports above which diagnostics warn."""
-
-PATIENCE = 0.02
-"""Time after which a sample that has not come counts as lost, s."""
 
 STALL = 0.02
 """Time without a tick above which diagnostics warn, s: a fiftieth of their own period."""
 
 NEWS_PERIOD = 0.1
 """Interval between looks for news of the safety layer, s."""
-
-
-def quantiles(durations: DurationHistogram, name: str) -> dict[str, str]:
-    """Return quantiles and maximum for diagnostics, in us; nothing while there are none."""
-    if not durations.count:
-        return {}
-    found = durations.summary().items()
-    return {f"{name} {label} (us)": f"{value * 1e6:.1f}" for label, value in found}
-
-
-class Commands:
-    """Commands of one kind: where they come from, and when they were applied.
-
-    Parameters
-    ----------
-    inbox : Inbox
-    latency : int
-        As for `DueForces`.
-    allowed : callable
-        Returns the force to write for a time in s, an age of the command's sample in s, and a
-        force; None to leave the device as it is.
-    late_at_device : callable, optional
-        For a device that takes forces before they are due: returns the number of those that it
-        applied late itself.
-
-    Attributes
-    ----------
-    forces : DueForces
-    age : DurationHistogram
-        Time from the stamp of the sample that caused a force to its application.
-    """
-
-    def __init__(
-        self,
-        inbox: Inbox,
-        latency: int,
-        allowed: Callable[[float, float, Vector], Any],
-        *,
-        late_at_device: Callable[[], int] | None = None,
-    ) -> None:
-        self.inbox = inbox
-        self.allowed = allowed
-        self.ahead = late_at_device is not None and latency > 0
-        self._late_at_device = late_at_device or int
-        self._late_before = 0
-        self.latency = latency
-        self._lag = 0 if self.ahead else latency
-        self.forces = DueForces(latency)
-        self.age = DurationHistogram()
-
-    @property
-    def missed(self) -> int:
-        """Number of forces that came after they were due, here or at the device."""
-        return self.forces.missed + max(0, self._late_at_device() - self._late_before)
-
-    def is_missing(self, tick: int) -> bool:
-        """Return whether commands come, but not yet the one that is needed after a tick."""
-        newest, needed = self.forces.newest, tick - self._lag
-        return newest is not None and needed - FLOWING <= newest < needed
-
-    def applied(self, stamp: int) -> None:
-        """Note that a command caused by a sample with a stamp was applied."""
-        self.age.add(age_of(stamp))
-
-    def count_anew(self) -> None:
-        """Forget ages and counts."""
-        self.age.reset()
-        self.forces.count_anew()
-        self._late_before = self._late_at_device()
-
-    def status(self, name: str) -> dict[str, str]:
-        """Return values for diagnostics."""
-        return {
-            f"{name} count": str(self.age.count),
-            f"{name} due": str(self.forces.due),
-            f"{name} deadlines missed": str(self.missed),
-            **quantiles(self.age, f"{name} age"),
-        }
-
-
-def age_of(moment: int) -> float:
-    """Return the age of a moment of system time in ns, s."""
-    return (time.time_ns() - moment) / NANOSECONDS
 
 
 def steady_now() -> float:
@@ -148,8 +52,8 @@ def steady_now() -> float:
 class DeviceNode(ManagedNode):
     """Samples a device on the machine's sampling grid, publishes, and applies commands when due.
 
-    At each tick it takes a sample, publishes it, and then applies the forces that are due: those
-    caused by the samples `latency` ticks before. What comes later is applied on arrival. Every
+    At each tick it takes a sample, applies the forces that are due, those caused by the samples
+    `latency` ticks before, and then publishes. What comes later is applied on arrival. Every
     command passes a safety layer. Once configured, the node samples and publishes,
     which needs no force and shows whether all is well; forces are allowed only while it is active.
 
@@ -180,45 +84,46 @@ class DeviceNode(ManagedNode):
         self.device = self._build_device()
         self.safety = SafetyLayer(self.options[SAFETY], p.rate)
         self._lead = wake_time()
-        self.rate_keeper = RateKeeper(p.rate, lead=self._lead)
-        self._arrivals = ArrivalKeeper(p.rate)
-        self._patience = max(1, round(PATIENCE * p.rate))
-        self._per_nanosecond = p.rate / NANOSECONDS
+        self.begin()
         self._sampling = False
-        self._tick = self._stamp = 0
-        self._now = steady_now()
-        self._waiting: deque[int] = deque()
-        self._used = self._starting = self._warned = self._settled = False
+        self._offset = 0
+        self._wake = steady_now()
+        self._read_now: list[tuple[int, Taken, Vector | None]] = []
+        self._follows = self._used = self._starting = self._warned = self._settled = False
         self._failure: Exception | None = None
-        self._unread = self._reported_unread = 0
-        self._reported_deadlines = {"due": 0, "missed": 0}
+        self._reported_unread = 0
+        self._reported_deadlines = 0, 0
         self._stop = EmergencyStop(steady_now())
         self._stop_due = 0.0
-        self._send_position = self.sender(arm.position).send
-        self._send_velocity = self.sender(arm.velocity).send
-        self._send_acceleration = self.sender(arm.acceleration).send
+        self._acceleration, self._position, self._velocity = (
+            # What makes the felt force goes first.
+            self.sender(topic)
+            for topic in (arm.acceleration, arm.position, arm.velocity)
+        )
         self._work_sender = self.sender(arm.work)
         self._work_asked = self._contact_asked = False
-        self._work = ArmWork()
         self._contact_sender = self.sender(arm.contact_force) if arm.contact_force else None
         self._publish_stopped = self.publisher(arm.stopped).publish
         self._joint_states = JointStates(self, arm.position, p.rate)
-        self._commands = {
-            ARM: Commands(self.inbox(arm.arm_force), p.latency, self.safety.arm_force)
-        }
+        self._inboxes = {ARM: self.inbox(arm.arm_force)}
         if arm.actuator_force:
-            self._commands[ACTUATOR] = Commands(
-                self.inbox(arm.actuator_force),
-                p.latency,
-                self._allowed_actuator_force,
-                late_at_device=(lambda: self.device.late) if self.device.AHEAD else None,
-            )
+            self._inboxes[ACTUATOR] = self.inbox(arm.actuator_force)
+        self._senders = dict.fromkeys(self._inboxes, 0)
         # The newest is enough; of more, none may hold up a tick.
         self._points = self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.POINTED else None
         self._queries = Queries(self, arm)
         self._motions = Motions(self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm)
+        self._side = DeviceSide(
+            self.device,
+            self.safety,
+            p.rate,
+            p.latency,
+            steady_now,
+            kinds=tuple(self._inboxes),
+            ahead=(ACTUATOR,) if self.device.AHEAD else (),
+            servo=self._motions.servo,
+        )
         self._operating = OperatingState(self, arm, self.safety, self._fault, self._arm_again)
-        self._newest: Sample | None = None
         self._stop_words = StopWords(self)
         self._coupler_stops = self.inbox(topics.COUPLER_STOPPED)
         self.create_service(SetBool, "~/estop", self._serve_stop)
@@ -237,10 +142,10 @@ class DeviceNode(ManagedNode):
             self.device.open()
             if self.device.remark:
                 self.get_logger().info(self.device.remark)
-            self.rate_keeper = RateKeeper(self.parameters.rate, lead=self._lead)
-            self._arrivals = ArrivalKeeper(self.parameters.rate)
-            self._waiting.clear()
-            self._work = ArmWork()
+            if self.device.unguarded:
+                self.get_logger().warning(self.device.unguarded)
+            self.begin()
+            self._side.start(self.device)
             self._sampling = True
         except Exception as error:  # rclpy would keep it to itself
             self._failure = error
@@ -259,7 +164,7 @@ class DeviceNode(ManagedNode):
         """Take all forces off, and allow none."""
         self.safety.enable(steady_now(), False)
         try:
-            self.device.write(steady_now(), arm_force=ZERO, actuator_force=0.0)
+            self._side.take_off()
         except (DeviceError, OSError) as error:
             self.get_logger().error(f"{error}: device closed")
             return Outcome.ERROR
@@ -302,9 +207,12 @@ class DeviceNode(ManagedNode):
 
     def say_farewell(self) -> None:
         """Log the missed deadlines, and publish the last diagnostics."""
-        if (counts := self._deadlines())["due"]:
-            text = "{missed} of {due} forces missed their deadline"
-            self.get_logger().info(text.format(**counts))
+        due, missed = self._side.deadlines
+        if due:
+            self.get_logger().info(
+                f"{missed} of {due} forces missed their deadline;"
+                f" the latest came {1e3 * self._side.longest:.1f} ms after it"
+            )
         super().say_farewell()
 
     def report(self) -> None:
@@ -323,19 +231,20 @@ class DeviceNode(ManagedNode):
             "ticks": str(keeper.ticks),
             "late ticks": str(keeper.late),
             "missed ticks": str(keeper.missed),
-            "ticks without a sample": str(self._unread),
+            "ticks without a sample": str(self._side.unread),
             "positions refused": str(self._motions.refused),
-            **quantiles(keeper.lateness, "tick lateness"),
+            **keeper.lateness.status("tick lateness"),
+            **self._side.status(),
+            **self.safety.status(),
         }
-        for name, commands in self._commands.items():
-            values |= commands.status(name.replace("_", " "))
         counts = {name: str(count) for name, count in self.device.status().items()}
-        return self._warning(), {**values, **self.safety.status(), **counts}
+        return self._warning(), {**values, **counts}
 
     def _warning(self) -> str:
         """Return current problems, and those since the last report."""
         stall = self.rate_keeper.take_longest_gap()
-        new, self._reported_unread = self._unread - self._reported_unread, self._unread
+        unread = self._side.unread
+        new, self._reported_unread = unread - self._reported_unread, unread
         warnings = [
             *self.safety.warnings(),
             self.device.problem,
@@ -347,26 +256,19 @@ class DeviceNode(ManagedNode):
 
     def _missed_deadlines(self) -> str:
         """Return a warning if too many forces came late since the last report."""
-        counts = self._deadlines()
-        due, missed = (counts[name] - self._reported_deadlines[name] for name in counts)
+        counts, before = self._side.deadlines, self._reported_deadlines
+        due, missed = (now - then for now, then in zip(counts, before, strict=True))
         self._reported_deadlines = counts
         if missed <= MANY_MISSED * due or due < self.parameters.rate / 2:
             return ""
         if not self._warned:
             self._warned = True
             self.get_logger().warning(
-                f"{missed} of {due} forces came after their due time: is this machine fit for"
-                f" {self.parameters.rate:g} Hz now? haptic-accel doctor"
+                f"{missed} of {due} forces took effect after their due time: is this machine fit"
+                f" for {self.parameters.rate:g} Hz now? haptic-accel doctor"
             )
-        return f"{missed} of {due} deadlines missed"
-
-    def _deadlines(self) -> dict[str, int]:
-        """Return how many forces were due, and how many of them came late."""
-        commands = self._commands.values()
-        return {
-            "due": sum(each.forces.due for each in commands),
-            "missed": sum(each.missed for each in commands),
-        }
+        forces = " and ".join(kind.replace("_", " ") for kind in self._inboxes)
+        return f"{forces} since the last report: {missed} of {due} deadlines missed"
 
     def _build_device(self) -> Device:
         p = self.parameters
@@ -414,90 +316,124 @@ class DeviceNode(ManagedNode):
 
     # The tick
 
+    def begin(self) -> None:
+        """Let the next tick be one from now on: those that passed before are not missed."""
+        self.rate_keeper = RateKeeper(self.parameters.rate, lead=self._lead)
+        self._arrivals = ArrivalKeeper(self.parameters.rate)
+
     def work(self) -> float:
-        """Serve a tick whose time has come, or what the last one still needs."""
-        if not self._settled:
-            self._settle()
+        """Serve a tick whose time has come, or what the last one still needs.
+
+        The call after that publishes the samples: the forces of other nodes in this process, which
+        are due at the same time, go first.
+        """
+        if self._follows:
+            self._follows = False
+            self._follow_up()
+        else:
+            self._wake = self._serve_due()
+        if self._follows:
+            return steady_now()
+        # Not before the tick is served, which it would delay.
         if (now := steady_now()) >= self._stop_due:
             self._stop_due = now + LOOK_PERIOD
             self._follow_stop()
+        return self._wake
+
+    def _serve_due(self) -> float:
+        """Serve what is due; return the steady time of the next call, s."""
+        if not self._settled:
+            self._settle()
         if not self._sampling:
             return steady_now() + NEWS_PERIOD
         tick = self.rate_keeper.due()
-        if tick is None:
-            self._look_again()
-        else:
-            self._serve(tick)
+        try:
+            if tick is not None:
+                self._serve(tick)
+            elif not (self._side.complete and self._fed):
+                self._look_again()
+        except (DeviceError, OSError) as error:
+            self._fail(error)
         if self.device.ended:
+            self._publish_read()
             self.finish(f"{self.parameters.device} device has ended")
         following = self.rate_keeper.next
-        if self._needs_more():
+        if not self._side.complete:
             return min(self._arrivals.looked(found=False), following)
         if tick is None:
             self._arrivals.looked(found=True)
         return following
 
     def _serve(self, tick: int) -> None:
-        """Take the sample of a tick, publish it, and apply the forces that are due."""
+        """Take the sample of a tick, and apply the forces that are due."""
         moment = self.rate_keeper.time(tick)
-        self._tick, self._stamp = tick, system_time(moment)
-        self._waiting.append(tick)
-        acceleration = self._read()
-        if self._sampling:
+        self._offset = system_time(moment) - moment
+        self._side.begin(tick)
+        self._read()
+        if not self._early:
             self._receive()
-            self._apply(moment / NANOSECONDS)
-            self._watch(moment / NANOSECONDS, acceleration)
+        self._side.apply()
+        self._hand_over()
+        self._follows = True
 
     def _look_again(self) -> None:
         """Take samples and forces that were not there at their tick."""
         self._read()
-        if self._sampling:
-            self._receive()
-            self._apply(steady_now())
+        self._receive()
+        self._side.apply_late()
+        self._hand_over()
+        self._follows = bool(self._read_now)
 
-    def _needs_more(self) -> bool:
-        """Return whether a sample or a command of the last tick is still to come."""
-        return bool(self._waiting) or any(
-            commands.is_missing(self._tick) for commands in self._commands.values()
-        )
+    def _follow_up(self) -> None:
+        """Do what can wait until all devices of this process have served their tick."""
+        try:
+            if self._sampling:
+                self._side.watch()
+            self._publish_read()
+            if self._early and self._sampling:
+                self._receive()
+        except (DeviceError, OSError) as error:
+            self._fail(error)
 
-    def _read(self) -> float | None:
-        """Publish the samples that are there, in order; return the last acceleration."""
-        acceleration = None
-        while self._waiting:
-            tick = self._waiting[0]
-            moment = self.rate_keeper.time(tick)
-            try:
-                sample = self.device.read(moment / NANOSECONDS)
-            except (DeviceError, OSError) as error:
-                self._fail(error)
-                return None
-            if sample is LATER:
-                if tick > self._tick - self._patience:
-                    break
-                sample = None
-            self._waiting.popleft()
-            if sample is None:
-                self._unread += 1
-            else:
-                acceleration = sample.acceleration
-                stamp = self._stamp - self.rate_keeper.time(self._tick) + moment
-                self._newest = sample
-                self._publish(sample, stamp)
-                work = self._work.until(moment / NANOSECONDS, sample.position)
-                if self._work_asked:
-                    self._work_sender.send(stamp, work)
-                if self._contact_asked:
-                    self._publish_contact(stamp)
-                if self._motions.servo.set_point:
-                    self._hold(tick, stamp, sample)
-        return acceleration
+    @property
+    def _early(self) -> bool:
+        """True while commands are there before the tick at which they are due."""
+        return self._fed and self.parameters.latency > 0
+
+    @property
+    def _fed(self) -> bool:
+        """True while all commands come from nodes of this process, which follow after the tick."""
+        return all(inbox.fed for inbox in self._inboxes.values())
+
+    def _read(self) -> None:
+        """Take the samples that are there, to be published after the forces that are due."""
+        for taken in self._side.read():
+            stamp = self.rate_keeper.time(taken.tick) + self._offset
+            contact = self.device.contact_force if self._contact_asked else None
+            self._read_now.append((stamp, taken, contact))
+
+    def _hand_over(self) -> None:
+        """Give the samples read last to the nodes of this process, which follow now."""
+        for stamp, (_, sample, work), _ in self._read_now:
+            self._acceleration.hand_over(stamp, along_actuator(sample.acceleration))
+            self._position.hand_over(stamp, sample.position)
+            self._velocity.hand_over(stamp, sample.velocity)
+            self._work_sender.hand_over(stamp, work)
+
+    def _publish_read(self) -> None:
+        """Publish the samples read last, after the forces that were due at the same time."""
+        for stamp, (_, sample, work), contact in self._read_now:
+            self._publish(sample, stamp)
+            if self._work_asked:
+                self._work_sender.publish(stamp, work)
+            if self._contact_sender and contact is not None:
+                self._contact_sender.send(stamp, contact)
+        self._read_now.clear()
 
     def _publish(self, sample: Sample, stamp: int) -> None:
-        # What makes the felt force goes first.
-        self._send_acceleration(stamp, along_actuator(sample.acceleration))
-        self._send_position(stamp, sample.position)
-        self._send_velocity(stamp, sample.velocity)
+        self._acceleration.publish(stamp, along_actuator(sample.acceleration))
+        self._position.publish(stamp, sample.position)
+        self._velocity.publish(stamp, sample.velocity)
         self._joint_states.take(stamp, sample.position)
         if self._queries.asked:
             self._queries.publish(
@@ -508,108 +444,38 @@ class DeviceNode(ManagedNode):
                 self.device.joints,
             )
 
-    def _publish_contact(self, stamp: int) -> None:
-        force = self.device.contact_force
-        if self._contact_sender and force is not None:
-            self._contact_sender.send(stamp, force)
-
-    def _hold(self, tick: int, stamp: int, sample: Sample) -> None:
-        """Command the force that a sample causes while a position is commanded."""
-        servo = self._motions.servo
-        if self.safety.refusal or self.safety.contested:
-            servo.set_point = None
-        elif force := servo.force(sample.position, sample.velocity):
-            self._commands[ARM].forces.put(tick, stamp, force)
-
     def _receive(self) -> None:
         """Take the commands that have come."""
-        if self._motions.expected:
-            self._take_motions()
+        newest = self._side.newest
+        if self._motions.expected and newest and self._motions.take(newest.position):
+            self._side.free()
         if self._points:
             for _, position in self._points.take_vectors():
                 self.device.point(position)
-        for name, commands in self._commands.items():
-            for stamp, force in commands.inbox.take_vectors():
-                stamp = stamp or self._unstamped(name)
-                if name == ARM and commands.forces.newest is None:
-                    # The arms engage: what was late while nodes came up says nothing of the run.
-                    for each in self._commands.values():
-                        each.count_anew()
-                sample = self._tick + round((stamp - self._stamp) * self._per_nanosecond)
-                if abs(age_of(stamp)) > MAX_AGE:
-                    sample = self._tick - commands.latency
-                    commands.forces.pass_on(stamp, force)
-                else:
-                    commands.forces.put(sample, stamp, force)
-                    if name == ARM:
-                        self._motions.servo.set_point = None
-                if commands.ahead:
-                    self._send_ahead(name, sample + commands.latency)
+        for kind, inbox in self._inboxes.items():
+            taken = inbox.take_vectors()
+            # After they are taken: who sent any of them is found by now.
+            if inbox.senders != self._senders[kind]:
+                self._note_rivals(kind)
+            if self._senders[kind] > 1:
+                continue
+            for stamp, force in taken:
+                self._side.command(kind, (stamp or self._unstamped(kind)) - self._offset, force)
 
-    def _unstamped(self, name: str) -> int:
+    def _note_rivals(self, kind: str) -> None:
+        """Refuse commands while several publishers send them, those that wait included."""
+        self._senders[kind] = self._inboxes[kind].senders
+        inboxes = [self._inboxes[kind], *([self._motions.positions] if kind == ARM else [])]
+        rivals = self.rivals(*inboxes)
+        self.safety.note_rivals(kind.replace("_", " "), rivals)
+        if rivals:
+            self._side.refuse(kind)
+
+    def _unstamped(self, kind: str) -> int:
         """Return the stamp for a force without one: that of now, or none, for it to be refused."""
-        return self._stamp if name == ARM and self.options[SAFETY].arm.zero_stamp else 0
-
-    def _take_motions(self) -> None:
-        """Follow the motion commands that have come."""
-        if self._newest and self._motions.take(self._newest.position):
-            self._commands[ARM].forces.put(self._tick, self._stamp, ZERO)
-
-    def _send_ahead(self, name: str, tick: int) -> None:
-        """Write a force that a device will apply by its own clock when it is due."""
-        # One that is late already acts at once, and the device does not count it.
-        self._commands[name].forces.missed += tick <= self._tick
-        self._write_due(self.rate_keeper.time(tick) / NANOSECONDS, tick, [name])
-
-    def _apply(self, time: float) -> None:
-        """Apply the forces that are due at the last tick, or were before."""
-        self._write_due(
-            time, self._tick, [name for name, each in self._commands.items() if not each.ahead]
-        )
-
-    def _write_due(self, time: float, tick: int, names: Sequence[str]) -> None:
-        """Write the newest forces that are due at a tick, as the safety layer allows them."""
-        now = self._advanced(time)
-        given: dict[str, Any] = {}
-        stamps: dict[str, int] = {}
-        for name in names:
-            commands = self._commands[name]
-            if caused := commands.forces.take(tick, ahead=commands.ahead):
-                stamp, force = caused
-                allowed = commands.allowed(now, age_of(stamp), force)
-                if allowed is not None:
-                    given[name], stamps[name] = allowed, stamp
-        if not given or not self._write(time, **given):
-            return
-        for name, stamp in stamps.items():
-            self._commands[name].applied(stamp)
-
-    def _advanced(self, time: float) -> float:
-        """Return a time for the safety layer, s, which must not go back."""
-        self._now = max(self._now, min(time, steady_now()))
-        return self._now
-
-    def _watch(self, time: float, acceleration: float | None) -> None:
-        """Apply the forces that the safety layer reduces without a command."""
-        arm, actuator = self.safety.tick(self._advanced(time), acceleration)
-        self._write(time, arm_force=arm, actuator_force=actuator)
-
-    def _write(self, time: float, **forces: Any) -> bool:
-        """Apply forces that are not None, or close a device that fails; return if any was."""
-        given = {name: force for name, force in forces.items() if force is not None}
-        if not given:
-            return False
-        try:
-            self.device.write(time, **given)
-        except (DeviceError, OSError) as error:
-            self._fail(error)
-            return False
-        if "arm_force" in given:
-            self._work.apply(time, given["arm_force"])
-        return True
-
-    def _allowed_actuator_force(self, now: float, age: float, force: Vector) -> float | None:
-        return self.safety.actuator_force(now, age, force[ACTUATOR_AXIS])
+        if kind == ARM and self.options[SAFETY].arm.zero_stamp:
+            return self.rate_keeper.time(self._side.tick) + self._offset
+        return 0
 
     def _settle(self) -> None:
         """Allow forces, and say whether there is an emergency stop, after the first moments."""
@@ -631,12 +497,15 @@ class DeviceNode(ManagedNode):
 
     def _take_forces_off(self) -> None:
         """Take all forces off and refuse commands until the release; answer in any case."""
-        now, known = steady_now(), self.safety.stopped
+        known = self.safety.stopped
         if self.state != UNCONFIGURED:
-            self._write(now, arm_force=ZERO, actuator_force=0.0)
+            try:
+                self._side.take_off()
+            except (DeviceError, OSError) as error:
+                self._fail(error)
         self._publish_stopped(Bool(data=True))
         if not known:
-            self.safety.stop(now, True)
+            self.safety.stop(steady_now(), True)
             self.get_logger().warning(f"{STOPPED}: no force until it is released")
             self.report()
 
@@ -682,9 +551,8 @@ class DeviceNode(ManagedNode):
             look()
         self._work_asked = self._work_sender.listeners > 0
         self._contact_asked = bool(self._contact_sender and self._contact_sender.listeners)
-        for name, commands in self._commands.items():
-            inboxes = [commands.inbox, *([self._motions.positions] if name == ARM else [])]
-            self.safety.note_senders(name.replace("_", " "), self.rivals(*inboxes))
+        for kind in self._inboxes:
+            self._note_rivals(kind)
         for line in self.safety.news(steady_now()):
             self.get_logger().warning(line)
             self.report()

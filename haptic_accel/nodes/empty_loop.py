@@ -15,6 +15,7 @@ import sys
 import time
 from typing import Any
 
+from haptic_accel.core.due_forces import IN_TIME
 from haptic_accel.core.process import module_command
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.nodes.scheduling import RateKeeper, ask_for_realtime, sharpen_timers, wake_time
@@ -36,8 +37,8 @@ def empty_loop(rate: float, seconds: float) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``{"missed": n, "of": n, "lateness_us": {"p50": ..., "max": ...}}``: ticks that began more
-        than a period late, in which no force could have been in time; all ticks; lateness.
+        ``{"missed": n, "of": n, "lateness_us": {"p50": ..., "max": ...}}``: ticks that began too
+        late for any force to be in time (`IN_TIME`), all ticks, lateness.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def run(rate: float, seconds: float) -> dict[str, Any]:
     missed = 0
     while keeper.ticks + keeper.missed < rate * seconds:
         time.sleep(max(0.0, keeper.next - time.monotonic()))
-        late = time.monotonic() - keeper.period
+        late = time.monotonic() - IN_TIME * keeper.period
         while (tick := keeper.due()) is not None:
             missed += keeper.time(tick) / NANOSECONDS < late
     lateness = {name: 1e6 * value for name, value in keeper.lateness.summary().items()}

@@ -1,16 +1,19 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Service requests to a running graph: for the command line and for the scope."""
+"""Requests to the services of a running graph, and their client, for commands and the scope."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_accel.core.parameters import ParameterError
@@ -44,6 +47,10 @@ SERVICES: Mapping[str, Any] = {
     **{f"recorder/{action}": Trigger for action in (*RECORDER_ACTIONS, "status")},
 }
 """Types of the services by name, relative to the graph's namespace."""
+
+
+POLLING_PERIOD = 0.01
+"""Interval between checks for an answer, s."""
 
 
 class RequestError(RuntimeError):
@@ -85,6 +92,104 @@ class GraphRequest:
         if not accepted:
             raise RequestError(f"{self.node}: {reason or 'refused'}")
         return str(message)
+
+
+class GraphClient:
+    """Client of a graph's services.
+
+    Parameters
+    ----------
+    node : Node
+        Node of the caller, in the graph's namespace.
+    pause : coroutine function
+        Waits for a time in s; it spins the node where no other thread does.
+    finding, answering : float
+        Time-outs for a service to be found, and for its answer, s.
+
+    Attributes
+    ----------
+    node : Node
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        pause: Callable[[float], Awaitable[None]],
+        finding: float,
+        answering: float,
+    ) -> None:
+        self.node = node
+        self._pause = pause
+        self._finding = finding
+        self._answering = answering
+        self._services: dict[str, Client] = {}
+
+    def service(self, kind: Any, name: str) -> Client:
+        """Return a service, looked for since it was first asked for."""
+        if name not in self._services:
+            self._services[name] = self.node.create_client(kind, name)
+        return self._services[name]
+
+    async def until(self, condition: Callable[[], object], seconds: float) -> bool:
+        """Wait for a condition; return whether it was met in time."""
+        deadline = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() >= deadline:
+                return False
+            await self._pause(POLLING_PERIOD)
+        return True
+
+    async def call(self, kind: Any, name: str, content: Any) -> Any:
+        """Return the response of a service to a request of its type.
+
+        Raises
+        ------
+        RequestError
+            The node does not answer.
+        """
+        service = self.service(kind, name)
+        if await self.until(service.service_is_ready, self._finding):
+            answer = service.call_async(content)
+            if await self.until(answer.done, self._answering):
+                return answer.result()
+        node = self.node.resolve_service_name(name.partition("/")[0])
+        raise RequestError(f"{node}: does not answer; is the graph running?")
+
+    async def parameters(self, node: str, names: Sequence[str]) -> list[Any]:
+        """Return the values of parameters of a node; None for those that it does not have.
+
+        Raises
+        ------
+        RequestError
+            The node does not answer.
+        """
+        request = GetParameters.Request(names=list(names))
+        answer = await self.call(GetParameters, f"{node}/get_parameters", request)
+        return [parameter_value_to_python(value) for value in answer.values]
+
+    async def send(self, request: GraphRequest) -> str:
+        """Send a request; return the message of the node that answers.
+
+        Raises
+        ------
+        RequestError
+            The node does not answer, or refuses.
+        """
+        kind = SERVICES[request.service]
+        return request.confirm(await self.call(kind, request.service, request.content))
+
+    async def change(self, request: GraphRequest) -> str:
+        """Send a request as `send` does, and return what has changed, from what to what."""
+        content, node = request.content, request.node
+        if not isinstance(content, SetParametersAtomically.Request):
+            done = f"{request.service.partition('/')[2]} done"
+            return f"{node}: {await self.send(request) or done}"
+        asked = {each.name: parameter_value_to_python(each.value) for each in content.parameters}
+        before = await self.parameters(node, list(asked))
+        await self.send(request)
+        pairs = zip(asked.items(), before, strict=True)
+        changes = [f"{name} {old} -> {new}" for (name, new), old in pairs if old != new]
+        return f"{node}: {', '.join(changes) or 'nothing changed: it was so already'}"
 
 
 def set_parameters(node: str, values: Mapping[str, Any]) -> GraphRequest:
@@ -138,3 +243,8 @@ def engage(value: bool) -> GraphRequest:
 def trigger(service: str) -> GraphRequest:
     """Call one of the `SERVICES` that need nothing but their name."""
     return GraphRequest(service, Trigger.Request())
+
+
+def refusals(answers: Mapping[str, Any]) -> list[str]:
+    """Return a line on each service that refuses, from the answers by name; None is silence."""
+    return [f"{name}: {it.message}" for name, it in answers.items() if it and not it.success]

@@ -11,6 +11,7 @@ from typing import Any
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNodeMixin
 
+from haptic_accel.core.parameters import shown
 from haptic_accel.nodes.interface import GraphNode
 
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
@@ -56,7 +57,7 @@ class ManagedNode(LifecycleNodeMixin, GraphNode):
         if wanted.label in possible if wanted.label else wanted.id in possible.values():
             return self._unguarded(request, response)
         self.get_logger().warning(
-            f"transition {wanted.label or wanted.id}: not from {self.state};"
+            f"transition {shown(wanted.label) or wanted.id}: not from {self.state};"
             f" possible are {', '.join(possible)}"
         )
         response.success = False

@@ -5,7 +5,11 @@
 
 from __future__ import annotations
 
+import os
+import pwd
+import tempfile
 from collections.abc import Mapping
+from pathlib import Path
 
 from haptic_accel.materials.folders import config_folder
 
@@ -26,6 +30,10 @@ NETWORK_PROFILE = config_folder() / "fastdds_network.xml"
 """Profile that leaves the discovery range to the environment."""
 
 
+LOG_FOLDERS = ("ROS_LOG_DIR", "ROS_HOME", "HOME")
+"""Variables by one of which rclpy finds the folder of its log; without, no node starts."""
+
+
 def middleware_defaults(environment: Mapping[str, str]) -> dict[str, str]:
     """Return the variables to add to an environment; what it names already is kept.
 
@@ -40,4 +48,15 @@ def middleware_defaults(environment: Mapping[str, str]) -> dict[str, str]:
         DISCOVERY_RANGE: "SYSTEM_DEFAULT" if local else "LOCALHOST",
         **({} if own_profile else dict.fromkeys(PROFILES_FILES, profile)),
     }
-    return {name: value for name, value in defaults.items() if name not in environment}
+    added = {name: value for name, value in defaults.items() if name not in environment}
+    if not any(environment.get(name) for name in LOG_FOLDERS):
+        added[LOG_FOLDERS[0]] = str(_log_folder())
+    return added
+
+
+def _log_folder() -> Path:
+    """Return rclpy's own folder of the log, in the home that the system has for the user."""
+    try:
+        return Path(pwd.getpwuid(os.getuid()).pw_dir) / ".ros" / "log"
+    except KeyError:  # a user unknown to the system
+        return Path(tempfile.gettempdir()) / f"ros-{os.getuid()}" / "log"

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from operator import itemgetter
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -18,6 +17,7 @@ from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.facts import custom_data
 from haptic_accel.bags.session import Answer, RecordingSession
 from haptic_accel.bags.writing import Put
+from haptic_accel.core.bundles import InOrder
 from haptic_accel.core.cdr import (
     STAMP_BYTES,
     unpack_stamped_vector,
@@ -39,10 +39,14 @@ from haptic_accel.graph.node_parameters import NODES
 from haptic_accel.nodes.graph_requests import DEVICES
 from haptic_accel.nodes.interface import GraphNode, Inbox, message_type, offered_quality, quality
 from haptic_accel.nodes.scheduling import RECORDING_PRIORITY, run
+from haptic_accel.nodes.signal_receiver import SignalReceiver
 
 TAKING_PERIOD = 0.02
 """Interval at which waiting messages of the signals are taken, s: waking for each of them would
 take a fifth of a core, and a queue of `DEPTH` holds ten times as many at 5 kHz."""
+
+ROUNDS = 3
+"""Number of `TAKING_PERIOD` for which a message waits for earlier ones, which come in bundles."""
 
 NICENESS = 10
 """Niceness of the recorder without real-time priority: it yields to the nodes that make forces."""
@@ -113,6 +117,10 @@ class Recorder(GraphNode):
         self._settled: set[str] = set()
         self._sources: list[tuple[Inbox, Put, Callable[[bytes], object]]] = []
         self._taken = 0.0
+        self._in_order: InOrder[tuple[Put, bytes]] = InOrder(ROUNDS)
+        signals = {self.resolve_topic_name(topic.name): topic for topic in SIGNALS}
+        self._receiver = SignalReceiver(self, signals)
+        self._puts: dict[str, Put] = {}
         asked = (topic for topic in ASKED if topic.name in p.named_topics)
         for topic in (*TOPICS, *asked, PARAMETER_EVENTS, LOGS, *TRANSITIONS):
             self._record_own(topic)
@@ -134,7 +142,7 @@ class Recorder(GraphNode):
 
     def close(self) -> None:
         """Finish the bag and print its summary."""
-        self._take()
+        self._take_all()
         done, line = self._session.stop()
         if done:
             print(line, flush=True)
@@ -184,7 +192,10 @@ class Recorder(GraphNode):
         put = self._session.connect(name, topic.type, [offered], sampled=topic in SIGNALS)
         if topic in SENDERS:
             put = self._own_only(put, SENDERS[topic])
-        self._sources.append((self.inbox(topic), put, UNPACKED.get(topic.type, bytes)))
+        if topic in SIGNALS:
+            self._puts[name] = put
+        else:
+            self._sources.append((self.inbox(topic), put, UNPACKED.get(topic.type, bytes)))
 
     def _own_only(self, put: Put, sender: Callable[[bytes], str]) -> Put:
         """Leave out the messages of graphs in other namespaces."""
@@ -199,13 +210,20 @@ class Recorder(GraphNode):
         return put_own
 
     def _take(self) -> None:
-        """Pass on what has come, in the order of reception."""
+        """Take what has come, and pass on what was sent or received before, in order of time."""
         taken = [
-            (received, put, data)
+            (received, (put, data))
             for inbox, put, unpack in self._sources
             for data, received in inbox.take(unpack)
         ]
-        for received, put, data in sorted(taken, key=itemgetter(0)):
+        taken += [(sent, (self._puts[name], data)) for sent, name, data in self._receiver.take()]
+        for received, (put, data) in self._in_order.round(taken):
+            put(data, received)
+
+    def _take_all(self) -> None:
+        """Pass on all that has come."""
+        self._take()
+        for received, (put, data) in self._in_order.rest():
             put(data, received)
 
     def _subscribe(self, kind: Any, name: str, put: Put, profile: QoSProfile) -> None:
@@ -253,6 +271,7 @@ class Recorder(GraphNode):
         """Offer an action on the recording as a service."""
 
         def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            self._take_all()
             response.success, response.message = action()
             if action != self._describe:
                 self.get_logger().info(response.message)

@@ -3,12 +3,14 @@
 
 """Executable `restamper`: replaces the slave device by the topics of `ros2 bag play`.
 
-A bag's stamps are those of the day it was recorded. Here they are moved to now, all by the same
-time, so that every node accepts the samples as fresh; the forces on the slave do nothing.
+A bag's stamps are those of the day it was recorded. Here they are moved to ticks after their
+arrivals, all by the same time, at which the samples are published as a device publishes its own;
+the forces on the slave do nothing.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 
@@ -17,19 +19,19 @@ from std_msgs.msg import Bool
 from haptic_accel.core import topics
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import Vector
-from haptic_accel.core.restamping import StampShift
+from haptic_accel.core.restamping import LEAD, StampShift
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
-from haptic_accel.nodes.device_node import quantiles
-from haptic_accel.nodes.interface import GraphNode, Sender
+from haptic_accel.nodes.interface import GraphNode, Publishers, Sender
 from haptic_accel.nodes.scheduling import run, system_time
+from haptic_accel.nodes.wires import Queue
 
 LOOK_PERIOD = 0.1
 """Interval between looks for the other nodes until they are there, s."""
 
 
 class Restamper(GraphNode):
-    """Publishes the slave's played signals again, with their stamps moved to now."""
+    """Publishes the slave's played signals again, with stamps of ticks, at these ticks."""
 
     task = "restamping"
 
@@ -39,8 +41,9 @@ class Restamper(GraphNode):
         self._shift = StampShift(
             self._grid_point, round(self._period), round(self.parameters.drift * NANOSECONDS)
         )
-        self._age = DurationHistogram()
-        self._reported = self._forces = 0
+        self._lead = DurationHistogram()
+        self._reported = self._forces = self._past_tick = 0
+        self._waiting: list[tuple[Sender, Queue]] = []
         self._senders = [self._pass_on(topic) for topic in SLAVE_SIGNALS]
         # The coupler waits for a subscriber of the arm's force, and for the device's word that it
         # is not stopped; `haptic-accel estop` waits for its answer to an emergency stop.
@@ -50,17 +53,28 @@ class Restamper(GraphNode):
         self.listen_state(topics.COUPLER_STOPPED, self._follow)
         self._looking = self.create_timer(LOOK_PERIOD, self._look)
 
+    def work(self) -> float:
+        """Publish the samples whose tick has come; return when the next is due."""
+        now, due = time.time_ns(), math.inf
+        for sender, waiting in self._waiting:
+            while waiting and waiting[0][0] <= now:
+                sender.send(*waiting.popleft())
+            if waiting:
+                due = min(due, time.monotonic() + (waiting[0][0] - now) / NANOSECONDS)
+        return due
+
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return the samples' ages, and how often their stamps drifted away."""
+        """Return how long samples wait for their tick, and how often stamps drifted away."""
         anew = max(0, self._shift.anchored - 1)
         new, self._reported = anew - self._reported, anew
         warning = (
-            f"played stamps drifted {new} times by more than {self.parameters.drift:g} s:"
-            " they must be played at their original rate"
+            f"played stamps were moved anew {new} times: they must be played at their original"
+            " rate, by a player that keeps it"
         )
         return warning if new else "", {
-            "samples": str(self._age.count),
-            **quantiles(self._age, "age of samples"),
+            "samples": str(self._lead.count),
+            "samples after their tick": str(self._past_tick),
+            **self._lead.status("time to their tick"),
             "stamps moved anew": str(anew),
             "arm forces ignored": str(self._forces),
         }
@@ -78,24 +92,37 @@ class Restamper(GraphNode):
     def _pass_on(self, topic: Topic) -> Sender:
         """Publish a played signal as the slave's own; return its sender."""
         sender = self.sender(topic)
+        waiting = Queue()
+        self._waiting.append((sender, waiting))
         counted = topic is topics.TOOL_ACCELERATION
 
         def take(stamp: int, vector: Vector) -> None:
+            if publishers.senders > 1:
+                return
             now = time.time_ns()
+            said = self._shift.anchored
             moved = self._shift.moved(stamp, now)
             if moved is None:
                 return
-            sender.send(moved, vector)
+            waiting.append((moved, vector))
             if counted:
-                self._age.add((now - moved) / NANOSECONDS)
+                self._lead.add(max(0, moved - now) / NANOSECONDS)
+                self._past_tick += moved < now
+            if not said:
+                self.get_logger().info(
+                    f"played samples are used {LEAD / 1e6:g} ms after their arrival, at a tick:"
+                    " their forces are due from there"
+                )
 
-        self.listen(replace(topic, name=f"{PLAYED}/{topic.name}"), take)
+        played = replace(topic, name=f"{PLAYED}/{topic.name}")
+        publishers = Publishers(self.listen(played, take))
+        self.watch_senders(played, publishers)
         return sender
 
     def _grid_point(self, moment: int) -> int:
-        """Return the last point of the machine's sampling grid up to a moment, system time."""
+        """Return the first point of the machine's sampling grid from a moment on, system time."""
         steady = moment - system_time(0)
-        return system_time(round(steady // self._period * self._period))
+        return system_time(round(math.ceil(steady / self._period) * self._period))
 
     def _look(self) -> None:
         """Log once that all other nodes are there."""

@@ -20,25 +20,33 @@ from typing import Any, NoReturn
 
 import rclpy
 from rclpy.exceptions import InvalidParameterException
+from rclpy.executors import ExternalShutdownException
+from rclpy.impl.rcutils_logger import CallerId
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from haptic_accel.core.evaluation.histogram import DurationHistogram
+from haptic_accel.core.loop.device_side import FLOWING
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import (
     CUT_SHORT,
     DONE,
     EMERGENCY,
+    ENDING,
     FAILED,
     REALTIME,
     SUPERVISOR,
     WRONG_ARGUMENTS,
+    shortage,
 )
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
+from haptic_accel.nodes.log_lines import NodeLogger
 from haptic_accel.nodes.middleware import middleware_defaults
+from haptic_accel.nodes.standard_streams import unblock_standard_streams
+from haptic_accel.nodes.wires import WIRES
 
 try:
     from rclpy.executors import EventsExecutor as EventsExecutor  # ROS 2 Lyrical and newer
@@ -66,9 +74,6 @@ EARLIEST_LOOK = 0.3e-3
 ARRIVAL_STEP = 20e-6
 """Increase of the time of the first look after one that came too early, s; after others it shrinks
 by a ninth of that, and so settles where `FOUND_AT_ONCE` find all."""
-
-FLOWING = 5
-"""Ticks without a message after which those of a tick are looked for only once."""
 
 LOOKS = 5
 """Most looks in a period for what a tick still needs: more would take processor time just when
@@ -112,6 +117,10 @@ TEARDOWN = 3
 
 PR_SET_TIMERSLACK = 29
 """From linux/prctl.h."""
+
+SUSPENDING = (signal.SIGTSTP, signal.SIGTTOU)
+"""Signals by which a terminal suspends a program (Ctrl-Z), with its forces held. Of a launch only
+the launch itself is suspended, as of `teleop`, whose nodes have sessions of their own."""
 
 
 class RateKeeper:
@@ -274,8 +283,12 @@ class SupervisedNode(Node):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        self._logger = NodeLogger(self.get_logger().name)
         self.finished: Future = Future()
         """Its result is set when the node's task is done."""
+
+    def begin(self) -> None:
+        """Get ready for the first `work`, once all nodes of the process are made."""
 
     def work(self) -> float:
         """Do what is due by the clock; return the steady time of the next call, s.
@@ -290,6 +303,10 @@ class SupervisedNode(Node):
             if line:
                 self.get_logger().info(line)
             self.finished.set_result(None)
+
+    def callback_failed(self, error: Exception) -> None:
+        """Note what the executor raised while it served this node and others."""
+        raise error
 
     def stop_forces(self) -> None:
         """Carry out the emergency stop; nothing in a node without forces."""
@@ -310,8 +327,12 @@ class Signals:
     def __init__(self) -> None:
         self._ends: list[int] = []
         self._stops: list[int] = []
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda number, _: self._ends.append(number))
+        for number in ENDING:
+            # After nohup the end of the terminal is none.
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, lambda number, _: self._ends.append(number))
+        for number in SUSPENDING:
+            signal.signal(number, signal.SIG_IGN)
         signal.signal(EMERGENCY, lambda number, _: self._stops.append(number))
         # A supervisor blocks it, so that one that came earlier has waited until here.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {EMERGENCY})
@@ -363,11 +384,12 @@ def run_process(name: str, act: Callable[[Signals], None]) -> NoReturn:
     act : callable
         Returns when the signals that it is given say that the process has to end.
     """
+    unblock_standard_streams()
     sharpen_timers()
     status = _status(name, act, Signals())
     # A second signal (launch sends one after the terminal's own) must not fail an end that is
     # under way: Python's own end would put the default back, but leaves what is ignored.
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     sys.exit(status)
 
@@ -379,15 +401,23 @@ def _status(name: str, act: Callable[[Signals], None], signals: Signals) -> int:
     except (*wrong, DeviceError, OSError) as error:
         print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
         return WRONG_ARGUMENTS if isinstance(error, wrong) else FAILED
+    except Exception as error:
+        if not (short := shortage(error)):
+            raise
+        print(f"{name}: {short}", file=sys.stderr, flush=True)
+        return FAILED
     return DONE
 
 
 def _run(builds: Sequence[Build], priority: int, signals: Signals) -> None:
     nodes: list[SupervisedNode] = []
     well = False
+    # Now, and not in the loop, for what rclpy logs itself: see `NodeLogger`.
+    CallerId()
     try:
         try:
             take_arguments()
+            WIRES.joined = len(builds) > 1
             nodes.extend(build() for build in builds)
         except RuntimeError as error:
             # rcl's errors have no public type; those of a command line all say what it is.
@@ -451,11 +481,22 @@ def _spin(nodes: Sequence[SupervisedNode], signals: Signals) -> None:
         executor.add_node(node)
     polls, served, slept = all(node.polls for node in nodes), 0.0, time.monotonic()
     serving_period = SERVING_PERIOD / len(nodes)
+
+    def serve(seconds: float) -> None:
+        try:
+            executor.spin_once(timeout_sec=seconds)
+        except ExternalShutdownException:
+            raise
+        except Exception as error:  # nothing that is received may end the process
+            nodes[0].callback_failed(error)
+
     # Everything made so far stays; without garbage there is nothing to collect, and a
     # collection would take milliseconds at the wrong moment.
     gc.collect()
     gc.freeze()
     gc.disable()
+    for node in nodes:
+        node.begin()
     try:
         while not (any([node.finished.done() for node in nodes]) or signals.ended()):
             if signals.take_stop():
@@ -465,10 +506,10 @@ def _spin(nodes: Sequence[SupervisedNode], signals: Signals) -> None:
             now = time.monotonic()
             pause = min(max(0.0, wake - now), LOOK_ROUND)
             if not polls:
-                executor.spin_once(timeout_sec=pause)
+                serve(pause)
             elif now - served >= serving_period:
                 served = now
-                executor.spin_once(timeout_sec=0.0)
+                serve(0.0)
             elif pause or now - slept >= LONGEST_BUSY:
                 time.sleep(min(pause or BREAK, serving_period))
                 slept = now

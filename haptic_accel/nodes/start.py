@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
+
+from haptic_accel.core.process import DONE
 
 
 def __getattr__(node: str) -> Callable[[], None]:
@@ -18,6 +21,8 @@ def __getattr__(node: str) -> Callable[[], None]:
 
 def _start(node: str) -> None:
     # Libraries take a second to load. Until a node handles signals, one ends it without a word:
-    # Python's own handler would show where the loading was interrupted.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Python's own handler would show where the loading was interrupted. There is nothing to undo.
+    signal.signal(signal.SIGINT, lambda *_: os._exit(DONE))
+    # A launch blocks it, so that it has not interrupted Python's own start.
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     import_module(f"{__package__}.{node}").main()

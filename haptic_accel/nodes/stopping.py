@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool
 
 from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.topics import COUPLER_STOPPED, EMERGENCY_STOP, STOPS
-from haptic_accel.nodes.graph_requests import DEVICES
+from haptic_accel.nodes.graph_requests import DEVICES, refusals
 from haptic_accel.nodes.interface import GraphNode
 
 LOOK_PERIOD = 2e-3
@@ -120,16 +120,16 @@ class GraphStop:
         """Answer once all devices have, or time is over; stop all again if one refuses."""
         answers = {name: each.result() for name, each in release.asked.items() if each.done()}
         silent = release.asked.keys() - answers.keys()
-        refusals = [f"{name}: {it.message}" for name, it in answers.items() if not it.success]
+        refused = refusals(answers)
         if now >= release.deadline:
-            refusals += [f"{name}: no answer within {ANSWER_TIME:g} s" for name in sorted(silent)]
+            refused += [f"{name}: no answer within {ANSWER_TIME:g} s" for name in sorted(silent)]
         if self._stop.stopped:
-            refusals = refusals or ["stopped again meanwhile"]
-        if silent and not refusals:
+            refused = refused or ["stopped again meanwhile"]
+        if silent and not refused:
             return False
-        if refusals:
+        if refused:
             self._stop.follow()  # no new stop: a peer that was released stays so
         devices = f"{' and '.join(release.asked)} take forces again"
-        message = "; ".join(refusals) or f"released: {devices if release.asked else 'no device'}"
-        release.answer(SetBool.Response(success=not refusals, message=message))
+        message = "; ".join(refused) or f"released: {devices if release.asked else 'no device'}"
+        release.answer(SetBool.Response(success=not refused, message=message))
         return True

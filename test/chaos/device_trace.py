@@ -84,5 +84,6 @@ class DeviceTrace:
             allowed = max(TIMEOUTS[kind], safety.LEAST_PERIODS * self._period)
             silence = self._ticked - held.since
             assert not held.force or silence <= allowed + GRACE * self._period, (
-                f"{self._path.name}: {held.force} N held for {silence * 1e3:.1f} ms"
+                f"{self._path.name}: force of kind {kind}, {held.force} N, held for"
+                f" {silence * 1e3:.1f} ms from {held.since:.4f} s, given at {held.times[-1:]} s"
             )

@@ -12,11 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from chaos.device_trace import DeviceTrace, Held
-from chaos.traced_node import ACTUATOR, ARM, CLOCK, CLOCK_FILE
+from chaos.traced_node import ACTUATOR, ARM, CLOCK, CLOCK_FILE, TELEOP
 from haptic_accel.core.process import CUT_SHORT, DONE
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.processes import RECORDER, graph
+from haptic_accel.graph.processes import COMPOSED, RECORDER, graph
 from haptic_accel.nodes.interface import message_type, quality
 from observing import Observer
 from running import PATIENCE, Command
@@ -40,8 +40,20 @@ FORCES: tuple[Force, ...] = (
 )
 
 
+SEPARATE = "separate"
+ARRANGEMENTS = (COMPOSED, SEPARATE, TELEOP)
+"""Arrangements of the graph: all nodes in one process beside the recorder, as is the default; a
+process for each node; or the verb, which starts and watches the processes of the default."""
+
+
 class LiveGraph:
     """The graph with traced devices; whatever looks at it fails where a promise is broken.
+
+    Parameters
+    ----------
+    folder : Path
+    observer : Observer
+    controller, arrangement : str
 
     Attributes
     ----------
@@ -53,16 +65,29 @@ class LiveGraph:
         Time by which the clock was set, ns.
     """
 
-    def __init__(self, folder: Path, observer: Observer, controller: str) -> None:
+    def __init__(
+        self, folder: Path, observer: Observer, controller: str, arrangement: str
+    ) -> None:
         self.folder = folder
         self.observer = observer
         self.nodes: dict[str, Command] = {}
         self.stopped: dict[str, bool] = {}
         self.lead = 0
         arguments = GraphArguments(
-            rate=RATE, surface="text", controller=controller, bag=str(folder / "bag")
+            rate=RATE,
+            surface="text",
+            controller=controller,
+            composed=arrangement == COMPOSED,
+            bag=str(folder / "bag"),
         )
         self._processes = {process.executable: process for process in graph(arguments)}
+        self._homes = {
+            node: TELEOP if arrangement == TELEOP else process.executable
+            for process in self._processes.values()
+            for node in process.parameters
+        }
+        said = ("rate", "surface", "controller")
+        self._words = [f"{name}:={getattr(arguments, name)}" for name in said]
         self._bags = 0
         self._traces = {name: DeviceTrace(folder / name, RATE) for name, _ in FORCES}
         for topic, device in ((MASTER_STOPPED, "master_device"), (SLAVE_STOPPED, "slave_device")):
@@ -73,7 +98,7 @@ class LiveGraph:
                 quality(topic),
             )
         (folder / CLOCK_FILE).write_bytes(CLOCK.pack(0))
-        for executable in self._processes:
+        for executable in dict.fromkeys(self._homes.values()):
             self.start(executable)
 
     @property
@@ -88,27 +113,38 @@ class LiveGraph:
 
     def start(self, executable: str) -> None:
         """Start a process of the graph."""
+        traced = str(Path(__file__).with_name("traced_node.py"))
+        words = [traced, executable, str(self.folder), *self._arguments(executable)]
+        self.nodes[executable] = Command(words, self.folder)
+
+    def _arguments(self, executable: str) -> list[str]:
+        self._bags += executable in (RECORDER, TELEOP)
+        if executable == TELEOP:
+            return [*self._words, f"bag:={self.bag.parent}"]
         process = self._processes[executable]
         if executable == RECORDER:
-            self._bags += 1
             given = {**process.parameters[RECORDER], "bag": str(self.bag.parent)}
             process = replace(process, parameters={RECORDER: given})
-        traced = str(Path(__file__).with_name("traced_node.py"))
-        words = [traced, executable, str(self.folder), *process.ros_arguments(self.folder)]
-        self.nodes[executable] = Command(words, self.folder)
+        return process.ros_arguments(self.folder)
+
+    def lines(self, node: str) -> list[str]:
+        """Return the output of the process that runs a node, which grows."""
+        return self.nodes[self._homes[node]].lines
 
     def end(self, executable: str, number: signal.Signals, *expected: int) -> None:
         """End a process of the graph with a signal; without a traceback, and as expected."""
         node = self.nodes.pop(executable)
         status = node.end(number)
-        self.stopped.pop(executable, None)
+        for name, home in self._homes.items():
+            if home == executable:
+                self.stopped.pop(name, None)
         assert status in expected, f"{status}: {node.text}"
         assert "Traceback" not in node.text, node.text
 
     def end_all(self) -> None:
-        """End all processes in order, the one that records last."""
+        """End all processes as the supervisor does, also one that has just been started."""
         for executable in sorted(self.nodes, key=RECORDER.__eq__):
-            self.end(executable, signal.SIGINT, DONE, *CUT_SHORT)
+            self.end(executable, signal.SIGTERM, DONE, -signal.SIGTERM, *CUT_SHORT)
 
     def kill_all(self) -> None:
         """Leave nothing behind."""

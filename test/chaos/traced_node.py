@@ -3,7 +3,8 @@
 
 """A node of the graph as it is, but with a trace of its device, and a clock that can be set.
 
-Run as ``python traced_node.py EXECUTABLE FOLDER --ros-args ...``.
+Run as ``python traced_node.py EXECUTABLE FOLDER --ros-args ...``, or as ``python traced_node.py
+teleop FOLDER WORDS`` for the verb with such nodes.
 """
 
 from __future__ import annotations
@@ -17,15 +18,23 @@ import time
 from pathlib import Path
 from typing import Any
 
+from haptic_accel.cli.main import main
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.devices import MASTERS, SLAVES, Sample
 from haptic_accel.devices.simulated import SimulatedDevice
+from haptic_accel.graph import supervisor
 
 OPENED, TICK, ARM, ACTUATOR = range(4)
 """Kinds of records: the device was opened or closed, was sampled, or was given a force."""
 
-RECORD = struct.Struct("=B5d")
-"""Kind, steady time of the record and of the tick that it is for in s, and force in N."""
+RECORD = struct.Struct("=B5d23x")
+"""Kind, steady time of the record and of the tick that it is for in s, and force in N.
+
+Its size divides that of a page: the kernel writes by pages, and who reads meanwhile, or kills the
+writer, would find a part of a record that lies in two."""
+
+TELEOP = "teleop"
+"""Verb that may stand in place of a node's executable."""
 
 CLOCK, CLOCK_FILE = struct.Struct("=q"), "clock"
 """Lead of the nodes' clock over the system's in ns, and the name of the file that holds it."""
@@ -56,7 +65,6 @@ class TracedDevice(SimulatedDevice):
         super().close()
 
     def _note(self, kind: int, moment: float, force: Vector = ZERO) -> None:
-        # In one call, so that a process that is killed leaves no part of a record.
         os.write(self.trace, RECORD.pack(kind, time.monotonic(), moment, *force))
 
 
@@ -78,6 +86,12 @@ def follow_clock(path: Path) -> None:
 if __name__ == "__main__":
     executable, folder, *sys.argv[1:] = sys.argv[1:]
     follow_clock(Path(folder) / CLOCK_FILE)
-    if devices := {"master_device": MASTERS, "slave_device": SLAVES}.get(executable):
-        trace_device(devices, Path(folder) / executable)
+    if executable == TELEOP:
+        supervisor.command = lambda process, own: [
+            *(sys.executable, __file__, process.executable, folder),
+            *process.ros_arguments(own),
+        ]
+        main([TELEOP, *sys.argv[1:]])
+    for device, devices in {"master_device": MASTERS, "slave_device": SLAVES}.items():
+        trace_device(devices, Path(folder) / device)
     importlib.import_module(f"haptic_accel.nodes.{executable}").main()

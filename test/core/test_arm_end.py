@@ -64,3 +64,33 @@ def test_a_free_arm_is_said_to_be_at_rest_and_is_not_pulled() -> None:
     (master, slave), forces = coupled((0.001, 0.0, 0.0), (0.0, 0.004, 0.0), free=True)
     assert master.set_point == slave.set_point == (ZERO, ZERO)
     assert forces == [ZERO, ZERO]
+
+
+def test_an_account_of_energy_that_is_wrong_once_lets_energy_cross_again() -> None:
+    ends = [ArmEnd(side, PassiveParameters(), RATE, 1, 7) for side in ("master", "slave")]
+    master, slave = ends
+    tick = 0
+
+    def run(seconds: float) -> None:
+        nonlocal tick
+        for _ in range(round(seconds * RATE)):
+            tick += 1
+            now, system = tick / RATE, BEGIN + tick * 1_000_000
+            for end, other in ((master, slave), (slave, master)):
+                state = State(ready=True, engaged=end.engaged)
+                if data := end.outgoing(state, Motion(system), now, system):
+                    other.incoming(data, now, system)
+                if not end.engaged:
+                    end.engage(ZERO)
+                end.force(ZERO, ZERO, now)
+
+    run(1.0)
+    packet = master.endpoint.peer
+    assert packet
+    wrong = packet._replace(sequence=packet.sequence + 1, shipped=1e300)
+    master.incoming(wrong.pack(), tick / RATE, BEGIN)
+    run(3.0)
+    before = master.half.energy
+    slave.half.energy += 0.01  # as if its arm had taken it
+    run(0.1)
+    assert before < master.half.energy < before + 0.01

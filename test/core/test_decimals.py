@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fuzzing import ODD_NUMBERS
-from haptic_accel.core.decimals import read_decimal, read_whole
+from haptic_accel.core.decimals import defined, read_decimal, read_whole
 
 
 @pytest.mark.parametrize(
@@ -43,3 +43,9 @@ def test_a_number_too_large_is_infinite_or_refused() -> None:
     assert read_decimal("1e999") == math.inf
     with pytest.raises(ValueError, match="must be a number"):
         read_whole("9" * 10_000)
+
+
+def test_json_has_null_in_place_of_what_is_not_finite() -> None:
+    given = {"error": math.nan, "rows": ({"bound": math.inf}, [1.5, -math.inf, "nan", None, 3])}
+    expected = {"error": None, "rows": [{"bound": None}, [1.5, None, "nan", None, 3]]}
+    assert defined(given) == expected

@@ -7,7 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.due_forces import DueForces
+from haptic_accel.core.due_forces import IN_TIME, DueForces
+
+PERIOD = 1e-3
+"""Period of the grid, s."""
 
 
 def force(sample: int) -> tuple[float, float, float]:
@@ -18,7 +21,7 @@ def force(sample: int) -> tuple[float, float, float]:
 def test_a_force_in_time_is_applied_at_its_tick_and_neither_earlier_nor_later(
     latency: int,
 ) -> None:
-    forces = DueForces(latency)
+    forces = DueForces(latency, PERIOD)
     applied = {}
     for tick in range(100):
         if found := forces.take(tick):
@@ -27,30 +30,30 @@ def test_a_force_in_time_is_applied_at_its_tick_and_neither_earlier_nor_later(
     assert applied == {
         tick: ((tick - latency) * 1000, force(tick - latency)) for tick in range(latency, 100)
     }
-    assert (forces.due, forces.missed) == (100, 0)
+    assert (forces.due, forces.past_tick) == (100, 0)
 
 
 def test_without_latency_a_force_is_applied_on_arrival_and_has_no_due_time() -> None:
-    forces = DueForces(0)
+    forces = DueForces(0, PERIOD)
     assert forces.take(5) is None
     forces.put(5, 5000, force(5))
     assert forces.take(5) == (5000, force(5))
-    assert (forces.due, forces.missed) == (0, 0)
+    assert (forces.due, forces.past_tick) == (0, 0)
 
 
-def test_a_late_force_counts_as_missed_and_is_there_at_once() -> None:
-    forces = DueForces(1)
+def test_a_force_that_comes_after_its_tick_is_counted_and_there_at_once() -> None:
+    forces = DueForces(1, PERIOD)
     forces.take(6)
     forces.put(5, 5000, force(5))
     assert forces.take(6) == (5000, force(5))
-    assert (forces.due, forces.missed) == (1, 1)
+    assert (forces.due, forces.past_tick) == (1, 1)
 
 
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 6)), max_size=60), st.integers(1, 4))
 def test_no_force_is_early_or_applied_after_a_newer_one(
     arrivals: list[tuple[int, int]], latency: int
 ) -> None:
-    forces = DueForces(latency)
+    forces = DueForces(latency, PERIOD)
     applied: list[int] = []
     late = 0
     for tick in range(40):
@@ -63,11 +66,11 @@ def test_no_force_is_early_or_applied_after_a_newer_one(
             assert found[0] + latency <= tick
             applied.append(found[0])
     assert applied == sorted(set(applied))
-    assert forces.missed == late
+    assert forces.past_tick == late
 
 
 def test_a_force_that_is_out_of_date_is_passed_on_at_once_or_never() -> None:
-    forces = DueForces(1)
+    forces = DueForces(1, PERIOD)
     forces.take(6)
     forces.put(6, 6000, force(6))
     forces.pass_on(10**18, force(1000))
@@ -75,13 +78,83 @@ def test_a_force_that_is_out_of_date_is_passed_on_at_once_or_never() -> None:
     forces.pass_on(10**18, force(1000))
     assert forces.take(7) == (6000, force(6))
     assert forces.take(10**9) is None
-    assert (forces.newest, forces.due, forces.missed) == (6, 1, 0)
+    assert (forces.newest, forces.due, forces.past_tick) == (6, 1, 0)
 
 
 def test_a_force_overtaken_by_one_that_was_taken_ahead_of_its_tick_is_not_late() -> None:
-    forces = DueForces(latency=2)
+    forces = DueForces(2, PERIOD)
     forces.put(10, 10, force(10))
     assert forces.take(12, ahead=True)
     forces.put(9, 9, force(9))
     assert forces.take(11, ahead=True) is None
-    assert (forces.due, forces.missed) == (2, 0)
+    assert (forces.due, forces.past_tick) == (2, 0)
+
+
+def loop(forces: DueForces, moments: dict[int, float], ticks: int) -> None:
+    """Serve ticks at their times, or at those given, s; each sample's force comes at once."""
+    for tick in range(ticks):
+        forces.take(tick)
+        forces.took_effect(moments.get(tick, tick * PERIOD))
+        forces.put(tick, tick, force(tick))
+
+
+def test_a_device_that_stands_still_for_5_ms_misses_what_is_due_in_that_time() -> None:
+    forces = DueForces(1, PERIOD)
+    # Tick 20 is served in time; then nothing until 25.1 ms, when all that waits is made up for.
+    loop(forces, dict.fromkeys(range(21, 26), 25.1e-3), 40)
+    assert forces.past_tick == 0, "each came before its tick, which waited"
+    assert (forces.due, forces.missed) == (40, 4), "21 to 24; 25 is 0.1 ms late, which is in time"
+    assert forces.longest == pytest.approx(25.1e-3 - 21e-3)
+    assert forces.late_time == pytest.approx(25.1e-3 - 21e-3), "waiting together, not one by one"
+
+
+def test_pauses_add_up_and_the_longest_is_known() -> None:
+    forces = DueForces(1, PERIOD)
+    loop(forces, {10: 12e-3, 11: 12e-3, 30: 30.5e-3}, 40)
+    assert forces.missed == 3
+    assert forces.longest == pytest.approx(2e-3)
+    assert forces.late_time == pytest.approx(2e-3 + 0.5e-3)
+    forces.count_anew()
+    assert (forces.due, forces.missed, forces.longest, forces.late_time) == (0, 0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("share", "missed"), [(0.9, 0), (1.1, 1)])
+def test_a_force_may_take_effect_a_quarter_of_a_period_late(share: float, missed: int) -> None:
+    assert IN_TIME == 0.25
+    forces = DueForces(1, PERIOD)
+    loop(forces, {10: (10 + 0.25 * share) * PERIOD}, 20)
+    assert forces.missed == missed
+    assert forces.longest == pytest.approx(0.25 * share * PERIOD)
+
+
+def test_of_forces_that_come_together_all_that_were_due_are_missed() -> None:
+    forces = DueForces(1, PERIOD)
+    forces.take(9)
+    for sample in range(4, 9):
+        forces.put(sample, sample, force(sample))
+    assert forces.take(9) == (8, force(8))
+    forces.took_effect(9.1e-3)
+    assert (forces.due, forces.missed, forces.past_tick) == (5, 4, 5)
+    assert forces.longest == pytest.approx(4.1e-3)
+
+
+def test_a_straggler_that_never_takes_effect_is_missed() -> None:
+    forces = DueForces(1, PERIOD)
+    forces.put(8, 8, force(8))
+    assert forces.take(9)
+    forces.took_effect(9e-3)
+    forces.put(7, 7, force(7))
+    assert forces.take(9) is None
+    forces.took_effect(9.1e-3)
+    assert (forces.due, forces.missed) == (2, 1)
+
+
+@pytest.mark.parametrize(("now", "missed"), [(10.5e-3, 0), (12.2e-3, 0), (12.4e-3, 1)])
+def test_a_force_taken_ahead_is_missed_only_if_given_to_the_device_late(
+    now: float, missed: int
+) -> None:
+    forces = DueForces(2, PERIOD)
+    forces.put(10, 10, force(10))
+    assert forces.take(12, ahead=True)
+    forces.took_effect(now)
+    assert forces.missed == missed

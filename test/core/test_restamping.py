@@ -9,22 +9,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.restamping import LISTENING, StampShift
+from haptic_accel.core.restamping import LEAD, LISTENING, StampShift
 
 PERIOD = 1_000_000
 LIMIT = 100 * PERIOD
+AHEAD = LEAD + 2 * PERIOD
 THEN, NOW = 1_255_392_000_123_000_000, 1_795_000_000_000_000_000
 FIRST = LISTENING // PERIOD
 """Samples that are only listened to, where none is held up."""
 
 
 def shift() -> StampShift:
-    return StampShift(lambda moment: moment // PERIOD * PERIOD, PERIOD, LIMIT)
+    return StampShift(lambda moment: -(-moment // PERIOD) * PERIOD, PERIOD, LIMIT)
 
 
 @given(st.lists(st.integers(0, LIMIT - PERIOD), min_size=400, max_size=400))
 def test_spacing_stays_exactly_what_it_was_however_messages_arrive(delays: list[int]) -> None:
-    delays[7] = 0  # one of the first comes through at once
+    delays[7::50] = [0] * len(delays[7::50])  # some come through at once
     shifted = shift()
     differences = set()
     for place, delay in enumerate(delays):
@@ -33,12 +34,12 @@ def test_spacing_stays_exactly_what_it_was_however_messages_arrive(delays: list[
         moved = shifted.moved(stamp, arrival)
         if moved is not None:
             differences.add(moved - stamp)
-            assert -PERIOD <= arrival - moved <= LIMIT + PERIOD
+            assert -AHEAD <= arrival - moved <= LIMIT
     assert len(differences) <= 1
     assert shifted.anchored == len(differences)
 
 
-def test_moved_stamps_lie_on_the_grid_and_are_no_older_than_a_period() -> None:
+def test_moved_stamps_lie_on_the_grid_and_leave_time_for_a_player_that_pauses() -> None:
     shifted = shift()
     for place in range(1000):
         arrival = NOW + place * PERIOD + 250_000
@@ -46,7 +47,20 @@ def test_moved_stamps_lie_on_the_grid_and_are_no_older_than_a_period() -> None:
         assert (moved is None) == (place < FIRST)
         if moved is not None:
             assert moved % PERIOD == 0
-            assert arrival - moved == 250_000
+            assert moved - arrival == LEAD + 750_000
+
+
+@given(st.integers(0, PERIOD - 1), st.lists(st.integers(0, LEAD), min_size=400, max_size=400))
+def test_samples_that_are_held_up_for_less_are_there_at_their_tick(
+    phase: int, delays: list[int]
+) -> None:
+    delays[7] = 0  # one of the first comes through at once
+    shifted = shift()
+    for place, delay in enumerate(delays):
+        arrival = NOW + place * PERIOD + phase + delay
+        moved = shifted.moved(THEN + place * PERIOD, arrival)
+        assert moved is None or moved >= arrival
+    assert shifted.anchored <= 1
 
 
 def test_what_was_held_up_all_the_time_that_it_listened_is_mended() -> None:
@@ -55,7 +69,18 @@ def test_what_was_held_up_all_the_time_that_it_listened_is_mended() -> None:
         held_up = 30 * PERIOD if place < 2 * FIRST else 0
         arrival = NOW + place * PERIOD + held_up
         moved = shifted.moved(THEN + place * PERIOD, arrival)
-    assert moved == arrival
+    assert moved == arrival + LEAD
+    assert shifted.anchored == 2
+
+
+def test_a_player_that_stays_behind_is_followed_after_a_moment() -> None:
+    shifted = shift()
+    for place in range(1000):
+        behind = 2 * LEAD if place >= 500 else 0
+        arrival = NOW + place * PERIOD + behind
+        moved = shifted.moved(THEN + place * PERIOD, arrival)
+        if moved is not None and not 500 <= place <= 500 + FIRST:
+            assert moved == arrival + LEAD
     assert shifted.anchored == 2
 
 
@@ -67,7 +92,7 @@ def test_a_loop_is_taken_for_fresh_samples_again() -> None:
             arrival = NOW + (5000 * turn + place) * PERIOD
             moved = shifted.moved(THEN + place * PERIOD, arrival)
             if moved is not None:
-                assert moved == arrival > last
+                assert moved == arrival + LEAD > last
                 last = moved
     assert shifted.anchored == 2
 
@@ -79,5 +104,5 @@ def test_another_speed_is_followed_and_noticed(speed: float) -> None:
         arrival = NOW + round(place * PERIOD / speed)
         moved = shifted.moved(THEN + place * PERIOD, arrival)
         if moved is not None:
-            assert -PERIOD <= arrival - moved <= LIMIT
+            assert -AHEAD <= arrival - moved <= LIMIT
     assert shifted.anchored > 5

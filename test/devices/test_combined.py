@@ -63,6 +63,10 @@ class Noted(Device):
         return self.name
 
     @property
+    def unguarded(self) -> str:
+        return self.name if self.parameters.silent else ""
+
+    @property
     def problem(self) -> str:
         return f"{self.name} is silent" if self.parameters.silent else ""
 
@@ -123,6 +127,8 @@ def test_motion_is_the_arm_s_and_acceleration_the_handle_s() -> None:
     assert device.status() == {"arm_count": 1, "handle_count": 2}
     assert device.late == 3
     assert device.remark == "the arm; the handle"
+    assert device.unguarded == ""
+    assert built(arm__silent=True).unguarded == "the arm"
     assert not device.ended
 
 

@@ -6,17 +6,15 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable
+from contextlib import closing
 
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import MASTER_ARM_FORCE
-from haptic_accel.graph.claims import claim_signal, own_domain, sole_graph, stop_senders
-from running import PATIENCE, Command
+from haptic_accel.graph.claims import claim_signal, sole_graph
+from running import Command, sending
 
 Start = Callable[..., Command]
 
@@ -25,26 +23,8 @@ TOPIC = f"/{MASTER_ARM_FORCE.name}"
 pytestmark = pytest.mark.quiet
 
 
-@contextmanager
-def sending(
-    domain: int, topic: str = TOPIC, prepare: str = ""
-) -> Iterator[subprocess.Popen[bytes]]:
-    """Let another process claim a signal."""
-    text = (
-        f"import signal; {prepare}from haptic_accel.graph.claims import claim_signal;"
-        f" claimed = claim_signal({domain}, {topic!r}); print(flush=True); signal.pause()"
-    )
-    with subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE) as process:
-        assert process.stdout
-        process.stdout.readline()
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
 def test_a_signal_has_one_sender_until_that_ends_in_whatever_way(domain: int) -> None:
-    with sending(domain) as process:
+    with sending(domain, TOPIC) as process:
         with pytest.raises(ParameterError) as refused:
             claim_signal(domain, TOPIC)
         line = str(refused.value)
@@ -57,28 +37,6 @@ def test_a_signal_has_one_sender_until_that_ends_in_whatever_way(domain: int) ->
         process.send_signal(signal.SIGKILL)
         process.wait()
         claim_signal(domain, TOPIC).close()
-
-
-def test_an_emergency_stop_reaches_who_sends_and_handles_it_in_its_namespace(domain: int) -> None:
-    with sending(domain) as process:
-        assert stop_senders(domain, "") == 0, "it would only end"
-        assert process.poll() is None
-    prepare = "import sys; signal.signal(signal.SIGUSR1, lambda *_: sys.exit(7)); "
-    with sending(domain, f"/left{TOPIC}", prepare) as process:
-        assert stop_senders(domain, "/right") == 0
-        assert stop_senders(domain + 1, "/left") == 0
-        assert stop_senders(domain, "/left") == 1
-        assert process.wait(PATIENCE) == 7
-
-
-def test_an_emergency_stop_without_a_namespace_reaches_every_graph_of_the_domain(
-    domain: int,
-) -> None:
-    prepare = "import sys; signal.signal(signal.SIGUSR1, lambda *_: sys.exit(7)); "
-    with sending(domain, TOPIC, prepare) as root, sending(domain, f"/a/b{TOPIC}", prepare) as far:
-        assert stop_senders(domain + 1, "") == 0
-        assert stop_senders(domain, "") == 2
-        assert root.wait(PATIENCE) == far.wait(PATIENCE) == 7
 
 
 def test_other_domains_signals_and_namespaces_are_free(domain: int) -> None:
@@ -110,13 +68,6 @@ def test_a_graph_is_alone_in_its_namespace(domain: int) -> None:
             pass
         with sending(domain, topic), sole_graph("/right"):
             pass
-
-
-@pytest.mark.parametrize("text", ["233", "-1", "one", "\uff11", "9" * 5000])
-def test_a_domain_that_cannot_be_is_named(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
-    monkeypatch.setenv("ROS_DOMAIN_ID", text)
-    with pytest.raises(ParameterError, match=f"ROS_DOMAIN_ID = '{text}': must be from 0 to 232"):
-        own_domain()
 
 
 @pytest.mark.live

@@ -35,18 +35,13 @@ KILLED = {
 """Per process the forces that it leaves without a sender."""
 
 
-REPORTS = 5
-"""Diagnostics of a device, the first of which may be of the moment before."""
-
-
-def silenced(observer: Observer, device: str, forces: list[str]) -> bool:
-    """Tell whether a device has noted silence and is without these forces."""
-    for _ in range(REPORTS):
-        values = observer.status(device)
-        held = [float(values[f"{force} held (N)"]) for force in forces]
-        if not any(held):
-            return all(int(values[f"{force} timeouts"]) >= 1 for force in forces)
-    return False
+def wait_for_silence(observer: Observer, device: str, forces: list[str]) -> None:
+    """Wait until a device has noted silence and is without these forces."""
+    observer.status(
+        device,
+        least={f"{force} timeouts": 1 for force in forces},
+        **{f"{force} held (N)": "0.000" for force in forces},
+    )
 
 
 @pytest.fixture
@@ -64,7 +59,7 @@ def test_forces_whose_sender_was_killed_are_taken_off(
         os.kill(graph[killed].process.pid, signal.SIGKILL)
         graph[killed].end()
         for device, forces in left.items():
-            assert silenced(observer, device, forces), (killed, device, forces)
+            wait_for_silence(observer, device, forces)
         if killed == "master_device":
             continue
         # All that is left, anew: who couples must not have been engaged before.

@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 import math
+import os
 import runpy
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -122,7 +124,7 @@ def test_a_replay_declares_its_own_arguments_and_those_of_the_graph() -> None:
         ("teleop", {}, lambda words: graph(parse_arguments(words))),
         (
             "teleop",
-            {"controller": "constant", "composed": "true", "scope": "true", "namespace": "left"},
+            {"controller": "constant", "composed": "false", "scope": "true", "namespace": "left"},
             lambda words: graph(parse_arguments(words)),
         ),
         (
@@ -177,7 +179,7 @@ def test_a_namespace_around_the_launch_file_counts_as_in_launch_ros(
     around = {"ros_namespace": pushed} if pushed else {}
     nodes = start("teleop", params_file=str(mine), namespace=namespace, **around)
     assert {node.namespace for node in nodes.values()} == {found}
-    words = nodes["coupler"].arguments
+    words = nodes["composed"].arguments
     given = read_parameter_file(Path(words[words.index("--params-file") + 1]))["coupler"]
     assert given["k_m"] == {"/lab": 300.0, "/lab/left": 400.0}.get(found, 200.0)
 
@@ -194,6 +196,8 @@ def test_a_wrong_argument_is_refused_in_one_line_before_anything_starts(start: S
         start("teleop", controller="magic")
     with pytest.raises(ParameterError, match=r"^bag = '': must be"):
         start("replay")
+    with pytest.raises(ParameterError, match=r"^namespace = '9x': must be letters"):
+        start("teleop", namespace="9x")
 
 
 def test_a_misspelt_word_is_named_where_the_launch_file_is_the_users(
@@ -207,14 +211,25 @@ def test_a_misspelt_word_is_named_where_the_launch_file_is_the_users(
     assert start("teleop")
 
 
-def test_the_end_of_a_node_ends_all(start: Start) -> None:
-    (action,) = ended(start("teleop")["coupler"], 0)
+def test_the_first_line_tells_which_nodes_share_a_process(
+    start: Start, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    start("teleop")
+    start("teleop", namespace="left", composed="false")
+    one, each, *_ = (text for text in caplog.messages if "process" in text)
+    assert one.startswith("one process for master_device, slave_device, coupler and compensator")
+    assert each.startswith("a process for each node")
+
+
+def test_the_end_of_a_process_ends_all(start: Start) -> None:
+    (action,) = ended(start("teleop")["composed"], 0)
     assert isinstance(action, Shutdown)
 
 
-def test_a_node_that_fails_fails_the_launch(start: Start) -> None:
-    node = start("teleop")["compensator"]
-    with pytest.raises(RuntimeError, match="compensator ended with status 1"):
+def test_a_process_that_fails_fails_the_launch(start: Start) -> None:
+    node = start("teleop")["composed"]
+    with pytest.raises(RuntimeError, match="composed ended with status 1"):
         ended(node, 1)
 
 
@@ -277,5 +292,24 @@ def test_without_either_the_graph_starts_and_says_so(
     start: Start, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO")
-    assert "coupler" in start("teleop")
+    assert "composed" in start("teleop")
     assert "no frames are published: neither robot_state_publisher nor tf2_ros" in caplog.text
+
+
+def test_an_interruption_waits_for_a_node_that_starts(start: Start, tmp_path: Path) -> None:
+    nodes = start("teleop")
+    words = launching.blocking_words()
+    if not words:
+        pytest.skip("this system's env blocks no signals")
+    assert nodes["composed"].prefix.split() == list(words)
+    assert nodes["composed"].exec_name == "composed"
+    # While Python itself starts, where it would answer with a traceback.
+    (tmp_path / "sitecustomize.py").write_text("import os\nos.kill(os.getpid(), 2)")
+    done = subprocess.run(
+        [*words, sys.executable, "-c", "from haptic_accel.nodes.start import link; link()"],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr, done.returncode) == ("", "", 0)

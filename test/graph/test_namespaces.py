@@ -54,7 +54,7 @@ def test_two_graphs_run_side_by_side_and_do_not_mix(
         name: haptic_accel(
             "teleop",
             *(f"{key}:={value}" for key, value in given.items()),
-            *(f"namespace:={name}", f"bag:={name}", "rate:=500", "composed:=true"),
+            *(f"namespace:={name}", f"bag:={name}", "rate:=500"),
         )
         for name, given in CONDITIONS.items()
     }
@@ -90,7 +90,8 @@ def test_two_graphs_run_side_by_side_and_do_not_mix(
         name: [change.value for change in bag.changes if change.parameter.endswith("surface.name")]
         for name, bag in bags.items()
     }
-    assert surfaces["right"] in ([], ["text"])
+    # Of its own start, as much as the recorder heard of it: nothing of the other graph.
+    assert set(surfaces["right"]) <= {"text"}
     assert surfaces["left"][-1] == "plywood"
     status, line = ask("analyze", str(tmp_path / "left"), "--out", str(tmp_path / "report"))
     assert (status, "adaptive" in line) == (0, True), line

@@ -13,6 +13,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
 from haptic_accel.graph.node_parameters import node_schema
 from haptic_accel.graph.processes import (
+    arrangement,
     graph,
     graph_parameters,
     identification_graph,
@@ -22,9 +23,15 @@ from haptic_accel.materials.folders import config_folder
 
 TELEOPERATION = {"recorder", "master_device", "slave_device", "coupler", "compensator"}
 
+APART = (
+    "a process for each node; composed:=true joins those that make forces, but with respawn:=true,"
+    " slave:=topics or an arm by CRTK"
+)
+"""Line for a process for each node."""
+
 
 def test_five_processes_whose_parameters_they_have() -> None:
-    processes = graph(GraphArguments())
+    processes = graph(GraphArguments(composed=False))
     assert {process.executable for process in processes} == TELEOPERATION
     for process in processes:
         assert list(process.parameters) == [process.executable]
@@ -44,14 +51,15 @@ def test_beside_a_peer_each_host_has_its_arm_a_half_of_the_coupling_and_a_link(
 ) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text(f"{side}_device: {{ros__parameters: {{safety: {{recovery: manual}}}}}}")
-    given = GraphArguments(side=side, peer="desk:7000", params_file=str(mine))
+    words = (f"side:={side}", "peer:=desk:7000", "keys:=/k", f"params_file:={mine}")
+    given = parse_arguments([*words, "composed:=false"])
     processes = {process.executable: process for process in graph(given)}
     assert list(processes) == executables
     assert [name for name, each in processes.items() if each.respawn] == ["link"]
     coupler = processes["half_coupler"].parameters["coupler"]
     expected = {"side": side, "coupling": "passive", "recovery": "manual"}
     assert coupler.items() >= {**expected, "compensated": side == "master"}.items()
-    link = {"side": side, "peer": "desk:7000", "transport": "dds", "keys": ""}
+    link = {"side": side, "peer": "desk:7000", "transport": "udp", "keys": "/k", "insecure": False}
     assert processes["link"].parameters["link"] == link
     facts = json.loads(processes["recorder"].parameters["recorder"]["facts"])
     assert facts["arguments"].items() >= {"side": side, "peer": "desk:7000"}.items()
@@ -60,8 +68,8 @@ def test_beside_a_peer_each_host_has_its_arm_a_half_of_the_coupling_and_a_link(
     )
 
 
-def test_beside_a_peer_composed_leaves_the_link_apart() -> None:
-    given = GraphArguments(side="master", peer="desk", composed=True)
+def test_beside_a_peer_the_link_has_a_process_of_its_own() -> None:
+    given = GraphArguments(side="master", peer="localhost")
     processes = {process.executable: process for process in graph(given)}
     assert list(processes) == ["recorder", "composed_master", "link"]
     assert set(processes["composed_master"].parameters) == {
@@ -85,18 +93,20 @@ def test_with_both_arms_here_there_is_no_link_and_the_coupling_is_the_papers() -
         ("side:=slave peer:=a:b", "peer = 'a:b': must be HOST or HOST:PORT"),
         ("transport:=zenoh", "transport = 'zenoh': must come with peer:=HOST"),
         ("keys:=mine", "keys = 'mine': must come with peer:=HOST"),
+        ("insecure:=true", "insecure = True: must come with peer:=HOST"),
+        ("side:=slave peer:=desk", "keys = '': must be the folder of this host's keys"),
+        ("side:=slave peer:=10.0.0.2:7000", "keys = '': must be the folder of this host's keys"),
+        ("side:=slave peer:=localhost transport:=zenoh", "keys = '': must be the folder"),
+        ("side:=slave peer:=desk transport:=dds", "transport = 'dds': must be one of udp, zenoh"),
+        ("side:=slave peer:=a keys:=b insecure:=true", "insecure = True: must not come with keys"),
         (
-            "side:=slave peer:=desk transport:=zenoh",
-            "transport = 'zenoh': must come with keys:=FOLDER",
+            "side:=slave peer:=a transport:=zenoh insecure:=true",
+            "insecure = True: must not come with transport:=zenoh",
         ),
+        ("side:=slave peer:=localhost slave:=replay", "slave = 'replay': not with side:=slave"),
+        ("side:=master peer:=localhost slave:=topics", "slave = 'topics': not with side:=master"),
         (
-            "side:=slave peer:=desk keys:=mine",
-            "keys = 'mine': must come with transport:=zenoh",
-        ),
-        ("side:=slave peer:=desk slave:=replay", "slave = 'replay': not with side:=slave"),
-        ("side:=master peer:=desk slave:=topics", "slave = 'topics': not with side:=master"),
-        (
-            "side:=master peer:=desk slave:=serial",
+            "side:=master peer:=localhost slave:=serial",
             "slave = 'serial': belongs to the peer, not to side:=master",
         ),
     ],
@@ -107,10 +117,52 @@ def test_what_two_hosts_cannot_have_is_refused(words: str, line: str) -> None:
     assert str(refused.value).startswith(line)
 
 
-def test_composed_is_one_process_and_a_recorder() -> None:
-    recorder, composed = graph(GraphArguments(composed=True))
+def test_what_makes_forces_is_one_process_beside_the_recorder() -> None:
+    recorder, composed = graph(GraphArguments())
     assert (recorder.executable, composed.executable) == ("recorder", "composed")
     assert set(composed.parameters) == TELEOPERATION - {"recorder"}
+
+
+@pytest.mark.parametrize(
+    "words", ["respawn:=true", "slave:=topics replay:=/bag", "slave:=crtk", "master:=crtk"]
+)
+@pytest.mark.parametrize("asked", ["", " composed:=true"])
+def test_what_needs_a_process_for_each_node_gets_it(words: str, asked: str) -> None:
+    arguments = parse_arguments((words + asked).split())
+    processes = graph(arguments)
+    assert len(processes) == 5
+    assert not arguments.composed
+    assert arrangement(processes).startswith("a process for each node; ")
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (
+            "",
+            "one process for master_device, slave_device, coupler and compensator, one for"
+            " recorder; composed:=false gives each node its own",
+        ),
+        (
+            "record:=false",
+            "one process for master_device, slave_device, coupler and compensator;"
+            " composed:=false gives each node its own",
+        ),
+        (
+            "side:=slave peer:=localhost scope:=true",
+            "one process for slave_device and coupler, one each for recorder, link and scope;"
+            " composed:=false gives each node its own",
+        ),
+        ("composed:=false", APART),
+        ("composed:=false side:=slave peer:=localhost", APART),
+    ],
+)
+def test_one_line_tells_which_nodes_share_a_process(words: str, line: str) -> None:
+    assert arrangement(graph(parse_arguments(words.split()))) == line
+
+
+def test_an_identification_has_no_other_arrangement() -> None:
+    assert arrangement(identification_graph(IdentifyArguments())) == ""
 
 
 def test_who_leads_the_hand_changes_nothing_else_of_the_simulated_handle() -> None:
@@ -148,7 +200,7 @@ def test_a_scene_is_checked_before_anything_starts_and_its_force_is_recorded(
     monkeypatch.chdir(tmp_path)
     recorder, *_ = found = graph(parse_arguments(["slave:=virtual", "topics:=/joy"]))
     assert recorder.parameters["recorder"]["topics"] == "/joy,slave/contact_force"
-    (slave,) = (each for each in found if each.executable == "slave_device")
+    (slave,) = (each for each in found if "slave_device" in each.parameters)
     scene = slave.parameters["slave_device"]["virtual.scene"]
     assert Path(scene) == config_folder() / "scenes" / "workshop.yaml"
     Path("mine.yaml").write_text("objects: {box: {shape: box, material: wood}}")
@@ -213,7 +265,7 @@ def test_a_users_key_must_hold_in_the_namespace_of_the_graph(
     else:
         with pytest.raises(ParameterError) as refused:
             graph_parameters(arguments)
-        assert f"{mine}': {key}: holds in another namespace, not for /" in str(refused.value)
+        assert f"{mine}:1: {key}: holds in another namespace, not for /" in str(refused.value)
         assert str(refused.value).endswith("coupler; write /**/coupler")
 
 
@@ -239,8 +291,7 @@ def test_what_is_no_namespace_is_refused(namespace: str) -> None:
 
 def test_no_recorder_when_not_recording() -> None:
     executables = [process.executable for process in graph(GraphArguments(record=False))]
-    assert "recorder" not in executables
-    assert len(executables) == 4
+    assert executables == ["composed"]
 
 
 def test_the_users_file_goes_over_the_defaults(tmp_path: Path) -> None:
@@ -324,3 +375,20 @@ def test_a_rate_too_low_for_the_high_pass_is_refused_before_anything_starts(
     mine.write_text("compensator: {ros__parameters: {high_pass_frequency: 60.0}}")
     with pytest.raises(ParameterError, match="high_pass_frequency"):
         graph(GraphArguments(params_file=str(mine), rate=100.0))
+
+
+@pytest.mark.parametrize("arm", ["master", "slave"])
+def test_a_board_without_a_port_is_refused_before_anything_starts(arm: str) -> None:
+    with pytest.raises(ParameterError, match=r"serial.port = '': must be the path of a port"):
+        graph(GraphArguments(**{arm: "serial"}))
+    if arm == "master":
+        with pytest.raises(ParameterError, match=r"serial.port = '': must be the path of a port"):
+            identification_graph(IdentifyArguments(master="serial"))
+
+
+def test_a_bag_that_cannot_be_made_is_refused_before_anything_starts(tmp_path: Path) -> None:
+    for place in ("/proc/x/y", "/dev/null/bag"):
+        with pytest.raises(ParameterError, match=f"bag = '{place}': must be a folder to make: "):
+            graph(GraphArguments(bag=place))
+    graph(GraphArguments(bag=str(tmp_path / "new" / "bag")))
+    assert not (tmp_path / "new").exists()

@@ -66,7 +66,7 @@ def test_the_graph_has_the_replay_device_or_what_moves_played_stamps() -> None:
         {p.executable: p.parameters for p in graph(replay_arguments([BAG, source]).graph)}
         for source in ("source:=device", "source:=topics")
     )
-    slave = by_device["slave_device"]["slave_device"]
+    slave = by_device["composed"]["slave_device"]
     assert (slave["device"], slave["replay.file"]) == ("replay", str(DATA / "text"))
     assert "slave_device" not in by_topics
     assert by_topics["restamper"]["restamper"]["rate"] == 1000.0
@@ -78,9 +78,9 @@ def test_the_graph_has_the_replay_device_or_what_moves_played_stamps() -> None:
 
 def test_the_handle_can_be_replayed_too() -> None:
     asked = replay_arguments([BAG, "master:=replay", "slave:=simulated"])
-    processes = {p.executable: p.parameters for p in graph(asked.graph)}
-    assert processes["master_device"]["master_device"]["replay.file"] == str(DATA / "text")
-    assert processes["slave_device"]["slave_device"]["device"] == "simulated"
+    nodes = {node: own for p in graph(asked.graph) for node, own in p.parameters.items()}
+    assert nodes["master_device"]["replay.file"] == str(DATA / "text")
+    assert nodes["slave_device"]["device"] == "simulated"
 
 
 def test_a_recording_that_nobody_plays_is_refused() -> None:

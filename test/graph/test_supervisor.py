@@ -19,6 +19,7 @@ from haptic_accel.core.process import CUT_SHORT
 from haptic_accel.graph import supervisor
 from haptic_accel.graph.processes import Process
 from haptic_accel.graph.supervisor import Supervisor, command
+from running import wait_until
 
 
 @pytest.fixture
@@ -204,3 +205,58 @@ def test_any_text_reaches_ros_as_that_text(tmp_path: Path, text: str) -> None:
     file = Path(words[words.index("--params-file") + 1]).read_text()
     assert yaml.safe_load(file) == {"/**/recorder": {"ros__parameters": {"bag": text}}}
     assert 'bag: "' in file, "quoted: ROS would read 1e5 as a number"
+
+
+@pytest.mark.usefixtures("scripts")
+def test_a_process_whose_lines_are_not_taken_goes_on_and_the_lost_are_counted(
+    tmp_path: Path,
+) -> None:
+    taken: list[str] = []
+    seen = threading.Event()
+    goes_on = tmp_path / "goes_on"
+
+    def take(name: str, line: str) -> None:
+        taken.append(line)
+        wait_until(goes_on.exists, "2 MB of lines written, of which a pipe takes 64 KiB")
+        if "dropped" in line:
+            seen.set()
+
+    flooding = script(
+        "flooding",
+        "for number in range(20000): print(number, 'x' * 100)\n"
+        f"open({str(goes_on)!r}, 'w').close()\n" + PATIENT,
+    )
+    outcome = Supervisor([flooding], on_line=take).run(seen.is_set)
+    numbers = [int(line.split()[0]) for line in taken if line.endswith("x")]
+    dropped = [int(line.split()[0]) for line in taken if "dropped" in line]
+    assert numbers == sorted(set(numbers)), "in their order"
+    assert len(numbers) + sum(dropped) in (20000, 20001), "with the last word or without"
+    assert sum(dropped) > 0
+    assert outcome.failed == {}
+
+
+@pytest.mark.usefixtures("scripts")
+@pytest.mark.parametrize("error", [BrokenPipeError(), SystemExit(1)])
+def test_the_graph_is_stopped_in_order_once_nobody_takes_its_lines(
+    error: BaseException,
+) -> None:
+    def fail(*_: str) -> None:
+        raise error
+
+    outcome = Supervisor([script("patient", PATIENT)], on_line=fail).run()
+    assert (outcome.first, outcome.statuses) == ("", {"patient": 0})
+    assert outcome.unread is error
+
+
+@pytest.mark.usefixtures("scripts")
+def test_an_end_does_not_wait_for_who_takes_no_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervisor, "LAST_WORDS", 0.1)
+    up, over = threading.Event(), threading.Event()
+
+    def hang(*_: str) -> None:
+        up.set()
+        over.wait(60)
+
+    outcome = Supervisor([script("patient", PATIENT)], on_line=hang).run(up.is_set)
+    over.set()
+    assert outcome.statuses == {"patient": 0}

@@ -189,7 +189,7 @@ def test_an_arm_obeys_one_node(client: Client) -> None:
     other.create_publisher(WrenchStamped, "slave/servo_cf", 10)
 
     def refused() -> bool:
-        return "no force while /client and /other send it" in client.arm.status()[0]
+        return "no force while it is sent by /client and /other" in client.arm.status()[0]
 
     client.until(refused)
     client.until(lambda: client.force == (0.0, 0.0, 0.0), client.move)

@@ -23,7 +23,7 @@ SIDES = ("master", "slave")
 QUIETER = ("rate:=500", "record:=false")
 """Both graphs share the cores of one machine."""
 
-COMPOSED = "composed:=true"
+APART = "composed:=false"
 
 Start = Callable[..., Command]
 
@@ -59,7 +59,7 @@ def hosts(haptic_accel: Start, domain: int, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_two_hosts_couple_stop_and_lose_each_other(hosts: Hosts) -> None:
-    graphs = {"master": hosts.teleop("master"), "slave": hosts.teleop("slave", COMPOSED)}
+    graphs = {"master": hosts.teleop("master", APART), "slave": hosts.teleop("slave")}
     for graph in graphs.values():
         graph.wait_for("engaged$")
     observers = {side: Observer(hosts.domains[side]) for side in SIDES}
@@ -110,7 +110,7 @@ def _kill_and_return(hosts: Hosts, graphs: dict[str, Command]) -> None:
             os.kill(pid, signal.SIGKILL)
     lost.end()
     graphs["slave"].wait_for("let go: waiting for the peer's packets", seen)
-    graphs["master"] = hosts.teleop("master", COMPOSED)
+    graphs["master"] = hosts.teleop("master")
     for side, after in (("master", 0), ("slave", seen)):
         graphs[side].wait_for("engaged$", after)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import signal
 import struct
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -13,13 +14,25 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import rclpy
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue, SetParametersResult
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    GetParameterTypes,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rclpy.clock import ClockType
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Bool
 
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
@@ -31,13 +44,14 @@ from haptic_accel.core.topics import (
     MASTER_STOPPED,
     MASTER_WORK,
     SIGNALS,
+    SLAVE_POSITION,
     SLAVE_STOPPED,
     VECTORS,
     Topic,
 )
 from haptic_accel.graph.files import surface_parameters
 from haptic_accel.materials.folders import preset_file
-from haptic_accel.nodes.interface import message_type, quality
+from haptic_accel.nodes.interface import GraphNode, message_type, quality
 from observing import Observer
 from running import PATIENCE, Command, wait_until
 
@@ -98,6 +112,17 @@ class Node:
         (result,) = self._answer(future).results
         assert result.successful is not bool(result.reason)
         return str(result.reason)
+
+    def ask(self, kind: Any, **fields: Any) -> Any:
+        """Return the response of one of its parameter services to a request."""
+        services = {
+            DescribeParameters: "describe_parameters",
+            GetParameters: "get_parameters",
+            GetParameterTypes: "get_parameter_types",
+            SetParameters: "set_parameters",
+            SetParametersAtomically: "set_parameters_atomically",
+        }
+        return self._observer.call(kind, f"slave_device/{services[kind]}", kind.Request(**fields))
 
     def values(self) -> dict[str, Any]:
         """Return all parameters as `ros2 param dump` writes them."""
@@ -185,6 +210,37 @@ def test_numbers_are_taken_as_they_are_written(slave: Node) -> None:
         assert reason.endswith("must be from 0 to 2")
 
 
+def test_what_asks_for_no_parameter_is_answered_with_nothing(slave: Node) -> None:
+    before = slave.values()
+    for kind, field in (
+        (GetParameterTypes, "types"),
+        (GetParameters, "values"),
+        (DescribeParameters, "descriptors"),
+    ):
+        for names in (["no_such"], ["rate", ""], ["\x1b[2J\n", "x" * 60_000]):
+            assert len(getattr(slave.ask(kind, names=names), field)) == 0
+    assert slave.values() == before
+
+
+def test_what_sets_no_parameter_is_answered_with_the_reason(slave: Node) -> None:
+    before = slave.values()
+    for name, kind, reason in (
+        ("rate", 99, "rate: type = 99: must be one of 1 to 9"),
+        ("no_such", 3, "no_such: slave_device has no such parameter"),
+        ("a\x1b\n", 4, r"'a\x1b\n': slave_device has no such parameter"),
+        ("rate", 8, "rate = array('d'): must be from 50 to 20000 Hz"),
+        ("use_sim_time", 0, "use_sim_time = None: must be false"),
+    ):
+        parameters = [ParameterMessage(name=name, value=ParameterValue(type=kind))]
+        atomically = slave.ask(SetParametersAtomically, parameters=parameters).result
+        (one,) = slave.ask(SetParameters, parameters=parameters).results
+        for result in (atomically, one):
+            assert not result.successful
+            assert result.reason.startswith(reason)
+            assert result.reason.isprintable()
+    assert slave.values() == before
+
+
 def test_a_parameter_tells_what_it_may_be(slave: Node) -> None:
     allowed = {
         "autostart": "true or false",
@@ -196,10 +252,112 @@ def test_a_parameter_tells_what_it_may_be(slave: Node) -> None:
     assert dict(zip(allowed, slave.constraints(*allowed), strict=True)) == allowed
 
 
+class Listener:
+    """A node that takes the samples of a signal, and one that sends them."""
+
+    def __init__(self, capfd: pytest.CaptureFixture[str]) -> None:
+        rclpy.init()
+        self.node = GraphNode("compensator")
+        self.node.task = "listening"
+        self.sender = GraphNode("slave_device")
+        self.sender.task = "sending"
+        self._send = self.sender.sender(SLAVE_POSITION).send
+        self.samples = self.node.samples(SLAVE_POSITION, 1000.0)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self._capfd = capfd
+        self._said = ""
+
+    def takes(self) -> bool:
+        """Send a sample; return whether any is taken."""
+        self._send(time.time_ns(), (1.0, 0.0, 0.0))
+        self._executor.spin_once(timeout_sec=0.002)
+        return bool(list(self.samples.take()))
+
+    def said(self, *lines: str) -> bool:
+        """Return whether these lines, and no others, have been logged about the signal."""
+        self._said += self._capfd.readouterr().err
+        found = [line for line in self._said.splitlines() if SLAVE_POSITION.name in line]
+        assert len(found) <= len(lines), found
+        return len(found) == len(lines) and all(map(str.endswith, found, lines))
+
+    def close(self) -> None:
+        """End both nodes."""
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self.sender.destroy_node()
+        rclpy.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("rival", "both"),
+    [("slave_device", "/slave_device (2 publishers)"), ("evil", "/evil and /slave_device")],
+)
+def test_samples_of_two_publishers_are_not_taken(
+    observer: Observer, capfd: pytest.CaptureFixture[str], rival: str, both: str
+) -> None:
+    listener = Listener(capfd)
+    try:
+        wait_until(listener.takes, "samples of one publisher")
+        node = rclpy.create_node(rival, context=observer.context)
+        topic = SLAVE_POSITION
+        publisher = node.create_publisher(message_type(topic), topic.name, quality(topic))
+        wait_until(lambda: publisher.get_subscription_count() == 1, "the rival's subscriber")
+        wait_until(lambda: not listener.takes(), "samples are refused")
+        send = publisher.handle.publish_raw
+        for _ in range(100):
+            send(StampedVector(topic).pack(time.time_ns(), (9.0, 0.0, 0.0)))
+            assert not listener.takes()
+        refused = f"slave/measured_cp: no sample taken while it is sent by {both}"
+        wait_until(lambda: listener.said(refused) or listener.takes(), "a line")
+        assert listener.samples.contested >= 100
+        node.destroy_node()
+        wait_until(listener.takes, "samples of one publisher again")
+        again = "slave/measured_cp: taken again: it has one sender"
+        wait_until(lambda: listener.takes() and listener.said(refused, again), "another line")
+    finally:
+        listener.close()
+
+
+def test_no_false_of_two_publishers_is_believed(
+    observer: Observer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    listener = Listener(capfd)
+    try:
+        inbox = listener.node.inbox(COUPLER_STOPPED)
+        first, second = (listener.sender.publisher(COUPLER_STOPPED) for _ in range(2))
+
+        def heard(expected: list[bool], *words: bool) -> bool:
+            for word in words:
+                first.publish(Bool(data=word))
+            return listener.node.states(inbox)[-len(expected) :] == expected
+
+        wait_until(lambda: inbox.senders == 2, "both publishers")
+        wait_until(lambda: heard([True], False, True, False), "true alone")
+        listener.sender.destroy_publisher(second)
+        wait_until(lambda: heard([True, False], True, False), "false of the one that is left")
+    finally:
+        listener.close()
+
+
+def test_no_timer_waits_for_a_clock_that_was_set_back(
+    observer: Observer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    listener = Listener(capfd)
+    try:
+        listener.node.create_timer(1.0, lambda: None)
+        timers = list(listener.node.timers)
+        assert len(timers) > 1
+        assert {timer.clock.clock_type for timer in timers} == {ClockType.STEADY_TIME}
+    finally:
+        listener.close()
+
+
 def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_on(
     haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
 ) -> None:
-    graph = haptic_accel("teleop", "bag:=bag")
+    # A process takes no messages of signals that its own nodes send.
+    graph = haptic_accel("teleop", "bag:=bag", "composed:=false")
     graph.wait_for("engaged")
     sent = {
         observer.node.create_publisher(message_type(topic), topic.name, quality(topic)): pieces
@@ -215,6 +373,8 @@ def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_
 
     for node in ("master_device", "slave_device", "compensator", "coupler", "recorder"):
         wait_until(partial(all_refused, node), f"counted by {node}")
+    for publisher in sent:  # while there are two, nothing of either is taken
+        observer.node.destroy_publisher(publisher)
     observer.collect((ACTUATOR_FORCE,), 100)
     assert graph.end(signal.SIGINT) == 0, graph.text
     assert read_bag(tmp_path / "bag").problems == []

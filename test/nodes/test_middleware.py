@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import os
+import pwd
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -23,12 +25,14 @@ from haptic_accel.nodes.middleware import (
 from observing import Observer
 from running import Command
 
+HOME = {"HOME": "/home/user"}
+
 LOOPBACK = "0100007F"
 """127.0.0.1 as /proc/net/udp shows it."""
 
 
 def test_a_graph_stays_on_its_machine_by_default() -> None:
-    assert middleware_defaults({}) == {
+    assert middleware_defaults(HOME) == {
         DISCOVERY_RANGE: "SYSTEM_DEFAULT",
         **dict.fromkeys(PROFILES_FILES, str(LOOPBACK_PROFILE)),
     }
@@ -41,20 +45,31 @@ def test_a_node_that_another_started_adds_nothing() -> None:
 
 
 def test_a_range_of_the_users_is_kept_and_no_socket_is_bound_to_the_machine() -> None:
-    defaults = middleware_defaults({DISCOVERY_RANGE: "SUBNET"})
+    defaults = middleware_defaults({**HOME, DISCOVERY_RANGE: "SUBNET"})
     assert defaults == dict.fromkeys(PROFILES_FILES, str(NETWORK_PROFILE))
 
 
 def test_static_peers_are_looked_for_beside_this_machine() -> None:
-    defaults = middleware_defaults({STATIC_PEERS: "192.168.1.7"})
+    defaults = middleware_defaults({**HOME, STATIC_PEERS: "192.168.1.7"})
     assert defaults.pop(DISCOVERY_RANGE) == "LOCALHOST"
     assert defaults == dict.fromkeys(PROFILES_FILES, str(NETWORK_PROFILE))
 
 
 @pytest.mark.parametrize("variable", PROFILES_FILES)
 def test_a_profile_of_the_users_is_kept(variable: str) -> None:
-    assert middleware_defaults({variable: "mine.xml"}) == {DISCOVERY_RANGE: "LOCALHOST"}
-    assert middleware_defaults({variable: "mine.xml", DISCOVERY_RANGE: "SUBNET"}) == {}
+    assert middleware_defaults({**HOME, variable: "mine.xml"}) == {DISCOVERY_RANGE: "LOCALHOST"}
+    assert middleware_defaults({**HOME, variable: "mine.xml", DISCOVERY_RANGE: "SUBNET"}) == {}
+
+
+@pytest.mark.parametrize("environment", [{}, {"HOME": "", "ROS_HOME": ""}])
+def test_without_a_home_the_log_is_in_that_of_the_system(environment: dict[str, str]) -> None:
+    folder = middleware_defaults(environment)["ROS_LOG_DIR"]
+    assert folder == f"{pwd.getpwuid(os.getuid()).pw_dir}/.ros/log"
+
+
+@pytest.mark.parametrize("variable", ["HOME", "ROS_HOME", "ROS_LOG_DIR"])
+def test_a_folder_of_the_users_for_the_log_is_kept(variable: str) -> None:
+    assert "ROS_LOG_DIR" not in middleware_defaults({variable: "/somewhere"})
 
 
 def udp_addresses(pid: int) -> set[str]:

@@ -11,6 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_accel.core.due_forces import DueForces
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.nodes.scheduling import BEHIND, CATCH_UP, ArrivalKeeper, RateKeeper, system_time
 from running import Command
@@ -41,6 +43,23 @@ def clock() -> FakeClock:
 @pytest.fixture
 def keeper(clock: FakeClock) -> RateKeeper:
     return RateKeeper(1000, clock)
+
+
+def test_forces_of_a_process_that_stood_still_are_late_though_none_comes_after_its_tick(
+    clock: FakeClock, keeper: RateKeeper
+) -> None:
+    forces = DueForces(1, keeper.period)
+    for moment in [*range(100), *range(200, 300)]:  # in periods: it stands still for 0.1 s
+        clock.now = 18 * PERIOD + moment * PERIOD
+        for tick in due(keeper):
+            forces.take(tick)
+            forces.took_effect(clock.now / NANOSECONDS)
+            forces.put(tick, tick, ZERO)
+    # Of tick 100 to 200, the last is served in time, and has the 100 before it made up for it.
+    assert (forces.due, forces.missed, forces.past_tick) == (300 - keeper.missed, 99, 0)
+    assert keeper.missed == 1
+    assert forces.longest == pytest.approx(0.1)
+    assert forces.late_time == pytest.approx(0.1)
 
 
 def test_ticks_lie_on_whole_multiples_of_the_period(clock: FakeClock, keeper: RateKeeper) -> None:

@@ -29,7 +29,7 @@ def test_every_executable_is_a_module_of_a_node() -> None:
         assert "\ndef main() -> None:" in (folder / f"{script.name}.py").read_text()
 
 
-@pytest.mark.parametrize("node", ["coupler", "master_device", "recorder"])
+@pytest.mark.parametrize("node", ["coupler", "recorder"])
 def test_a_node_that_is_interrupted_while_it_loads_ends_without_a_word(
     node: str, tmp_path: Path
 ) -> None:
@@ -47,4 +47,4 @@ def test_a_node_that_is_interrupted_while_it_loads_ends_without_a_word(
         assert process.stdout.readline() == "loading\n"
         process.send_signal(signal.SIGINT)
         shown, errors = process.communicate(timeout=30)
-    assert (shown, errors, process.returncode) == ("", "", -signal.SIGINT)
+    assert (shown, errors, process.returncode) == ("", "", 0)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
@@ -96,6 +97,10 @@ class ActuatorGuard:
         self._soft = margins.cushion * actuator.travel
         self._end = margins.cushion_end * actuator.travel
         self._cool = 1.0 - margins.warm
+        # Up to this heat the peak force is allowed, as in `_allowed`, whatever the rounding.
+        staying = max(1.0 - self._warming, sys.float_info.min)
+        lasting = (self._bearable - self._warming * self._peak**2) / staying
+        self._cold = (1.0 - 1e-9) * min(margins.warm * self._bearable, lasting)
         self._speed = min(CUSHION_SPEED, CUSHION_SPEED_SHARE * rate)
         self._ahead = CUSHION_AHEAD * max(1e-3, 1.0 / rate)
         self.saturated = self.heated = self.cushioned = 0
@@ -127,10 +132,11 @@ class ActuatorGuard:
 
     def within(self, force: float, handle_acceleration: float) -> float:
         """Return the force that may be applied now, N; parameters as for `limited`."""
-        d, v = self._estimator.travel, self._estimator.velocity
-        if abs(d) > self._soft or abs(d + v * self._ahead) > self._soft:
+        estimator, soft = self._estimator, self._soft
+        d = estimator.travel
+        if abs(d) > soft or abs(d + estimator.velocity * self._ahead) > soft:
             force = self._cushioned(force, handle_acceleration)
-        allowed = self._allowed()
+        allowed = self._peak if self._heat <= self._cold else self._allowed()
         if abs(force) > allowed:
             if allowed < self._peak:
                 self.heated += 1

@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -188,9 +187,8 @@ class Watchdog:
             self.tripped = ""
 
     def arm(self) -> None:
-        """Let the next valid command through."""
+        """Let the next valid command through; the silence after the last one still counts."""
         self.tripped = ""
-        self.forget()
 
     def news(self, now: float) -> str:
         """Return a line for a lasting fault and one for its end, each once; otherwise empty."""
@@ -226,7 +224,7 @@ class _Channel(ABC, Generic[Force]):
         self._none: Force = none
         self._held: Force = none
         self._commanded = -math.inf
-        self._told = self.contested = ""
+        self._told, self._before, self.contested = False, "", ""
         self.rejected = self.slewed = 0
 
     def command(self, now: float, age: float, force: Force) -> Force | None:
@@ -236,13 +234,17 @@ class _Channel(ABC, Generic[Force]):
             self.rejected += 1
             return None
         if self.contested:
-            self.watchdog.rest()
-            return self.let_go(now) if self._held != self._none else None
+            return self.contend(now)
         if not self.watchdog.admits(now, age):
             return self.let_go(now) if self._held != self._none else None
         force = self._limited(now, force, magnitude)
         self._commanded = now
         return self._hold(now, force)
+
+    def contend(self, now: float) -> Force | None:
+        """Let go while several publishers send it; their commands are not missed."""
+        self.watchdog.rest()
+        return self.let_go(now) if self._held != self._none else None
 
     def let_go(self, now: float) -> Force:
         """Hold no force from now on; return it."""
@@ -256,10 +258,13 @@ class _Channel(ABC, Generic[Force]):
 
     def news(self, now: float) -> str:
         """Return a line for the log, once; otherwise empty."""
-        if self.contested != self._told:
-            self._told = self.contested
+        news = self.watchdog.news(now)
+        # Who they are is known a moment after that there are several.
+        settled, self._before = self.contested == self._before, self.contested
+        if settled and bool(self.contested) != self._told:
+            self._told = bool(self.contested)
             return self.contested or "allowed again: it has one sender"
-        return self.watchdog.news(now)
+        return "" if self.contested else news
 
     def values(self) -> dict[str, str]:
         """Return counts for diagnostics."""
@@ -298,6 +303,8 @@ class _ArmChannel(_Channel[Vector]):
         self.limited = 0
 
     def tick(self, now: float) -> Vector | None:
+        if self.contested:
+            return self.contend(now)
         return self.let_go(now) if self.watchdog.expired(now) else None
 
     def values(self) -> dict[str, str]:
@@ -351,9 +358,10 @@ class _ActuatorChannel(_Channel[float]):
         """Update the guard; return another force if the held one is no longer allowed."""
         if handle_acceleration is not None and abs(handle_acceleration) <= LARGEST_ACCELERATION:
             self._acceleration = handle_acceleration
-        held = self._held
-        self._hold(now, held)
+        held = self._hold(now, self._held)
         self._advance(now)
+        if self.contested:
+            return self.contend(now)
         if self.watchdog.expired(now):
             return self.let_go(now)
         if not held:
@@ -407,7 +415,8 @@ class _ActuatorChannel(_Channel[float]):
             self._push += self._held * time
             self._heat += self._held * self._held * time
         self._since = now
-        return super()._hold(now, force)
+        self._held = force
+        return force
 
     def _advance(self, now: float) -> None:
         """Pass the forces since the last tick to the guard, also if that is long ago."""
@@ -442,6 +451,8 @@ class SafetyLayer:
         True while the emergency stop forbids every force.
     active : bool
         True while the device's node is active.
+    refusal : str
+        Reason for which every command is refused; empty if commands are accepted.
     """
 
     def __init__(self, parameters: SafetyParameters, rate: float) -> None:
@@ -454,13 +465,7 @@ class SafetyLayer:
             self._channels.append(self._actuator)
         self._warned: defaultdict[str, int] = defaultdict(int)
         self.stopped = self.active = False
-
-    @property
-    def refusal(self) -> str:
-        """Reason for which every command is refused; empty if commands are accepted."""
-        if self.stopped:
-            return STOPPED
-        return "" if self.active else INACTIVE
+        self.refusal = INACTIVE
 
     @property
     def held_arm_force(self) -> Vector:
@@ -475,12 +480,19 @@ class SafetyLayer:
 
     @property
     def contested(self) -> str:
-        """Forces whose commands are refused because several nodes send them; empty for none."""
+        """Forces whose commands are refused because several senders give them; empty for none."""
         return ", ".join(f"{c.name}: {c.contested}" for c in self._channels if c.contested)
 
-    def note_senders(self, force: str, senders: Sequence[str]) -> None:
-        """Refuse commands for ``arm force`` or ``actuator force`` if several nodes send them."""
-        refused = f"no force while {' and '.join(senders)} send it" if len(senders) > 1 else ""
+    def note_rivals(self, force: str, rivals: str) -> None:
+        """Refuse commands for ``arm force`` or ``actuator force`` while there are several senders.
+
+        Parameters
+        ----------
+        force : str
+        rivals : str
+            Who they are; empty for a single one.
+        """
+        refused = f"no force while it is sent by {rivals}" if rivals else ""
         for channel in self._channels:
             if channel.name == force:
                 channel.contested = refused
@@ -568,6 +580,8 @@ class SafetyLayer:
         }
 
     def _let_go(self, now: float) -> None:
+        """Take all forces off after a change of what allows them."""
+        self.refusal = STOPPED if self.stopped else "" if self.active else INACTIVE
         for channel in self._channels:
             channel.let_go(now)
             channel.watchdog.rest()

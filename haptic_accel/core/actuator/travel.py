@@ -30,6 +30,13 @@ class TravelEstimator:
     rate : float
         Samples per second.
 
+    Attributes
+    ----------
+    travel : float
+        Displacement of the actuator now, m; positive away from the handle along its axis.
+    velocity : float
+        Velocity of the actuator relative to the handle now, m/s.
+
     Raises
     ------
     ParameterError
@@ -45,19 +52,8 @@ class TravelEstimator:
         generator = np.array([[0, 1, 0], [-k_s / m_a, -b_s / m_a, 1], [0, 0, 0]]) / rate
         transition = expm(generator)
         self._m_a = m_a
-        self._position: list[float] = transition[0].tolist()
-        self._velocity: list[float] = transition[1].tolist()
-        self._d = self._v = 0.0
-
-    @property
-    def travel(self) -> float:
-        """Displacement of the actuator now, m; positive away from the handle along its axis."""
-        return self._d
-
-    @property
-    def velocity(self) -> float:
-        """Velocity of the actuator relative to the handle now, m/s."""
-        return self._v
+        self._transition: list[list[float]] = transition[:2].tolist()
+        self.travel = self.velocity = 0.0
 
     def sample(self, actuator_force: float, handle_acceleration: float) -> float:
         """Advance by one sample; return the displacement at its end, m.
@@ -75,11 +71,12 @@ class TravelEstimator:
             Displacement at the next sample, m.
         """
         push = -actuator_force / self._m_a - handle_acceleration
-        d, v = self._d, self._v
-        self._d = self._position[0] * d + self._position[1] * v + self._position[2] * push
-        self._v = self._velocity[0] * d + self._velocity[1] * v + self._velocity[2] * push
-        return self._d
+        (d_d, d_v, d_push), (v_d, v_v, v_push) = self._transition
+        d, v = self.travel, self.velocity
+        self.velocity = v_d * d + v_v * v + v_push * push
+        self.travel = travel = d_d * d + d_v * v + d_push * push
+        return travel
 
     def reset(self) -> None:
         """Return to the middle, at rest."""
-        self._d = self._v = 0.0
+        self.travel = self.velocity = 0.0

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
@@ -34,7 +35,7 @@ class Bridge:
 
     def put(self, sample: float) -> None:
         """Take a sample; infinity and NaN count as zero."""
-        self._samples.append(sample if abs(sample) < np.inf else 0.0)
+        self._samples.append(sample if abs(sample) < math.inf else 0.0)
 
     def predict(self, count: int) -> list[float]:
         """Return the next samples, and keep them as samples; the mean of few samples.

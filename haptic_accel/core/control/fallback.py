@@ -44,7 +44,7 @@ BETTER = 0.7
 PAUSE = 1.0
 """Time for which a better error must be foreseen before a controller is tried again, and for which
 there is no force before a part of its own is tried, s of excitation; twice as long after each
-trial that failed."""
+trial that failed, up to `LONGEST_PAUSE`."""
 
 LEAST_PART, LARGEST_PART = 0.05, 0.25
 """Bounds of the part of a force that is tried where none has taken over: nothing is learnt of a
@@ -52,6 +52,10 @@ handle without force."""
 
 FADING = 5e-3
 """Duration of a change to a substitute, s."""
+
+LONGEST_PAUSE = 32.0
+"""Bound of the doubled pause, s of excitation: a device that refuses the force for a moment, as
+beside a second sender, makes a trial fail, too, and a good controller must come back."""
 
 TRIAL = 1.0
 """Duration of the return, s: a force that is still wrong is found so while it is small."""
@@ -211,7 +215,7 @@ class Fallback:
     def _replace(self) -> None:
         """Let the next best take over."""
         if self._on_trial:
-            self._pause *= 2.0
+            self._pause = min(2.0 * self._pause, LONGEST_PAUSE)
         self._worse = self._idle = 0.0
         self._pace = self._step
         self._probing = False

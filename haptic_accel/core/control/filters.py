@@ -39,25 +39,25 @@ class SampleFilter:
     # scipy.signal.sosfilt, whose result this equals.
 
     def __init__(self, sections: FloatArray) -> None:
-        self._coefficients = [
-            (float(b0), float(b1), float(b2), float(a1), float(a2))
-            for b0, b1, b2, _, a1, a2 in sections
+        # Of each section b0 b1 b2 a1 a2 and its memory.
+        self._sections = [
+            [*map(float, (b0, b1, b2, a1, a2)), 0.0, 0.0] for b0, b1, b2, _, a1, a2 in sections
         ]
-        self._memory = [[0.0, 0.0] for _ in self._coefficients]
 
     def sample(self, value: float) -> float:
         """Take one input sample, return one output sample."""
-        for (b0, b1, b2, a1, a2), memory in zip(self._coefficients, self._memory):  # noqa: B905
-            output = b0 * value + memory[0]
-            memory[0] = b1 * value - a1 * output + memory[1]
-            memory[1] = b2 * value - a2 * output
+        for section in self._sections:
+            b0, b1, b2, a1, a2, first, second = section
+            output = b0 * value + first
+            section[5] = b1 * value - a1 * output + second
+            section[6] = b2 * value - a2 * output
             value = output
         return value
 
     def reset(self) -> None:
         """Forget the past: the state of a filter that has always seen zero."""
-        for memory in self._memory:
-            memory[0] = memory[1] = 0.0
+        for section in self._sections:
+            section[5:] = 0.0, 0.0
 
 
 def high_pass(frequency: float, rate: float) -> FloatArray:

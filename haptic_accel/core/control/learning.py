@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 
@@ -65,7 +64,7 @@ INDEPENDENCE = 0.5
 """Independent evaluations per evaluation: windows overlap by three quarters (Welch 1967)."""
 
 STEPS = 6
-"""Steps of improvement per member of the bank and design: it goes on from there next time."""
+"""Steps of improvement per design: it goes on from there next time."""
 
 
 class Learner:
@@ -78,8 +77,8 @@ class Learner:
     parameter describes: a mode of the mount, the describing function of friction, another hand.
 
     The normal equations differ from the expected ones by what has been learnt, which is smooth and
-    needs few lines. They are solved by a few steps from the last solution, for each member of the
-    bank in turn. A sample only stores values; all else is done in pieces by `step`.
+    needs few lines. They are solved by a few steps from the last solution, for all members of the
+    bank together. A sample only stores values; all else is done in pieces by `step`.
 
     Parameters
     ----------
@@ -117,6 +116,7 @@ class Learner:
         assumed = plant.response(lines, rate)
         self._assumed_spectra = self._equations.spectra(self._expected, assumed)
         self._assumed_sequences = assumed_sequences(plant, rate, goal)
+        self._travel_costs = np.array([[travel_cost(corner)] for corner in TRAVEL_CORNERS])
         self._work: Iterator[bool] = iter(())
         self.reset()
 
@@ -170,18 +170,23 @@ class Learner:
         ratio = self._certain_ratio()
         excitation = self._ratio.excitation[1:]
         self.deviation = float(np.sqrt(excitation @ np.abs(ratio - 1.0) ** 2 / excitation.sum()))
+        yield False
         learnt = self._equations.spectra(self._spectrum(), model * ratio)
         yield False
         sequences = self._assumed_sequences + self._sequences(learnt - self._assumed_spectra)
         given = self._family.taps(grip)
         taps = given + self.correction
         yield False
-        for member, corner in enumerate(TRAVEL_CORNERS):
-            column = sequences[0] + travel_cost(corner) * sequences[1]
-            column[0] *= 1.0 + RIDGE
-            for better in islice(improved(column, sequences[2], taps[member]), STEPS):
-                taps[member] = better
-                yield False
+        columns = sequences[0] + self._travel_costs * sequences[1]
+        columns[:, 0] *= 1.0 + RIDGE
+        steps = 0
+        for better in improved(columns, sequences[2], taps):
+            if better is not None:
+                taps = better
+                steps += 1
+            yield False
+            if steps == STEPS:
+                break
         self.correction = taps - given
         self.looks += 1
         yield True
@@ -212,5 +217,7 @@ class Learner:
 
     def _sequences(self, spectra: ComplexArray) -> FloatArray:
         """Return the first lags of sequences with these spectra, shape (3, n)."""
-        lags = np.fft.irfft(np.pad(spectra, ((0, 0), (1, 0))), 2 * len(self._lines))
+        from_zero = np.zeros((len(spectra), len(self._lines) + 1), dtype=np.complex128)
+        from_zero[:, 1:] = spectra
+        lags = np.fft.irfft(from_zero, 2 * len(self._lines))
         return np.asarray(lags[:, : self._assumed_sequences.shape[1]])

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from haptic_accel.core.control.inversion.convolution import SampleWindow
+import numpy as np
+
 from haptic_accel.core.model import FloatArray
 
 MOST_MISSING = 0.02
@@ -28,10 +29,12 @@ class PairedWindow:
 
     def __init__(self, length: int, hop: int) -> None:
         self._length, self._hop = length, hop
-        self._cause, self._effect = SampleWindow(length), SampleWindow(length)
+        # Filled from its end to its beginning, as in `SampleWindow`.
+        self._pairs = np.zeros((2, 2 * length))
+        self._cause, self._effect = self._pairs
+        self._newest = length
         # Missing samples in the part of the window that is being filled, and in those before.
         self._missing: deque[int] = deque(maxlen=math.ceil(length / hop))
-        self._last = 0.0
         self.reset()
 
     def push(self, cause: float, effect: float) -> bool:
@@ -44,12 +47,15 @@ class PairedWindow:
         effect : float
             NaN or infinite where it is not known.
         """
+        newest = self._newest - 1
+        if newest < 0:
+            newest = self._moved()
         if not math.isfinite(effect):
             self._missing[-1] += 1
-            effect = self._last
-        self._last = effect
-        self._cause.push(cause)
-        self._effect.push(effect)
+            effect = self._effect[newest + 1]
+        self._newest = newest
+        self._cause[newest] = cause
+        self._effect[newest] = effect
         self._samples += 1
         if self._samples % self._hop:
             return False
@@ -59,12 +65,20 @@ class PairedWindow:
 
     def latest(self) -> tuple[FloatArray, FloatArray]:
         """Return cause and effect, newest first; views until the next sample."""
-        return self._cause.latest(), self._effect.latest()
+        latest = slice(self._newest, self._newest + self._length)
+        return self._cause[latest], self._effect[latest]
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._samples, self._last = 0, 0.0
+        self._samples = 0
         self._missing.clear()
         self._missing.append(0)
-        self._cause.reset()
-        self._effect.reset()
+        self._pairs[:] = 0.0
+        self._newest = self._length
+
+    def _moved(self) -> int:
+        """Move the samples that are still needed to the end; return the place before them."""
+        kept = self._length - 1
+        place = self._pairs.shape[1] - kept
+        self._pairs[:, place:] = self._pairs[:, :kept]
+        return place - 1

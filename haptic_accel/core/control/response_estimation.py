@@ -120,7 +120,6 @@ class ResponseEstimator:
     def _look(self) -> Iterator[bool]:
         """Evaluate the latest window; yield between pieces, at last True."""
         given, shown = (samples[::-1].copy() for samples in self._window.latest())
-        yield False
         # Gravity is no part of the response, and would leak into the lowest lines.
         given -= given.mean()
         if float(given.dot(given)) < self._length * self._least**2:
@@ -129,10 +128,13 @@ class ResponseEstimator:
         yield False
         effect = np.fft.rfft((shown - shown.mean()) * self._shape)
         yield False
-        self.weight = self._kept * self.weight + 1.0
-        share = 1.0 / self.weight
-        self.excitation = self.excitation + share * (np.abs(cause) ** 2 - self.excitation)
-        self.output = self.output + share * (np.abs(effect) ** 2 - self.output)
-        self.cross = self.cross + share * (cause.conj() * effect - self.cross)
+        weight = self._kept * self.weight + 1.0
+        share = 1.0 / weight
+        excitation = self.excitation + share * (np.abs(cause) ** 2 - self.excitation)
+        output = self.output + share * (np.abs(effect) ** 2 - self.output)
+        cross = self.cross + share * (cause.conj() * effect - self.cross)
+        yield False
+        # All at once, in a turn that is left for those who wait for it.
+        self.weight, self.excitation, self.output, self.cross = weight, excitation, output, cross
         self.looks += 1
         yield True

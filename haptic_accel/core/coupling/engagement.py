@@ -18,7 +18,7 @@ from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.topics import ARMS
 
 STEP_PERIOD = 0.02
-"""Interval at which `Engagement.step` is to be called, s."""
+"""Interval at which `Engagement.step` is due, s."""
 
 WARNING_PERIOD = 5.0
 """Interval between "waiting for ..." warnings, s."""
@@ -128,6 +128,7 @@ class Engagement:
         self._first_engaged = math.inf
         self._released = -math.inf
         self._warned = now
+        self._step_due = now
 
     def position_received(self, arm: str, now: float) -> None:
         """Note a position of an arm."""
@@ -151,6 +152,10 @@ class Engagement:
     def aside(self, now: float) -> bool:
         """Return whether arms that stay free have come to rest, for others to move them."""
         return bool(self._freed) and not self.engaged and now - self._released >= FREE_TIME
+
+    def due(self, now: float) -> bool:
+        """Return whether it is time for the next `step`."""
+        return now >= self._step_due
 
     def missing(self, now: float, listeners: int) -> str:
         """Return what engaging waits for, or what has gone; empty when all is there.
@@ -186,6 +191,7 @@ class Engagement:
 
     def step(self, now: float, listeners: int) -> Decision:
         """Return what is to be done now; arguments as for `missing`."""
+        self._step_due = now + STEP_PERIOD
         differing = self._stop_all(now)
         missing = self.missing(now, listeners)
         engage = not (self.engaged or missing)

@@ -25,9 +25,6 @@ STOPPED_THERE = f"{STOPPED} at the peer"
 SILENT = "waiting for the peer's packets"
 """Reason for a free arm while no packet comes."""
 
-UNHEARD = "the peer does not receive this host's packets"
-"""Reason for a free arm while packets come but none go through."""
-
 RESTARTED = "the peer has started again"
 """Reason for the release of an arm whose peer is another run than before."""
 
@@ -54,21 +51,19 @@ class HalfEngagement(Engagement):
         Time of the start, s.
     arm : str
         Arm of this host.
-    own_session : int
-        Session of this host's packets.
 
     Attributes
     ----------
     count : int
         Number of times that the arm engaged.
+    unusable : str
+        Why packets that come are of no use; empty if none come. To be kept up to date.
     """
 
-    def __init__(
-        self, parameters: EngagementParameters, now: float, arm: str, own_session: int
-    ) -> None:
+    def __init__(self, parameters: EngagementParameters, now: float, arm: str) -> None:
         super().__init__(parameters, now, (arm,))
         self.count = 0
-        self._own_session = own_session
+        self.unusable = ""
         self._peer: Packet | None = None
         self._heard = -math.inf
         self._session = 0
@@ -76,10 +71,11 @@ class HalfEngagement(Engagement):
         self._former: tuple[int, int] | None = None
 
     def peer_heard(self, packet: Packet, now: float) -> None:
-        """Take the state of the peer from its newest packet."""
+        """Take the state of the peer from its newest packet, which answers this host's."""
         before, self._peer, self._heard = self._peer, packet, now
         known = before is not None and before.session == packet.session
-        if packet.stops > before.stops if before and known else packet.stopped:
+        # A number that falls is wrong: rather one stop too many than one that is not seen.
+        if packet.stops != before.stops if before and known else packet.stopped:
             self.stop.follow()
         if self.engaged and self._partner is None and packet.engaged:
             self._partner = packet.session, packet.engagement
@@ -110,14 +106,16 @@ class HalfEngagement(Engagement):
                 self._freed = LOST
         return decision
 
-    def is_left(self, now: float) -> bool:
-        """Return whether the arm is engaged but must be released because of the peer."""
+    def due(self, now: float) -> bool:
+        """Return whether it is time for the next `step`: at once where the peer was lost."""
+        if super().due(now):
+            return True
         return self.engaged and (self.stop.stopped or bool(self._missing_there(now)))
 
     def _lost(self, now: float) -> str:
         """Return how the peer was lost; empty if it was not."""
         if self._peer is None or now - self._heard > self._parameters.timeout:
-            return SILENT
+            return self.unusable or SILENT
         return RESTARTED if self.engaged and self._peer.session != self._session else ""
 
     def _missing_there(self, now: float) -> str:
@@ -127,8 +125,6 @@ class HalfEngagement(Engagement):
             return lost
         if peer.stopped:
             return STOPPED_THERE
-        if peer.echo_session != self._own_session:
-            return UNHEARD
         partner = (peer.session, peer.engagement)
         if self.engaged:
             there = peer.engaged and self._partner == partner

@@ -71,20 +71,19 @@ class Pairing:
     def pairs(self) -> Iterator[tuple[Motion, Motion]]:
         """Yield the samples of both arms for each tick that is complete."""
         first, second = self._waiting
+        half_period = self._half_period
         while first and second:
             ahead = first[0].stamp - second[0].stamp
-            found = [
-                self._next(0, missing=ahead > self._half_period),
-                self._next(1, missing=ahead < -self._half_period),
+            self._before = [
+                first.popleft() if ahead <= half_period else self._held(0),
+                second.popleft() if ahead >= -half_period else self._held(1),
             ]
-            if found[0] and found[1]:
-                yield found[0], found[1]
+            master, slave = self._before
+            if master and slave:
+                yield master, slave
 
-    def _next(self, arm: int, *, missing: bool) -> Motion | None:
-        """Return an arm's sample of a tick, or the one that stands for it."""
-        if missing:
-            before = self._before[arm]
-            self.held += before is not None
-            return before
-        self._before[arm] = self._waiting[arm].popleft()
-        return self._before[arm]
+    def _held(self, arm: int) -> Motion | None:
+        """Return the sample that stands for an arm's missing one."""
+        before = self._before[arm]
+        self.held += before is not None
+        return before

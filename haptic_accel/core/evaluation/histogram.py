@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from itertools import accumulate
 
 SHORTEST = 1.0e-6
@@ -81,8 +82,16 @@ class DurationHistogram:
 
     def summary(self) -> dict[str, float]:
         """Return the reported quantiles and the maximum by label, s; NaN while there are none."""
-        found = {label: self.quantile(q) for label, q in QUANTILES.items()}
+        reached = list(accumulate(self._counts))
+        found = {label: self._quantile(reached, q) for label, q in QUANTILES.items()}
         return {**found, "max": self.maximum}
+
+    def status(self, name: str) -> dict[str, str]:
+        """Return the summary for diagnostics, in us; nothing while there are no durations."""
+        if not self.count:
+            return {}
+        found = self.summary().items()
+        return {f"{name} {label} (us)": f"{value * 1e6:.1f}" for label, value in found}
 
     def quantile(self, q: float) -> float:
         """Return the duration that a share of all durations does not exceed.
@@ -106,15 +115,17 @@ class DurationHistogram:
         """
         if not 0.0 <= q <= 1.0:
             raise ValueError(f"q = {q}: must be from 0 to 1")
-        counts = self._counts.copy()
-        total = sum(counts)
+        return self._quantile(list(accumulate(self._counts)), q)
+
+    def _quantile(self, reached: list[int], q: float) -> float:
+        """Return a quantile from the numbers of durations up to each bin."""
+        total = reached[-1]
         if total == 0:
             return math.nan
         rank = max(math.ceil(q * total), 1)
         if rank == total:
             return self.maximum
-        index = next(i for i, reached in enumerate(accumulate(counts)) if reached >= rank)
-        return min(_centre(index), self.maximum)
+        return min(_centre(bisect_left(reached, rank)), self.maximum)
 
 
 def _centre(index: int) -> float:

@@ -5,16 +5,16 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from haptic_accel.core.document import read_json_document
 from haptic_accel.core.identification.estimate import RecordingError, check_pair
 from haptic_accel.core.model import ComplexArray, FloatArray
-from haptic_accel.core.parameters import ParameterError, check_positive_rate
+from haptic_accel.core.parameters import ParameterError, Specification, check_positive_rate
 
 # scipy.signal takes half a second to import: only an identification waits for it.
 
@@ -72,26 +72,15 @@ def read_discrete_model(path: Path) -> DiscreteModel:
     ParameterError
         It cannot be read, or holds no stable discrete model.
     """
-    what = f"model = '{path}'"
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))["discrete_model"]
-        model = DiscreteModel(
-            np.array(content["sections"], dtype=np.float64),
-            float(content["rate_hz"]),
-            int(content["delay_samples"]),
-        )
-    except OSError as error:
-        raise ParameterError(f"{what}: must be a readable file: {error.strerror}") from None
-    except (ValueError, TypeError, KeyError) as error:
-        raise ParameterError(
-            f"{what}: must be the metrics of an identification: {type(error).__name__} {error}"
-        ) from None
-    sections = model.sections
-    if sections.ndim != 2 or sections.shape[1] != 6 or not np.isfinite(sections).all():
-        raise ParameterError(f"{what}: sections: must be rows of six numbers")
-    if not all(np.abs(np.roots(section[3:])).max(initial=0.0) < 1.0 for section in sections):
-        raise ParameterError(f"{what}: sections: must be stable")
-    return model
+    content = read_json_document(path).at("discrete_model")
+    rate, delay = content.at("rate_hz").number(), content.at("delay_samples")
+    sections = content.at("sections")
+    rows = sections.array()
+    if rows.ndim != 2 or rows.shape[1] != 6 or not np.isfinite(rows).all():
+        sections.wrong("must be rows of six numbers")
+    if not all(np.abs(np.roots(row[3:])).max(initial=0.0) < 1.0 for row in rows):
+        sections.wrong("must be stable")
+    return DiscreteModel(rows, rate, delay.checked(1, Specification("delay", "", 0)))
 
 
 def identify_discrete(

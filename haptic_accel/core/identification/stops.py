@@ -15,6 +15,10 @@ from haptic_accel.core.model import Suspension
 STOPS_HIT = "travel_stops_hit"
 """Name in a trial's status of the number of times that a stop was hit, where that is known."""
 
+LIMITED = tuple(f"actuator force limited{by}" for by in ("", " by heat", " by travel"))
+"""Names, there and in a device's diagnostics, of the numbers of forces that its safety layer
+reduced: what was applied is then not what was commanded."""
+
 DOUBTFUL, REFUSED = 0.95, 1.1
 """Shares of the travel from which its estimate is a reason to doubt a fit, and to refuse it: it
 knows neither dry friction nor the sensor's offset (assumed: 10 %)."""
@@ -24,7 +28,7 @@ Recorded = Mapping[str, Sequence[IdentificationTrial]]
 
 
 def check_stops(recorded: Recorded) -> None:
-    """Refuse trials in which the actuator is known to have hit its stops.
+    """Refuse trials in which the actuator hit its stops or its force was limited, as is known.
 
     Raises
     ------
@@ -32,11 +36,11 @@ def check_stops(recorded: Recorded) -> None:
         Naming the grip.
     """
     for name, trials in recorded.items():
-        hits = max(trial.status.get(STOPS_HIT, 0) for trial in trials)
-        if hits:
-            raise RecordingError(
-                f"{STOPS_HIT} = {hits} ({name}): must be 0; use a smaller amplitude"
-            )
+        for key in (STOPS_HIT, *LIMITED):
+            if count := max(trial.status.get(key, 0) for trial in trials):
+                raise RecordingError(
+                    f"{key} = {count} ({name}): must be 0; use a smaller amplitude"
+                )
 
 
 def check_travel(

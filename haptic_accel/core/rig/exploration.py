@@ -51,9 +51,8 @@ class Exploration:
         increments = (velocity[:-1] + velocity[1:]) * (TABLE_STEP / 2)
         position = np.vstack([np.zeros(2), np.cumsum(increments, axis=0)])
         position[:, 1] += parameters.height
-        self._velocity = velocity.tolist()
-        self._position = position.tolist()
-        self._last = len(self._velocity) - 1
+        self._table = np.hstack([position, velocity]).tolist()
+        self._last = len(self._table) - 1
 
     @property
     def period(self) -> float:
@@ -65,9 +64,8 @@ class Exploration:
         place = max(0.0, time / TABLE_STEP) % self._last
         index = int(place)
         part = place - index
-        x, z = self._position[index]
-        v_x, v_z = self._velocity[index]
-        next_x, next_z = self._velocity[index + 1]
+        x, z, v_x, v_z = self._table[index]
+        _, _, next_x, next_z = self._table[index + 1]
         dv_x, dv_z = (next_x - v_x) * part, (next_z - v_z) * part
         elapsed = part * TABLE_STEP
         return (

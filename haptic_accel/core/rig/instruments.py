@@ -80,15 +80,14 @@ class ArmParameters(Checked):
 
     def motor_force(self, force: float) -> float:
         """Return a force along one axis limited to that of the motors, N; zero for NaN."""
-        if math.isnan(force):  # which min and max would turn into the full force
-            return 0.0
-        return min(self.max_force, max(-self.max_force, force))
+        if abs(force) <= self.max_force:
+            return force
+        return 0.0 if math.isnan(force) else math.copysign(self.max_force, force)
 
     def encoded(self, position: float) -> float:
         """Return a position rounded to the encoders' resolution, m."""
-        if self.position_resolution == 0:
-            return position
-        return round(position / self.position_resolution) * self.position_resolution
+        resolution = self.position_resolution
+        return round(position / resolution) * resolution if resolution else position
 
     def sample(self, x: float, z: float, v_x: float, v_z: float, acceleration: float) -> Sample:
         """Return the readings of an arm that moves along x and z."""

@@ -57,3 +57,45 @@ class Rig(Protocol):
 
     def status(self) -> dict[str, int]:
         """Return counts of values beyond a range, by name."""
+
+
+class SampledRig:
+    """A rig as a device: sampled exactly at the requested times, as by a converter with a clock.
+
+    Its time begins with the first read or write.
+
+    Parameters
+    ----------
+    rig : Rig
+    """
+
+    late = 0
+    """Number of forces that took effect after their due time."""
+
+    _rig: Rig
+    _elapsed = 0.0
+    _origin: float | None = None
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+
+    def read(self, time: float) -> Sample:
+        """Simulate until a time, s, and return the sample then."""
+        self._advance(time)
+        return self._rig.measure()
+
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+    ) -> None:
+        """Simulate until a time, s, then change the forces, N."""
+        self._advance(time)
+        if arm_force is not None:
+            self._rig.apply_arm_force(arm_force)
+        if actuator_force is not None:
+            self._rig.apply_actuator_force(actuator_force)
+
+    def _advance(self, time: float) -> None:
+        if self._origin is None:
+            self._origin = time - self._elapsed
+        self._elapsed = time - self._origin
+        self._rig.advance(self._elapsed)

@@ -41,8 +41,8 @@ NOISE_STREAM = 1
 Y_A, V_A, Y_H, V_H, X_U, Y_U, VX_U, V_U, MEASURED, X_H, VX_H, Y_M, V_M = range(13)
 F_A, F_Z, F_X, AX_U, A_U, F_BETWEEN, G = range(7)
 STATES, INPUTS = 13, 7
-# Neighbours, read and written together: one access to an array costs as much as its arithmetic.
-ACTUATOR_AND_HANDLE, HAND, HAND_ACCELERATION = slice(Y_A, X_U), slice(X_U, MEASURED), slice(3, 5)
+# Neighbours, read together: one access to an array costs as much as its arithmetic.
+ACTUATOR_AND_HANDLE = slice(Y_A, X_U)
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,7 @@ class MasterRig:
         self._holding = Holding()
         self._explored_since: int | None = None
         self._hand_until = 0  # up to here the hand's acceleration is as set
+        self._led = -1, (0.0, 0.0, 0.0, 0.0)  # when the hand was last asked for, and where it was
         self._touching = False
         self._stop_hits = 0
         self._rest()
@@ -163,7 +164,8 @@ class MasterRig:
         let_go = self._holding.ends(max(0, due) * self._step)
         while due > 0:
             due -= self._advance(due)
-        self._take_commands()
+        if self._commands:
+            self._take_commands()
         if let_go:
             self._put_back()
 
@@ -244,29 +246,38 @@ class MasterRig:
         """Build the mechanics of the handle with its present grip."""
         h, drive = self.handle, self._p.drive
         self._system = LinearSystem(*_mechanics(self._p, h), self._step, self._longest)
-        response = self._system.step_response(F_BETWEEN)
-        self._friction_response = list(response)
-        self._friction_travel = (response[:, Y_A] - response[:, Y_H]).tolist()
+        self._ends = self._system.state[ACTUATOR_AND_HANDLE]
+        self._travel = self._p.actuator.travel
+        self._friction = drive.coulomb_friction
         self._friction_steps = self._longest
-        if drive.coulomb_friction:
+        if self._friction:
             # Within its time constant, friction that is held does not reverse a slip.
             reduced_mass = 1 / (1 / h.m_a + 1 / h.m_h)
-            relaxation = reduced_mass * drive.slip_velocity / drive.coulomb_friction
+            relaxation = reduced_mass * drive.slip_velocity / self._friction
             self._friction_steps = max(1, int(min(self._longest, relaxation / self._step)))
+        response = self._system.step_response(F_BETWEEN)
+        travels = (response[:, Y_A] - response[:, Y_H]).tolist()
+        # By the number of steps: the answer to a unit of friction, and the travel that has all.
+        self._rubbed = [
+            (each, drive.slip_velocity * steps * self._step + self._friction * travel)
+            for steps, (each, travel) in enumerate(zip(response, travels, strict=True), start=1)
+        ]
 
     def _advance(self, due: int) -> int:
         """Advance by due steps until an input may change; return their number."""
-        system = self._system
-        self._take_commands()
+        if self._commands:
+            self._take_commands()
         if self._now >= self._hand_until:
             self._lead_hand()
-        y_a, v_a, y_h, v_h = system.state[ACTUATOR_AND_HANDLE].tolist()
+        y_a, v_a, y_h, v_h = self._ends.tolist()
         offset, slip = y_a - y_h, v_a - v_h
         steps = self._step_limit(due, offset, slip)
-        system.inputs[F_BETWEEN] = self._stop_force(offset, slip)
-        system.advance(steps)
-        if self._p.drive.coulomb_friction:
+        if self._touching or abs(offset) > self._travel:
+            self._system.inputs[F_BETWEEN] = self._stop_force(offset, slip)
+        if self._friction:
             self._rub(offset, steps)
+        else:
+            self._system.advance(steps)
         self._now += steps
         return steps
 
@@ -276,7 +287,7 @@ class MasterRig:
         if self._commands:
             steps = min(steps, max(1, self._commands[0][0] - self._now))
         reach = abs(offset) + 2 * abs(slip) * steps * self._step
-        return min(steps, STOP_STEPS) if reach > self._p.actuator.travel / 2 else steps
+        return min(steps, STOP_STEPS) if reach > self._travel / 2 else steps
 
     def _take_commands(self) -> None:
         """Apply the commands whose delay is over."""
@@ -293,7 +304,7 @@ class MasterRig:
     def _rest(self) -> None:
         """Set the state in which hand, spring and gravity balance."""
         h, gravity, state = self.handle, self._p.grip.gravity, self._system.state
-        state[HAND] = self._hand(self._now)
+        state[X_U], state[Y_U], state[VX_U], state[V_U] = self._hand(self._now)
         self._system.inputs[G] = -gravity
         sag = (h.m_a + h.m_h) * gravity / h.k_u if h.k_u else 0.0
         state[Y_H] = state[Y_M] = state[Y_U] - sag
@@ -303,22 +314,24 @@ class MasterRig:
     def _lead_hand(self) -> None:
         """Set the hand's motion from now on, for at most a step of its table."""
         self._hand_until = self._now + self._longest
-        hand, ahead = self._hand(self._now), self._hand(self._hand_until)
+        x, z, v_x, v_z = self._hand(self._now)
+        _, _, next_x, next_z = self._hand(self._hand_until)
         duration = self._longest * self._step
-        self._system.state[HAND] = hand
-        self._system.inputs[HAND_ACCELERATION] = (
-            (ahead[2] - hand[2]) / duration,
-            (ahead[3] - hand[3]) / duration,
-        )
+        state, inputs = self._system.state, self._system.inputs
+        # One by one: an array takes longer to read a tuple than four numbers.
+        state[X_U], state[Y_U], state[VX_U], state[V_U] = x, z, v_x, v_z
+        inputs[AX_U], inputs[A_U] = (next_x - v_x) / duration, (next_z - v_z) / duration
 
     def _hand(self, now: int) -> tuple[float, float, float, float]:
         steps = 0 if self._explored_since is None else now - self._explored_since
-        return self._leading.at(steps * self._step)
+        if steps != self._led[0]:
+            self._led = steps, self._leading.at(steps * self._step)
+        return self._led[1]
 
     def _stop_force(self, offset: float, slip: float) -> float:
         """Force of a travel stop on the actuator's mass, N; zero in free travel."""
         p = self._p.drive
-        overrun = abs(offset) - self._p.actuator.travel
+        overrun = abs(offset) - self._travel
         before, self._touching = self._touching, overrun > 0
         if not self._touching:
             return 0.0
@@ -330,19 +343,17 @@ class MasterRig:
         return -math.copysign(max(0.0, push), offset)
 
     def _rub(self, offset: float, steps: int) -> None:
-        """Add the effect of dry friction, held over the steps just made, to the state.
+        """Advance by so many steps under dry friction, held over them.
 
         It is that of the mean slip that remains under it: so it only takes energy, and is right to
         second order in the time for which it is held.
         """
-        p, state = self._p.drive, self._system.state
-        y_a, _, y_h, _ = state[ACTUATOR_AND_HANDLE].tolist()
-        travelled = y_a - y_h - offset
-        slipping = p.slip_velocity * steps * self._step
-        share = travelled / (slipping + p.coulomb_friction * self._friction_travel[steps - 1])
-        state -= (
-            p.coulomb_friction * min(1.0, max(-1.0, share)) * self._friction_response[steps - 1]
-        )
+        system = self._system
+        free = system.after(steps)
+        travelled = free.item(Y_A) - free.item(Y_H) - offset
+        response, whole = self._rubbed[steps - 1]
+        friction = self._friction * min(1.0, max(-1.0, travelled / whole))
+        np.subtract(free, friction * response, system.state)
 
 
 def _mechanics(

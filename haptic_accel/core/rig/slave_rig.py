@@ -109,7 +109,7 @@ class SlaveRig:
         self._longest_step = physics_step
         self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
         self._seed = seed
-        self._tip = tip_law(parameters.tool, parameters.surface, seed)
+        self._law = tip_law(parameters.tool, parameters.surface, seed)
         self._recording = None if recording is None else recording.tolist()
         self._corner = 2 * math.pi * parameters.accelerometer.bandwidth
         self._force_x = self._force_z = 0.0
@@ -124,9 +124,9 @@ class SlaveRig:
     def contact_force(self) -> Vector:
         """Force of the surface on the tip, N."""
         motion = self._v_x, self._v_z, 0.0, 0.0
-        x, z, *_ = self._tip(self._x, self._z - self._lift, *motion)
+        *_, x, z, _, _ = self._law(self._x, self._z - self._lift, *motion)
         # High above the surface only the joints' friction is left.
-        free_x, free_z, *_ = self._tip(self._x, 1.0, *motion)
+        *_, free_x, free_z, _, _ = self._law(self._x, 1.0, *motion)
         mass = self._p.tool.mass
         return mass * (x - free_x), 0.0, mass * (z - free_z)
 
@@ -175,7 +175,7 @@ class SlaveRig:
         # The same elastic force out of another stiffness (Hertz).
         pressed *= (self._p.surface.stiffness / surface.stiffness) ** (2 / 3)
         self._p = replace(self._p, surface=surface)
-        self._tip = tip_law(self._p.tool, surface, self._seed)
+        self._law = tip_law(self._p.tool, surface, self._seed)
         self._lift = 0.0
         excess = self._penetration() - pressed
         if pressed > 0 or excess > 0:
@@ -209,32 +209,18 @@ class SlaveRig:
         self._low_passed = 0.0
 
     def _move(self, due: float) -> None:
-        """Integrate for a time in s by the velocity Verlet scheme, whose energy does not drift."""
+        """Let the tip move for a time in s."""
         steps = max(1, math.ceil(due / self._longest_step - 1e-6))
         step = due / steps
-        half = step / 2
         decay = math.exp(-self._corner * step)
         # A step's share of its first and last acceleration in the low-pass, the
         # acceleration taken as linear in between.
         mean = (1 - decay) / (self._corner * step)
-        first, last = mean - decay, 1 - mean
-        tip, low_passed = self._tip, self._low_passed
-        motor_x, motor_z = self._force_x, self._force_z
-        x, z, v_x, v_z = self._x, self._z - self._lift, self._v_x, self._v_z
-        # The motors' force changes only here: the low-pass must see its jump.
-        a_x, a_z, _, _ = tip(x, z, v_x, v_z, motor_x, motor_z)
-        for _ in range(steps):
-            half_x, half_z, before = v_x + half * a_x, v_z + half * a_z, a_z
-            x += step * half_x
-            z += step * half_z
-            # Friction depends on velocity: a predicted one keeps the scheme second-order.
-            v_x, v_z = v_x + step * a_x, v_z + step * a_z
-            a_x, a_z, _, _ = tip(x, z, v_x, v_z, motor_x, motor_z)
-            v_x = half_x + half * a_x
-            v_z = half_z + half * a_z
-            low_passed = decay * low_passed + first * before + last * a_z
-        self._x, self._z, self._v_x, self._v_z = x, z + self._lift, v_x, v_z
-        self._low_passed = low_passed
+        x, z, self._v_x, self._v_z, self._low_passed, *_ = self._law(
+            *(self._x, self._z - self._lift, self._v_x, self._v_z, self._force_x, self._force_z),
+            *(self._low_passed, steps, step, decay, mean - decay, 1 - mean),
+        )
+        self._x, self._z = x, z + self._lift
 
     def _tool_acceleration(self) -> float:
         if self._recording is None:
@@ -253,13 +239,16 @@ class SlaveRig:
 
     def _penetration(self) -> float:
         """Depth of the tip in the surface, m; negative above it."""
-        return self._tip(self._x, self._z - self._lift, 0.0, 0.0, 0.0, 0.0)[3]
+        return self._law(self._x, self._z - self._lift, 0.0, 0.0, 0.0, 0.0)[-1]
 
 
-def tip_law(
-    tool: ToolParameters, surface: SurfaceParameters, seed: int
-) -> Callable[[float, float, float, float, float, float], tuple[float, float, float, float]]:
-    """Return the law of a tip on one piece of a material.
+Moved = tuple[float, float, float, float, float, float, float, float, float]
+"""Place, velocity, low-passed acceleration and present acceleration of the tip, each along the
+surface before normal to it where it has both; normal force of the contact and penetration."""
+
+
+def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Callable[..., Moved]:
+    """Return the law of motion of a tip on one piece of a material.
 
     A closure, with all it needs in local variables: a simulation spends most of its time here.
 
@@ -274,8 +263,10 @@ def tip_law(
     -------
     callable
         From place and velocity of the tip and the motors' force, each along the surface and
-        normal to it (m, m/s, N), to the accelerations along both in m/s^2, the normal force of
-        the contact in N, never negative, and the penetration in m.
+        normal to it (m, m/s, N), and optionally the low-passed acceleration, m/s^2, the number
+        of steps to move, their length, s, and the low-pass' factors of its state and of a step's
+        first and last acceleration, to where the tip is then: m, m/s, m/s^2, N, m. Without
+        steps it does not move.
     """
     profile = height_profile(surface, seed)
     heights, rises = profile.tolist(), (np.roll(profile, -1) - profile).tolist()
@@ -285,26 +276,55 @@ def tip_law(
     slow = tool.slip_velocity**2
     floor, sqrt = math.floor, math.sqrt
 
-    def tip(
-        x: float, z: float, v_x: float, v_z: float, force_x: float, force_z: float
-    ) -> tuple[float, float, float, float]:
-        slipping = sqrt(v_x * v_x + v_z * v_z + slow)
-        joints = viscous + dry / slipping
-        force_x -= joints * v_x
-        force_z -= joints * v_z
-        # The height is linear between the points of the profile.
-        place = x / spacing
-        before = floor(place)
-        index = before % points
-        rise = rises[index]
-        penetration = heights[index] + rise * (place - before) - z
-        normal = 0.0
-        if penetration > 0:
-            slope = rise / spacing
-            elastic = stiffness * penetration * sqrt(penetration)
-            normal = max(0.0, elastic * (1 + damping * (slope * v_x - v_z)))
-            force_x -= sliding * normal * v_x / slipping + normal * slope
-            force_z += normal
-        return force_x / mass, force_z / mass, normal, penetration
+    def move(
+        x: float,
+        z: float,
+        v_x: float,
+        v_z: float,
+        motor_x: float,
+        motor_z: float,
+        low_passed: float = 0.0,
+        steps: int = 0,
+        step: float = 0.0,
+        decay: float = 0.0,
+        first: float = 0.0,
+        last: float = 0.0,
+    ) -> Moved:
+        half = step / 2
+        half_x = half_z = before = 0.0
+        # The motors' force changes only at the beginning: the low-pass must see its jump.
+        for done in range(steps + 1):
+            slipping = sqrt(v_x * v_x + v_z * v_z + slow)
+            joints = viscous + dry / slipping
+            force_x = motor_x - joints * v_x
+            force_z = motor_z - joints * v_z
+            # The height is linear between the points of the profile.
+            place = x / spacing
+            left = floor(place)
+            index = left % points
+            rise = rises[index]
+            penetration = heights[index] + rise * (place - left) - z
+            normal = 0.0
+            if penetration > 0:
+                slope = rise / spacing
+                elastic = stiffness * penetration * sqrt(penetration)
+                pushing = elastic * (1 + damping * (slope * v_x - v_z))
+                if pushing > 0:
+                    normal = pushing
+                force_x -= sliding * normal * v_x / slipping + normal * slope
+                force_z += normal
+            a_x, a_z = force_x / mass, force_z / mass
+            # The velocity Verlet scheme, whose energy does not drift.
+            if done:
+                v_x = half_x + half * a_x
+                v_z = half_z + half * a_z
+                low_passed = decay * low_passed + first * before + last * a_z
+            if done < steps:
+                half_x, half_z, before = v_x + half * a_x, v_z + half * a_z, a_z
+                x += step * half_x
+                z += step * half_z
+                # Friction depends on velocity: a predicted one keeps the scheme second-order.
+                v_x, v_z = v_x + step * a_x, v_z + step * a_z
+        return x, z, v_x, v_z, low_passed, a_x, a_z, normal, penetration
 
-    return tip
+    return move

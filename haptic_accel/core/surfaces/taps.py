@@ -37,6 +37,12 @@ CROSS_FADE = 0.03
 LONGEST_TAP = 0.5
 """Time in s after which any tap is over."""
 
+MOST_SPEEDS = 100
+"""Impact speeds of a recorded set."""
+
+LONGEST_RECORDING = 10.0
+"""Longest recording of a tap, s."""
+
 _REST = 1e-3  # of a mode's amplitude, at which it is over: far below what is felt
 _PENCIL_SAMPLES = 400  # most that poles are found from: the effort grows with their cube
 _RANK_TOLERANCE = 1e-9  # of the largest singular value: smaller ones are rounding
@@ -85,11 +91,11 @@ class TapModel:
     def __post_init__(self) -> None:
         """Check that there is one kind of tap, and that it is complete."""
         check_positive_rate(self.rate)
-        if bool(self.modes) == bool(len(self.speeds)):
+        if bool(self.modes) == bool(np.size(self.speeds)):
             raise ParameterError("tap: must have either modes or a recorded set")
         if len(self.modes) > MOST_MODES:
             raise ParameterError(f"tap: {len(self.modes)} modes: must be at most {MOST_MODES}")
-        if len(self.speeds):
+        if np.size(self.speeds):
             self._check_recordings()
 
     def _check_recordings(self) -> None:
@@ -99,6 +105,14 @@ class TapModel:
             raise ParameterError(
                 f"tap: samples of shape {self.samples.shape}: must have one row per impact speed, "
                 f"{len(self.speeds)}"
+            )
+        if len(self.speeds) > MOST_SPEEDS:
+            raise ParameterError(
+                f"tap: {len(self.speeds)} impact speeds: must be at most {MOST_SPEEDS}"
+            )
+        if (seconds := self.samples.shape[1] / self.rate) > LONGEST_RECORDING:
+            raise ParameterError(
+                f"tap: samples of {seconds:g} s: must be at most {LONGEST_RECORDING:g} s"
             )
         if not (self.samples.size and np.all(np.isfinite(self.samples))):
             raise ParameterError("tap: samples of the recorded set must be finite numbers")

@@ -46,6 +46,12 @@ either way: a just noticeable difference of vibration is about 15 %."""
 NOISE_BLOCK = 256
 """Random numbers drawn at a time: few enough to delay no sample by more than 10 us."""
 
+MOST_NODES = 400
+"""Nodes of a model; those of the Penn Haptic Texture Toolkit have up to 60."""
+
+HIGHEST_ORDER = 200
+"""Largest order of a filter; those of the toolkit are up to 20."""
+
 SPECTRUM_POINTS = 2**13
 """Frequencies at which a spectrum is integrated, for peaks as narrow as 1/4000 of the rate."""
 
@@ -180,7 +186,7 @@ class TextureModel:
     def __post_init__(self) -> None:
         """Check everything."""
         check_positive_rate(self.rate)
-        nodes = len(self.speeds)
+        nodes = np.size(self.speeds)
         if np.size(self.ma_lsf) == 0:
             object.__setattr__(self, "ma_lsf", np.empty((nodes, 0)))
         if np.size(self.gain) == 0:
@@ -189,8 +195,13 @@ class TextureModel:
             self._set_checked(name, (nodes,))
         if nodes < 3:
             raise ParameterError(f"nodes = {nodes}: must be three or more")
+        if nodes > MOST_NODES:
+            raise ParameterError(f"nodes = {nodes}: must be at most {MOST_NODES}")
         for name in ("lsf", "ma_lsf"):
-            self._set_checked(name, (nodes, np.shape(getattr(self, name))[-1]))
+            order = (0, *np.shape(getattr(self, name)))[-1]
+            if order > HIGHEST_ORDER:
+                raise ParameterError(f"{name}: order {order}: must be at most {HIGHEST_ORDER}")
+            self._set_checked(name, (nodes, order))
             if not is_ordered(getattr(self, name)):
                 raise ParameterError(f"{name}: must rise within 0 to pi at each node")
         friction = self.coulomb_friction

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from haptic_accel.core.model import ZERO, FloatArray, Vector
+from haptic_accel.core.model import ZERO, FloatArray, Vector, vector
 from haptic_accel.devices.can import protocol
 from haptic_accel.devices.can.kinematics import Angles, kinematics_of
 from haptic_accel.devices.can.parameters import REQUESTED, CanParameters, JointParameters
@@ -26,6 +26,16 @@ times this."""
 
 ARMING_PERIOD = 0.25
 """Time after which the commands to arm are repeated, s; a heartbeat takes 0.1 s."""
+
+LONGEST_SILENCE = 1.0
+"""Longest time without commands after which a drive has to release its motor by itself, s. It is
+for emulated drives on busy machines; 0.02 s is recommended."""
+
+NO_WATCHDOG = (
+    "goes on without commands: set axis0.config.enable_watchdog = True and"
+    " axis0.config.watchdog_timeout = 0.02, then save_configuration()"
+)
+"""Problem of a drive that would keep its last torque for ever."""
 
 ON_REQUEST = "disarmed on request"
 """Reason why there are no torques after `DrivenArm.disarm`."""
@@ -49,6 +59,7 @@ class State(Enum):
     DISARMED = 0
     ARMING = 1
     ARMED = 2
+    FALLING_SILENT = 3
 
 
 @dataclass
@@ -98,6 +109,9 @@ class DrivenArm:
     state : State
     torques : tuple of float
         Torques of the motors, as last commanded, N m.
+    longest_silence : float
+        Longest time without commands after which an axis was seen to have released its motor by
+        itself, s; heartbeats, a tenth of a second apart, tell. NaN before a test.
     fault : str
         Reason why there are no torques, or were none until it was armed again; empty if none.
     """
@@ -116,6 +130,9 @@ class DrivenArm:
         self._arming_since = self._arming_sent = self._torques_sent = -math.inf
         self._estimates_requested = -math.inf
         self._recovers = False
+        self._tests = False
+        self._silent_since = -math.inf
+        self.longest_silence = math.nan
         self.fault = ""
         self._counts = dict.fromkeys(COUNTED, 0)
 
@@ -146,13 +163,16 @@ class DrivenArm:
                         self._disarm_for(lost, recovers=True)
             elif self.state is State.ARMING:
                 self._continue_arming(now)
+            elif self.state is State.FALLING_SILENT:
+                self._continue_silence(now)
             elif self._may_rearm(now):
                 self.arm(now)
             # Zero may be repeated for ever. Other torques only the commanding thread may repeat,
-            # so that the watchdogs stop the drives when that one hangs.
-            if self.state is not State.DISARMED and not any(self.torques):
-                self._send_torques(now, REPEAT_PERIOD)
-            self._request_estimates(now, REPEAT_PERIOD)
+            # so that the watchdogs stop the drives when that one hangs. A request feeds them, too.
+            if not any(self.torques):
+                if self.state is not State.DISARMED:
+                    self._send_torques(now, REPEAT_PERIOD)
+                self._request_estimates(now, REPEAT_PERIOD)
 
     def lose(self) -> None:
         """Disarm because the bus is lost, and forget all reports."""
@@ -172,9 +192,14 @@ class DrivenArm:
         """Return the names of axes without a heartbeat; empty if there are none."""
         return ", ".join(axis.name for axis in self._axes if self._silent(axis, now))
 
-    def arm(self, now: float) -> None:
-        """Begin to arm: clear errors, then closed loop with zero torques."""
+    def arm(self, now: float, *, test: bool = False) -> None:
+        """Begin to arm: clear errors, then closed loop with zero torques.
+
+        With a test, nothing is sent then until every axis has released its motor by itself, as the
+        watchdog of its drive has to do when this process hangs; then all is armed once more.
+        """
         with self._lock:
+            self._tests = test
             self.state, self._arming_since = State.ARMING, now
             self.torques, self._recovers = self._zero, False
             self._send_arming(now)
@@ -213,8 +238,8 @@ class DrivenArm:
             self._counts["samples_missing"] += 1
             return None
         angles = self._angles()
-        x, y, z = (self._kinematics.jacobian(angles) @ self._speeds()).tolist()
-        return Sample(self._kinematics.position(angles), (x, y, z), 0.0)
+        velocity = vector(self._kinematics.jacobian(angles) @ self._speeds())
+        return Sample(self._kinematics.position(angles), velocity, 0.0)
 
     def joints(self) -> Joints:
         """Return angles, their speeds and the torques of the joints, as last known."""
@@ -232,7 +257,7 @@ class DrivenArm:
             self.release()
             self._recovers, self.fault = recovers, reason
             self._counts["disarmed"] += 1
-            _LOG.warning("can: no torque: %s", reason)
+            _LOG.warning("can: %s: no torque: %s", self._p.channel, reason)
 
     def _angles(self) -> Angles:
         return tuple(axis.joint.angle(axis.turns) for axis in self._axes)
@@ -255,14 +280,16 @@ class DrivenArm:
         self._send_frames([message.frame() for message in messages])
 
     def _send_torques(self, now: float, period: float = 0.0) -> None:
-        """Send the torques, unless done within a period."""
-        if now - self._torques_sent >= period:
+        """Send the torques, unless done within a period, or silent."""
+        if self.state is not State.FALLING_SILENT and now - self._torques_sent >= period:
             self._torques_sent = now
             torques = zip(self.nodes, self.torques, strict=True)
             self._send([SetTorque(node, torque) for node, torque in torques])
 
     def _request_estimates(self, now: float, period: float) -> None:
-        """Request estimates that are not streamed, unless done within a period."""
+        """Request estimates that are not streamed, unless done within a period, or silent."""
+        if self.state is State.FALLING_SILENT:
+            return
         if self._p.estimates == REQUESTED and now - self._estimates_requested >= period:
             self._estimates_requested = now
             self._send([protocol.EstimatesRequest(node) for node in self.nodes])
@@ -307,7 +334,9 @@ class DrivenArm:
 
     def _continue_arming(self, now: float) -> None:
         missing = self._missing(now)
-        if not missing:
+        if not missing and self._tests:
+            self.state, self._silent_since = State.FALLING_SILENT, now
+        elif not missing:
             self.state, self.fault = State.ARMED, ""
         elif now - self._arming_since > self._p.start_timeout:
             self._disarm_for(missing)
@@ -317,6 +346,22 @@ class DrivenArm:
                 self._disarm_for(missing)
             else:
                 self._send_arming(now)
+
+    def _continue_silence(self, now: float) -> None:
+        """Go on to arm once every axis has released its motor by itself."""
+        watchdog = protocol.WATCHDOG_TIMER_EXPIRED[self._p.firmware]
+        for axis in self._axes:
+            if axis.error & ~watchdog:
+                self._disarm_for(self._wrong(axis))
+                return
+        held = [axis for axis in self._axes if axis.state == AxisState.CLOSED_LOOP_CONTROL]
+        if not held:
+            self.longest_silence = max(axis.reported for axis in self._axes) - self._silent_since
+            self.arm(now)
+        elif silent := [axis for axis in self._axes if self._silent(axis, now)]:
+            self._disarm_for(self._overdue(silent[0], now))
+        elif now - self._silent_since > LONGEST_SILENCE:
+            self._disarm_for(f"{', '.join(axis.name for axis in held)}: {NO_WATCHDOG}")
 
     def _missing(self, now: float) -> str:
         """Return what is still missing before torques are allowed; empty for nothing."""

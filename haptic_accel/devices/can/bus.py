@@ -8,10 +8,10 @@ from __future__ import annotations
 import errno
 from typing import TYPE_CHECKING, Any
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, one_line
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import COMMAND_BITS, HIGHEST_ID, Frame
-from haptic_accel.devices.connection import explained, one_line
+from haptic_accel.devices.connection import explained
 from haptic_accel.devices.interface import DeviceError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from time import monotonic, sleep
 from typing import TypeVar
 
 from haptic_accel.core.model import Vector
-from haptic_accel.devices.can.arm import State
+from haptic_accel.devices.can.arm import LONGEST_SILENCE, State
 from haptic_accel.devices.can.bus import bitrate_of
 from haptic_accel.devices.can.link import ArmLink
 from haptic_accel.devices.can.load import BusLoad
@@ -47,12 +47,13 @@ class CanArm(Device):
         self._measured_bits = 0
 
     def open(self) -> None:
-        """Open the bus, wait for every axis, and arm.
+        """Open the bus, wait for every axis, see that its watchdog works, and arm.
 
         Raises
         ------
         DeviceError
-            The bus cannot be opened, an axis does not report, or does not go into closed loop.
+            The bus cannot be opened, an axis does not report, does not go into closed loop, or
+            stays there without commands.
         ParameterError
             The interface does not exist.
         """
@@ -63,8 +64,11 @@ class CanArm(Device):
                     f"can: {self._channel}: no heartbeat of {silent} for"
                     f" {self._p.start_timeout:g} s: powered, wired, {self.load.bitrate:g} bit/s?"
                 )
-            self.arm()
-            self._wait_while(lambda: self._arm.state is State.ARMING)
+            self._arm.arm(monotonic(), test=True)
+            pending = State.ARMING, State.FALLING_SILENT
+            # Armed twice, and silent in between.
+            longest = 2 * self._p.start_timeout + LONGEST_SILENCE
+            self._wait_while(lambda: self._arm.state in pending, longest)
             if self._arm.state is not State.ARMED:
                 raise DeviceError(f"can: {self._channel}: {self._arm.fault or 'is not armed'}")
         except DeviceError:
@@ -92,8 +96,9 @@ class CanArm(Device):
 
     @property
     def remark(self) -> str:
-        """Load of the bus by the arm, with a warning if it is too high."""
-        return f"can: {self._channel}: {self.load}"
+        """Load of the bus, with a warning if it is too high, and what the drives do in silence."""
+        longest = self._arm.longest_silence
+        return f"can: {self._channel}: {self.load}, without commands no torque in {longest:.2f} s"
 
     @property
     def load(self) -> BusLoad:
@@ -140,9 +145,9 @@ class CanArm(Device):
         names = [str(configuration.get(key) or "") for key in ("interface", "channel")]
         return " ".join(name for name in names if name)
 
-    def _wait_while(self, pending: Callable[[], T]) -> T:
-        """Wait while something is pending and the time to start is not over; return it."""
-        deadline = monotonic() + self._p.start_timeout + POLL_PERIOD
+    def _wait_while(self, pending: Callable[[], T], longest: float = 0.0) -> T:
+        """Wait while something is pending, at most the time to start or another; return it."""
+        deadline = monotonic() + (longest or self._p.start_timeout) + POLL_PERIOD
         while (still := pending()) and monotonic() < deadline:
             sleep(POLL_PERIOD)
         return still

@@ -22,7 +22,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.model import FloatArray, Vector, vector
 from haptic_accel.devices.can.parameters import CanParameters, LinkParameters, StageParameters
 
 SHORTEST = 1e-9
@@ -50,8 +50,7 @@ class LinearStage:
 
     def position(self, angles: Sequence[float]) -> Vector:
         """Return the tip's position, m, for an angle in rad."""
-        x, y, z = (self._jacobian @ angles).tolist()
-        return x, y, z
+        return vector(self._jacobian @ angles)
 
     def jacobian(self, angles: Sequence[float]) -> FloatArray:
         """Return the Jacobian, shape (3, 1), m/rad: the travel per angle."""

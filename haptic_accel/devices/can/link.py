@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from haptic_accel.core.parameters import one_line
 from haptic_accel.devices.can.arm import DrivenArm
 from haptic_accel.devices.can.bus import bus_configuration, frame_of, message_of, open_bus
 from haptic_accel.devices.can.load import frame_bits
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import Frame
-from haptic_accel.devices.connection import Connection, one_line
+from haptic_accel.devices.connection import Connection
 from haptic_accel.devices.interface import DeviceError
 
 if TYPE_CHECKING:

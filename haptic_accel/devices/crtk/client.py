@@ -44,23 +44,34 @@ _LATCHED = QoSProfile(depth=DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Signal:
-    """Newest vector of a topic.
+    """Newest vector of a topic, unless several publishers send it.
 
     Its subscription is in no executor: a message wakes nobody.
     """
 
     def __init__(self, subscription: Any) -> None:
         self._take = subscription.handle.take_message
+        self._count = subscription.handle.get_publisher_count
         self._type = subscription.msg_type
         self._vector, self._seen = ZERO, -math.inf
 
+    @property
+    def senders(self) -> int:
+        """Number of publishers found."""
+        return int(self._count())
+
     def newest(self, timeout: float) -> Vector | None:
-        """Return the newest vector; None if it came longer ago than a time-out in s."""
+        """Return the newest vector; None if it came longer ago than a time-out in s.
+
+        None as well while the topic has several publishers, of whom none can be told from another.
+        """
         while taken := self._take(self._type, True):
             with suppress(ValueError):  # malformed
                 _, vector = unpack_stamped_vector(taken[0])
                 if math.isfinite(sum(vector)):
                     self._vector, self._seen = vector, time.monotonic()
+        if self.senders > 1:
+            self._seen = -math.inf
         return self._vector if time.monotonic() - self._seen <= timeout else None
 
 

@@ -99,10 +99,20 @@ class CrtkArm(Device):
         return f"crtk: no crtk_msgs: {self._p.arm} must be enabled by other means"
 
     @property
+    def unguarded(self) -> str:
+        """Warning that CRTK has no word on forces that are no longer sent."""
+        return (
+            f"crtk: if this process hangs, only a watchdog of {self._p.arm}'s own ends its force;"
+            " CRTK promises none: find out"
+        )
+
+    @property
     def problem(self) -> str:
         """Reason why there are no samples or no forces."""
         if not self._client:
             return ""
+        if (senders := self._client.position.senders) > 1:
+            return f"crtk: {self._p.arm}/measured_cp has {senders} publishers"
         if self._is_silent:
             return f"crtk: no {self._p.arm}/measured_cp for {self._p.timeout:g} s"
         state = self._client.state

@@ -253,6 +253,16 @@ class BoardLink(Connection):
         if required.actuator and self._thread is None:
             refusal = "does not arm; is the amplifier at fault?"
             self._ask(protocol.ArmRequest(), lambda: self.armed, refusal)
+            # No set-point has been sent: who would hold one for ever would hold this zero, too.
+            if not self._listen_until(self._has_timed_out, ANSWER):
+                raise DeviceError(
+                    f"{self._path}: stays armed without set-points: flash firmware {FIRMWARE}"
+                    " (firmware/README.md)"
+                )
+
+    def _has_timed_out(self) -> bool:
+        """Return whether the board has let go by itself, as it has to do after 5 ms."""
+        return self._board is not None and self._board.state is protocol.State.TIMED_OUT
 
     def _ask(self, request: protocol.Message, answered: Callable[[], bool], problem: str) -> None:
         """Repeat a request until it is answered; raise `DeviceError` with a problem otherwise."""

@@ -13,7 +13,8 @@ from contextlib import suppress
 import serial
 from serial.tools import list_ports
 
-from haptic_accel.devices.connection import explained, one_line
+from haptic_accel.core.parameters import one_line
+from haptic_accel.devices.connection import explained
 from haptic_accel.devices.interface import DeviceError
 
 WAIT = 0.1

@@ -17,6 +17,7 @@ from haptic_accel.core.actuator.safety import (
     ACTUATOR_TIMEOUT,
     ARM_PEAK_FORCE,
     ARM_TIMEOUT,
+    AUTOMATIC,
     INACTIVE,
     LASTING,
     LEAST_PERIODS,
@@ -253,6 +254,17 @@ def test_a_command_out_of_date_gives_zero_until_one_in_date(age: float) -> None:
     assert bench.actuator == 1.0
 
 
+@pytest.mark.parametrize("recovery", [AUTOMATIC, MANUAL])
+def test_arming_while_forces_flow_does_not_hide_the_silence_that_follows(recovery: str) -> None:
+    bench = Bench(recovery=recovery)
+    bench.push(1.0)
+    bench.pull((1.0, 0.0, 0.0))
+    assert bench.layer.arm() == ""
+    bench.wait(ARM_TIMEOUT)
+    bench.tick()
+    assert (bench.actuator, bench.arm) == (0.0, ZERO)
+
+
 @pytest.mark.parametrize("stale", [True, False])
 def test_where_recovery_is_manual_only_arming_gives_forces_again(stale: bool) -> None:
     bench = Bench(recovery=MANUAL)
@@ -302,22 +314,24 @@ def test_no_force_while_stopped_or_not_active() -> None:
 def test_a_force_that_two_nodes_command_is_refused_until_one_does() -> None:
     bench = Bench()
     bench.run([1.0] * 5)
-    bench.layer.note_senders("actuator force", ["/a", "/b"])
-    said = "actuator force: no force while /a and /b send it"
+    bench.layer.note_rivals("actuator force", "/a and /b")
+    said = "actuator force: no force while it is sent by /a and /b"
+    assert bench.layer.news(bench.now) == [], "names may still change"
     assert bench.layer.news(bench.now) == [said]
     assert bench.layer.news(bench.now) == []
     assert not any(bench.run([1.0] * 100))
     assert bench.layer.warnings() == [said], "and no time-out besides"
     assert bench.layer.arm_force(bench.now, FRESH, (1.0, 0.0, 0.0)) == (1.0, 0.0, 0.0)
-    bench.layer.note_senders("actuator force", ["/b"])
-    assert bench.layer.news(bench.now) == ["actuator force: allowed again: it has one sender"]
+    bench.layer.note_rivals("actuator force", "")
+    news = bench.layer.news(bench.now) + bench.layer.news(bench.now)
+    assert news == ["actuator force: allowed again: it has one sender"]
     assert all(bench.run([1.0] * 5))
 
 
 def test_a_held_force_ends_though_neither_of_two_senders_goes_on() -> None:
     bench = Bench()
     bench.push(1.0)
-    bench.layer.note_senders("actuator force", ["/a", "/b"])
+    bench.layer.note_rivals("actuator force", "/a and /b")
     bench.wait(2 * ACTUATOR_TIMEOUT)
     bench.tick()
     assert bench.actuator == 0.0

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from haptic_accel.core.control import fallback
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.controllers.constant import ConstantParameters
-from haptic_accel.core.control.fallback import FADING, PAUSE
+from haptic_accel.core.control.fallback import FADING, PAUSE, TRIAL
 from haptic_accel.core.control.inversion.plant import Plant, grid_for
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked
@@ -27,6 +28,7 @@ LAG = 2
 """Samples from a desired acceleration to its response: the latency and one."""
 
 PLANT = Plant(coupling=0.0)
+RESONANT = replace(PLANT, mount=replace(PLANT.mount, frequency=120.0, damping=0.02))
 UNKNOWN = replace(PLANT, mount=replace(PLANT.mount, frequency=180.0, damping=0.05))
 
 
@@ -136,13 +138,20 @@ def test_a_controller_returns_when_its_force_would_be_better() -> None:
 
 
 def test_a_part_of_the_force_is_tried_and_given_up_where_it_does_harm() -> None:
-    resonant = replace(PLANT, mount=replace(PLANT.mount, frequency=120.0, damping=0.02))
-    loop = Loop(compensation("inverse"), resonant).run(texture(5.0, 80.0, 300.0))
+    loop = Loop(compensation("inverse"), RESONANT).run(texture(5.0, 80.0, 300.0))
     said = [warning.split("compensation: ")[-1] for warning in loop.warnings]
     found = [now for before, now in pairwise(said) if now != before and "handle" not in now]
     assert found[:3] == ["none took over", "a part is tried", "none took over"]
     tried = said.index("a part is tried")
     assert loop.error(tried, tried + 2000) <= 1.02
+
+
+def test_the_pause_between_trials_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fallback, "LONGEST_PAUSE", 2.0)
+    loop = Loop(compensation("inverse"), RESONANT).run(texture(10.0, 80.0, 300.0))
+    tried = ["a part is tried" in warning for warning in loop.warnings]
+    began = [at for at, (before, now) in enumerate(pairwise(tried)) if now and not before]
+    assert np.diff(began).max() < (2.0 + 2.0 * TRIAL) * RATE
 
 
 def test_a_controller_that_is_selected_anew_has_another_turn() -> None:

@@ -442,11 +442,11 @@ def test_any_plant_has_a_finite_inverse(
 def test_samples_are_convolved(taps: list[float], values: list[float]) -> None:
     stream, window = SampleConvolution(np.array(taps)), SampleWindow(len(taps))
     for value in values:
-        window.push(value)
+        pushed = window.push(value)
     found = [stream.sample(value) for value in values]
     assert found == pytest.approx(np.convolve(values, taps)[: len(values)], abs=1e-9)
     latest = np.concatenate([np.zeros(len(taps)), values])[: -len(taps) - 1 : -1]
-    assert window.latest() == pytest.approx(latest)
+    assert pushed == pytest.approx(latest)
     stream.reset()
     assert [stream.sample(0.0) for _ in taps] == [0.0] * len(taps)
 

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.arm_end import ArmEnd
 from haptic_accel.core.coupling.engagement import (
     FREE_TIME,
     STEP_PERIOD,
@@ -23,12 +24,15 @@ from haptic_accel.core.coupling.half_engagement import (
     RESTARTED,
     SILENT,
     STOPPED_THERE,
-    UNHEARD,
     HalfEngagement,
 )
+from haptic_accel.core.coupling.pairing import Motion
+from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.emergency_stop import SETTLING
+from haptic_accel.core.loop.half_coupling import HalfCouplingPart
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.network.endpoint import Endpoint, Motion, State
+from haptic_accel.core.network.session import UNHEARD
 
 RATE = 1000.0
 TIMEOUT = 0.1
@@ -37,28 +41,25 @@ SIDES = (MASTER, SLAVE)
 
 
 class Host:
-    """One host: its arm, which is always there, its engagement and its end of the network."""
+    """One host, whose arm is always there and at rest."""
 
     def __init__(self, side: str, session: int, now: float, recovery: str) -> None:
         parameters = EngagementParameters(timeout=TIMEOUT, listeners=0, recovery=recovery)
         self.side = side
-        self.engagement = HalfEngagement(parameters, now - SETTLING, side, session)
-        self.end = Endpoint(side, RATE, session)
+        self.engagement = HalfEngagement(parameters, now - SETTLING, side)
+        end = ArmEnd(side, PassiveParameters(), RATE, 1, session)
+        self.part = HalfCouplingPart(end, self.engagement, TIMEOUT)
+        self.end = end.endpoint
         self.log: list[str] = []
-        self.ready = False
 
-    def step(self, now: float) -> None:
+    def sample(self, now: float, system: int) -> None:
         engagement = self.engagement
-        engagement.position_received(self.side, now)
         engagement.arm_stopped(self.side, engagement.stop.stopped)
-        decision = engagement.step(now, 0)
+        self.part.put(Motion(system, ZERO, ZERO), now)
+        if not engagement.due(now):
+            return
+        decision = self.part.look(now, 0)
         self.log += ["engaged"] * decision.engage + [decision.warning] * bool(decision.warning)
-        self.ready = engagement.ready(now, 0)
-
-    @property
-    def state(self) -> State:
-        it = self.engagement
-        return State(self.ready, it.engaged, it.stop.stopped, it.stop.began, it.count)
 
 
 class Run:
@@ -92,20 +93,16 @@ class Run:
             way.parameters = self.clear
 
     def run(self, seconds: float) -> None:
-        for tick in range(round(seconds * RATE)):
+        for _ in range(round(seconds * RATE)):
             self.now += 1 / RATE
             system = round(self.now * 1e9)
             for side, host in self.hosts.items():
                 if host is None:
                     continue
                 (other,) = set(SIDES) - {side}
-                for data in self.ways[other].arrived(self.now):
-                    if packet := host.end.incoming(data, self.now, system):
-                        host.engagement.peer_heard(packet, self.now)
-                if tick % round(STEP_PERIOD * RATE) == 0 or host.engagement.is_left(self.now):
-                    host.step(self.now)
-                data = host.end.outgoing(host.state, Motion(), 0.0, self.now, system)
-                if data:
+                host.part.receive(self.ways[other].arrived(self.now), self.now, system)
+                host.sample(self.now, system)
+                if data := host.part.packet(self.now, system):
                     self.ways[side].send(data, self.now)
 
     def host(self, side: str) -> Host:
@@ -294,6 +291,19 @@ def test_a_second_stop_on_a_host_that_follows_one_stops_the_first_again() -> Non
     assert run.host(MASTER).engagement.stop.stopped
 
 
+def lie(run: Run, side: str) -> None:
+    """Let a side's packets be followed by one that is fresh but wrong wherever it can be."""
+    host = run.hosts[side]
+    if host is None or host.end.peer is None:
+        return
+    most = 2**63 - 1
+    packet = host.end.peer._replace(
+        sequence=host.end.peer.sequence + 5000, sent=most, echo=most, stamp=-most, first=most
+    )
+    wrong = packet._replace(stops=2**32 - 1, engagement=2**32 - 1, engaged=True, shipped=1e300)
+    host.part.receive([wrong.pack()], run.now, round(run.now * 1e9))
+
+
 Event = Callable[[Run, str], object]
 
 EVENTS: dict[str, Event] = {
@@ -305,6 +315,7 @@ EVENTS: dict[str, Event] = {
     "stop": lambda run, side: run.hosts[side] and run.host(side).engagement.stop.stop(),
     "kill": lambda run, side: run.kill(side),
     "start": lambda run, side: run.hosts[side] or run.start(side),
+    "lie": lie,
     "let go": lambda run, side: run.hosts[side] and run.host(side).engagement.request(False),
 }
 

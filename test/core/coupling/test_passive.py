@@ -27,7 +27,7 @@ from haptic_accel.core.coupling.passive import (
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.channel import Channel, ChannelParameters
 from haptic_accel.core.two_arms import free, wall
-from two_sides import Instant, Packet, Side, run
+from two_sides import UNLIMITED, Instant, Packet, Side, run
 
 RATE = 1000.0
 positions = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
@@ -349,7 +349,7 @@ class Trial:
             self.prepared = True
             for side in (master, slave):
                 side.reports_work = chance.random() < 0.7
-                side.arm.limit = chance.choice([0.2, 3.0]) if side.reports_work else math.inf
+                side.limit(chance.choice([0.2, 3.0]) if side.reports_work else UNLIMITED)
                 side.age_factor = chance.choice([0.0, 1.0])  # a wrong one costs comfort only
                 side.speed_noise = chance.choice([0.0, 0.2])
         if chance.random() > 0.01:
@@ -361,7 +361,7 @@ class Trial:
             case 1 if side.reports_work:
                 side.stopped = not side.stopped
             case 2:
-                side.let_go()
+                side.half.disengage()
             case 3:
                 stiffness = chance.choice([20.0, 250.0, 5000.0])
                 side.half.change(replace(self.parameters, stiffness=stiffness))

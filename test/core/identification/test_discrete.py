@@ -147,7 +147,7 @@ def test_a_model_is_read_back_from_the_figures_of_an_identification(tmp_path: Pa
     ("text", "reason"),
     [
         ("{}", "discrete_model"),
-        ("not json", "JSONDecodeError"),
+        ("not json", "must be JSON"),
         (
             '{"discrete_model": {"sections": [[1]], "rate_hz": 1, "delay_samples": 1}}',
             "six numbers",

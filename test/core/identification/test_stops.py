@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.identification.estimate import RecordingError
-from haptic_accel.core.identification.stops import STOPS_HIT, check_stops, check_travel
+from haptic_accel.core.identification.stops import LIMITED, STOPS_HIT, check_stops, check_travel
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.model import Suspension
 from haptic_accel.core.rig.master_rig import MasterRigParameters
@@ -39,6 +39,13 @@ def test_stops_that_were_hit_are_refused_and_estimated() -> None:
     check_stops({"hook": [unknown]})
     with pytest.raises(RecordingError, match=r"travel = .* mm \(hook\), as estimated: must be"):
         check_travel("hook", unknown, RIG.handle, TRAVEL)
+
+
+@pytest.mark.parametrize("count", LIMITED)
+def test_forces_that_the_device_reduced_are_refused(count: str) -> None:
+    trial = IdentificationTrial(RATE, np.zeros(10), np.zeros(10), {count: 3})
+    with pytest.raises(RecordingError, match=rf"{count} = 3 \(hook\): must be 0"):
+        check_stops({"hook": [trial]})
 
 
 @given(st.floats(0.1, 2.0))

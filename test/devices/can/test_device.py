@@ -6,6 +6,10 @@
 from __future__ import annotations
 
 import itertools
+import json
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -38,12 +42,13 @@ class Plugged:
     """A device, and the arm at the other end in a thread of its own."""
 
     def __init__(self, port: CanPort, values: dict[str, Any], faults: str, seconds: float) -> None:
-        self.parameters = from_flat(CanSlave.Parameters, {**PATIENT, **values})
+        self.values = {**PATIENT, **values}
+        self.parameters = from_flat(CanSlave.Parameters, self.values)
         self.arm = EmulatedArm(
             self.parameters,
             SimulatedSlave(SimulatedSlaveParameters(), RATE, 0),
             rate=RATE,
-            watchdog=2.0,
+            watchdog=0.1,
         )
         self.line = CanLine(port, [self.arm], RATE, Faults(faults, CAN_FAULTS, seconds))
         self.device = CanSlave(self.parameters, RATE, 0)
@@ -64,6 +69,12 @@ class Plugged:
             return condition()
 
         wait_until(pushed, what)
+
+    def open(self) -> None:
+        """Open the device, which tests the watchdogs; from then on they bear a stall."""
+        self.device.open()
+        for axis in self.arm.axes:
+            axis.watchdog = 2.0
 
     @property
     def exerted(self) -> bool:
@@ -104,7 +115,7 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
             port = BusPort(lambda: open_bus(configuration, []))
         made.append(Plugged(port, values, faults, seconds))
         if opened:
-            made[-1].device.open()
+            made[-1].open()
         return made[-1]
 
     yield plugged
@@ -204,9 +215,66 @@ def test_a_wrong_interface_is_a_wrong_argument() -> None:
     device.close()
 
 
+@pytest.mark.parametrize("estimates", ["streamed", "requested"])
+def test_a_drive_without_a_watchdog_is_refused(plug: Plug, estimates: str) -> None:
+    plugged = plug("virtual", opened=False, estimates=estimates)
+    plugged.arm.axes[1].watchdog = 0.0
+    with pytest.raises(DeviceError) as refused:
+        plugged.device.open()
+    channel = plugged.parameters.channel
+    assert str(refused.value) == (
+        f"can: virtual {channel}: joint2 (node 1): goes on without commands: set"
+        " axis0.config.enable_watchdog = True and axis0.config.watchdog_timeout = 0.02, then"
+        " save_configuration()"
+    )
+    wait_until(lambda: not any(axis.armed for axis in plugged.arm.axes), "idle")
+    plugged.arm.axes[1].watchdog = 0.1
+    plugged.open()
+    assert "without commands no torque in 0." in plugged.device.remark
+    plugged.pushed_until(lambda: plugged.exerted, "torques")
+
+
+DRIVER = """
+import json, sys, time
+from haptic_accel.core.parameters import from_flat
+from haptic_accel.devices.can.device import CanSlave
+device = CanSlave(from_flat(CanSlave.Parameters, json.loads(sys.argv[1])), 200.0, 0)
+device.open()
+while True:
+    device.read(time.monotonic())
+    device.write(time.monotonic(), arm_force=(0.2, 0.0, 0.1))
+    time.sleep(0.005)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_killed_or_frozen_driver_leaves_no_torque(plug: Plug, number: signal.Signals) -> None:
+    plugged = plug("slcan", opened=False)
+    for axis in plugged.arm.axes:
+        axis.watchdog = 0.5
+    words = [sys.executable, "-c", DRIVER, json.dumps(plugged.values)]
+    with subprocess.Popen(words) as driver:
+        wait_until(lambda: plugged.exerted, "torques")
+        driver.send_signal(number)
+        wait_until(lambda: not plugged.exerted, "no torque")
+        assert not any(axis.armed for axis in plugged.arm.axes)
+        driver.kill()
+
+
+def test_a_force_that_nobody_repeats_is_taken_off_by_the_drives(plug: Plug) -> None:
+    plugged = plug("virtual", estimates="requested")
+    plugged.pushed_until(lambda: plugged.exerted, "torques")
+    for axis in plugged.arm.axes:
+        axis.watchdog = 0.1
+    # The thread that moves the arm hangs here, while the bus is read.
+    wait_until(lambda: not plugged.exerted, "no torque")
+
+
 def test_a_device_can_be_opened_again(plug: Plug) -> None:
     plugged = plug("virtual")
     plugged.device.close()
     plugged.device.close()
-    plugged.device.open()
+    for axis in plugged.arm.axes:
+        axis.watchdog = 0.1
+    plugged.open()
     plugged.pushed_until(lambda: plugged.exerted, "torques again")

@@ -84,6 +84,10 @@ def test_an_arm_is_read_and_pushed_and_left_without_force(
         observer.executor.spin_once(timeout_sec=0.01)
 
 
+def test_who_relies_on_the_arm_s_own_watchdog_is_told() -> None:
+    assert "only a watchdog of /somebody/slave's own" in built().unguarded
+
+
 def test_an_arm_is_enabled_when_it_is_opened(start: Callable[..., Command]) -> None:
     pytest.importorskip("crtk_msgs.msg")
     words = ("-r", "__ns:=/somebody", "-p", "autostart:=false")

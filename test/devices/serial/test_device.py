@@ -296,7 +296,12 @@ def test_a_device_can_be_opened_again(bench: Make, connect: Make) -> None:
     push(device, board, 1.2, 0.5)
 
 
-def test_a_killed_driver_leaves_no_current(bench: Make) -> None:
+@pytest.mark.parametrize(
+    ("number", "left"), [(signal.SIGKILL, State.DISARMED), (signal.SIGSTOP, State.TIMED_OUT)]
+)
+def test_a_killed_or_frozen_driver_leaves_no_current(
+    bench: Make, number: signal.Signals, left: State
+) -> None:
     board = bench()
     code = (
         "import sys, time\n"
@@ -308,10 +313,11 @@ def test_a_killed_driver_leaves_no_current(bench: Make) -> None:
     )
     driver = subprocess.Popen([sys.executable, "-c", code, board.path])
     wait_until(lambda: board.emulated.current == pytest.approx(1.0, abs=1e-4), "a current")
-    os.kill(driver.pid, signal.SIGKILL)
-    driver.wait()
+    os.kill(driver.pid, number)
     wait_until(lambda: board.emulated.current == 0.0, "no current")
-    wait_until(lambda: board.emulated.board.state is State.DISARMED, "disarmed")
+    wait_until(lambda: board.emulated.board.state is left, left.name)
+    driver.kill()
+    driver.wait()
 
 
 # What goes wrong on the way
@@ -324,9 +330,12 @@ class HostileBoard:
     ----------
     link : Path
         Symbolic link to make to its port.
+    lets_go : bool
+        True if it says that it lets go once it is armed and gets no set-point.
     """
 
-    def __init__(self, link: Path) -> None:
+    def __init__(self, link: Path, *, lets_go: bool = True) -> None:
+        self._lets_go = lets_go
         self._port = PseudoTerminal(link)
         self._writing = threading.Lock()
         self._marks = itertools.count(1)
@@ -365,6 +374,9 @@ class HostileBoard:
                         answer = Configuration(*vars(wanted).values())
                     case ArmRequest():
                         answer = status_of(State.ARMED, 0)
+                        if self._lets_go:
+                            self._write(encoder.encode(answer, 0))
+                            answer = status_of(State.TIMED_OUT, 0)
                     case _:
                         continue
                 self._write(encoder.encode(answer, 0))
@@ -381,6 +393,18 @@ def hostile(tmp_path: Path) -> Iterator[tuple[HostileBoard, SerialDevice]]:
     device = built(SerialMaster, port=str(tmp_path / "port"))
     device.open()
     yield board, device
+    device.close()
+    board.end()
+
+
+def test_a_board_that_would_hold_a_current_for_ever_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("haptic_accel.devices.serial.link.ANSWER", 0.5)
+    board = HostileBoard(tmp_path / "port", lets_go=False)
+    device = built(SerialMaster, port=str(tmp_path / "port"))
+    with pytest.raises(DeviceError, match="stays armed without set-points: flash firmware"):
+        device.open()
     device.close()
     board.end()
 

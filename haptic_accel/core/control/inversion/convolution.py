@@ -19,25 +19,27 @@ class SampleWindow:
         Number of samples; at least one.
     """
 
-    # Every sample is written twice, a length apart: the latest ones then always lie side by
-    # side, without moving anything.
+    # Filled from its end to its beginning, where the samples still needed move to the end: the
+    # latest ones always lie side by side, and each is written once.
 
     def __init__(self, length: int) -> None:
         self._length = length
         self._past = np.zeros(2 * length)
-        self._newest = 0
+        self._newest = length
 
-    def push(self, value: float) -> None:
-        """Take one sample."""
+    def push(self, value: float) -> FloatArray:
+        """Take one sample; return the latest, newest first, shape (length,).
+
+        What is returned is a view until the next one.
+        """
         newest = self._newest - 1
         if newest < 0:
-            newest = self._length - 1
+            kept = self._length - 1
+            newest = len(self._past) - kept - 1
+            self._past[newest + 1 :] = self._past[:kept]
+        self._past[newest] = value
         self._newest = newest
-        self._past[newest] = self._past[newest + self._length] = value
-
-    def latest(self) -> FloatArray:
-        """Return the latest samples, newest first, shape (length,); a view until the next one."""
-        return self._past[self._newest : self._newest + self._length]
+        return self._past[newest : newest + self._length]
 
     def reset(self) -> None:
         """Set all samples to zero."""
@@ -64,8 +66,7 @@ class SampleConvolution:
 
     def sample(self, value: float) -> float:
         """Take one input sample, return one output sample."""
-        self._window.push(value)
-        return float(self.taps.dot(self._window.latest()))
+        return float(self.taps.dot(self._window.push(value)))
 
     def reset(self) -> None:
         """Forget the past: the state of a filter that has always seen zero."""

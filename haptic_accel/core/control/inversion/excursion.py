@@ -79,7 +79,9 @@ class TravelPredictor:
         """
         count, length = forces.shape
         spare = -length % self._every
-        held = np.pad(forces, ((0, 0), (0, spare))).reshape(count, -1, self._every).sum(axis=2)
+        if spare:
+            forces = np.pad(forces, ((0, 0), (0, spare)))
+        held = forces.reshape(count, -1, self._every).sum(axis=2)
         total = held.shape[1] + len(self._per_force) - 1
         size = 1 << total.bit_length()
         spectrum = np.fft.rfft(held, size) * np.fft.rfft(self._per_force, size)
@@ -201,11 +203,10 @@ class ExcursionControl:
             self.taps += self._slope
         if self._predictor.sample(value):
             self._choose()
-        self._window.push(value)
+        latest = self._window.push(value)
         self._move()
         member = int(self.place)
         share = self.place - member
-        latest = self._window.latest()
         force = float(self.taps[member].dot(latest))
         if share:
             force += share * (float(self.taps[member + 1].dot(latest)) - force)

@@ -12,63 +12,80 @@ import numpy as np
 from haptic_accel.core.model import FloatArray
 
 
-def improved(column: FloatArray, right: FloatArray, start: FloatArray) -> Iterator[FloatArray]:
-    """Yield ever better solutions of equations with a symmetric positive definite Toeplitz matrix.
+def improved(
+    columns: FloatArray, right: FloatArray, starts: FloatArray
+) -> Iterator[FloatArray | None]:
+    """Yield ever better solutions of equations with symmetric positive definite Toeplitz matrices.
 
     Conjugate gradients with products by fast Fourier transforms, and T. Chan's circulant as
     preconditioner (R. Chan and Ng, Conjugate gradient methods for Toeplitz systems, SIAM Review
-    38, 1996). A step takes tens of microseconds where Levinson's recursion, which has no
-    intermediate results, takes milliseconds; what each step lowers is the quadratic form itself,
-    the error of the filter.
+    38, 1996). What each step lowers is the quadratic form itself, the error of the filter, where
+    Levinson's recursion has no intermediate results. All matrices take a step together: for the
+    short sequences of low rates a call costs more than a transform.
 
     Parameters
     ----------
-    column : ndarray, shape (n,)
-        First column of the matrix.
+    columns : ndarray, shape (k, n)
+        First column of each matrix.
     right : ndarray, shape (n,)
-        Right side.
-    start : ndarray, shape (n,)
-        First solution.
+        Right side, the same for all.
+    starts : ndarray, shape (k, n)
+        First solutions.
 
     Yields
     ------
-    ndarray, shape (n,)
-        The solution after another step. Ends where no step improves it.
+    ndarray, shape (k, n), or None
+        The solutions after another step; None between its pieces, of one transform each.
+        Ends where no step improves any.
 
     Examples
     --------
-    >>> column, right = np.array([2.0, 1.0, 0.0]), np.array([4.0, 8.0, 8.0])
-    >>> *_, last = improved(column, right, np.zeros(3))
+    >>> columns, right = np.array([[2.0, 1.0, 0.0]]), np.array([4.0, 8.0, 8.0])
+    >>> *_, last = filter(lambda each: each is not None, improved(columns, right, 0.0 * columns))
     >>> np.round(last, 6).tolist()
-    [1.0, 2.0, 3.0]
+    [[1.0, 2.0, 3.0]]
     """
-    length = len(column)
+    count, length = columns.shape
     size = 2 * length
-    matrix = np.fft.rfft(np.concatenate([column, [0.0], column[:0:-1]])).real
+    none = np.zeros((count, 1))
+    mirrored = np.concatenate([none, columns[:, :0:-1]], axis=1)
+    matrices = np.fft.rfft(np.concatenate([columns, mirrored], axis=1)).real
+    yield None
     place = np.arange(length)
-    mirrored = np.concatenate([[0.0], column[:0:-1]])
-    circulant = np.fft.rfft(((length - place) * column + place * mirrored) / length).real
-
-    def product(vector: FloatArray) -> FloatArray:
-        return np.asarray(np.fft.irfft(matrix * np.fft.rfft(vector, size), size)[:length])
-
-    def preconditioned(vector: FloatArray) -> FloatArray:
-        return np.asarray(np.fft.irfft(np.fft.rfft(vector) / circulant, length))
-
-    solution = start
-    residual = right - product(start)
-    least = np.finfo(float).eps ** 2 * float(right.dot(preconditioned(right)))
-    direction = np.zeros(length)
-    before = np.inf
+    circulants = np.fft.rfft(((length - place) * columns + place * mirrored) / length).real
+    yield None
+    spectra = matrices * np.fft.rfft(starts, size)
+    yield None
+    residuals = right - np.fft.irfft(spectra, size)[:, :length]
+    yield None
+    spectra = np.fft.rfft(right) / circulants
+    least = np.finfo(float).eps ** 2 * (np.fft.irfft(spectra, length) @ right)
+    yield None
+    solutions, directions = starts, np.zeros_like(starts)
+    before = np.full(count, np.inf)
     while True:
-        corrected = preconditioned(residual)
-        remaining = float(residual.dot(corrected))
-        if not remaining > least:
+        spectra = np.fft.rfft(residuals) / circulants
+        yield None
+        corrected = np.fft.irfft(spectra, length)
+        remaining = _products(residuals, corrected)
+        # What cannot be improved stays as it is.
+        going_on = remaining > least
+        if not going_on.any():
             return
-        direction = corrected + remaining / before * direction
-        moved = product(direction)
-        step = remaining / float(direction.dot(moved))
-        solution = solution + step * direction
-        residual = residual - step * moved
-        before = remaining
-        yield solution
+        directions = corrected + (remaining / before)[:, np.newaxis] * directions
+        before = np.where(going_on, remaining, np.inf)
+        yield None
+        spectra = matrices * np.fft.rfft(directions, size)
+        yield None
+        moved = np.fft.irfft(spectra, size)[:, :length]
+        yield None
+        energy = np.where(going_on, _products(directions, moved), np.inf)
+        steps = (remaining / energy)[:, np.newaxis]
+        solutions = solutions + steps * directions
+        residuals = residuals - steps * moved
+        yield solutions
+
+
+def _products(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the scalar product of each row with the other's."""
+    return np.array([a.dot(b) for a, b in zip(one, other, strict=True)])

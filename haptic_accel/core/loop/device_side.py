@@ -1,0 +1,356 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A device as a part of the loop: its samples, and forces that take effect when due and safe."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Collection, Iterator
+from typing import Any, NamedTuple, Protocol
+
+from haptic_accel.core.actuator.safety import MAX_AGE, SafetyLayer, SafetyParameters
+from haptic_accel.core.arm_work import ArmWork
+from haptic_accel.core.coupling.position_servo import PositionServo
+from haptic_accel.core.due_forces import DueForces
+from haptic_accel.core.evaluation.histogram import DurationHistogram
+from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
+from haptic_accel.core.rig.interface import Rig, SampledRig
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import ACTUATOR_AXIS
+
+ARM, ACTUATOR = "arm_force", "actuator_force"
+"""Kinds of commands, by their names in `Driven.write`."""
+
+SAMPLE_TIMEOUT = 0.02
+"""Time after which a sample that has not come counts as lost, s."""
+
+FLOWING = 5
+"""Ticks without a command after which none is expected any more."""
+
+
+class Driven(Protocol):
+    """The part of a device that the loop uses, as `haptic_accel.devices.Device` has it."""
+
+    @property
+    def late(self) -> int:
+        """Number of forces given ahead that the device applied after their due time."""
+
+    def read(self, time: float) -> Reading:
+        """Return the sample of a time, s."""
+
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+    ) -> None:
+        """Apply forces, N, that are due at a time, s."""
+
+
+class Taken(NamedTuple):
+    """A tick, its sample, and the work of the arm's motors until then, J, per axis."""
+
+    tick: int
+    sample: Sample
+    work: Vector
+
+
+class Commands:
+    """Commands of one kind, from their reception until they took effect.
+
+    Parameters
+    ----------
+    latency : int
+    period : float
+        As for `DueForces`.
+    ahead : bool
+        The device takes such forces before they are due.
+
+    Attributes
+    ----------
+    forces : DueForces
+    age : DurationHistogram
+        Time from the sample that caused a force to its application.
+    ahead : bool
+    late_before : int
+        Forces that the device itself had applied late when counting began.
+    """
+
+    def __init__(self, latency: int, period: float, *, ahead: bool) -> None:
+        self.ahead = ahead and latency > 0
+        self.forces = DueForces(latency, period)
+        self.age = DurationHistogram()
+        self.late_before = 0
+        self._lag = 0 if self.ahead else latency
+
+    def is_missing(self, tick: int) -> bool:
+        """Return whether commands come, but not yet the one that is needed after a tick."""
+        newest, needed = self.forces.newest, tick - self._lag
+        return newest is not None and needed - FLOWING <= newest < needed
+
+
+class DeviceSide:
+    """One device behind its safety layer, tick by tick.
+
+    At each tick `begin` is called, `read` gives the samples that are there, `apply` lets the
+    forces take effect that are due, and `watch` those end that must; `command` takes forces at any
+    time, before `apply` those that are due at once.
+
+    Parameters
+    ----------
+    device : Driven
+    safety : SafetyLayer
+    rate : float
+        Ticks per second.
+    latency : int
+        Ticks from the sample that caused a force to the one at which the force is due.
+    clock : callable, optional
+        Steady time, s, of which tick 0 is at 0; default: the time of the tick, as in lockstep.
+    kinds : collection of str
+        Kinds of commands: `ARM`, `ACTUATOR`.
+    ahead : collection of str
+        Kinds that the device takes before they are due.
+    servo : PositionServo, optional
+        Position control of the arm, in place of commands while it has a set-point.
+
+    Attributes
+    ----------
+    device : Driven
+    safety : SafetyLayer
+    commands : dict of Commands
+        By kind.
+    tick : int
+        Tick that was begun last.
+    newest : Sample or None
+    unread : int
+        Number of ticks without a sample.
+
+    Raises
+    ------
+    DeviceError, OSError
+        The device failed; from every method that reads it or writes to it.
+    """
+
+    def __init__(
+        self,
+        device: Driven,
+        safety: SafetyLayer,
+        rate: float,
+        latency: int,
+        clock: Callable[[], float] | None = None,
+        *,
+        kinds: Collection[str] = (ARM, ACTUATOR),
+        ahead: Collection[str] = (),
+        servo: PositionServo | None = None,
+    ) -> None:
+        self.device = device
+        self.safety, self._servo = safety, servo
+        self._rate, self._latency = rate, latency
+        self._clock = clock or self._time_of_tick
+        self.tick = self.unread = 0
+        self._watched = -1
+        self._now = self._clock()
+        self._allowed = {ARM: safety.arm_force, ACTUATOR: self._allowed_actuator_force}
+        self.commands = {kind: Commands(latency, 1 / rate, ahead=kind in ahead) for kind in kinds}
+        self._at_tick = [kind for kind, each in self.commands.items() if not each.ahead]
+        self._timeout = max(1, round(SAMPLE_TIMEOUT * rate))
+        self._waiting: deque[int] = deque()
+        self._work = ArmWork()
+        self._acceleration: float | None = None
+        self.newest: Sample | None = None
+
+    # Samples
+
+    def start(self, device: Driven) -> None:
+        """Begin anew with a device that has just been opened."""
+        self.device = device
+        self._waiting.clear()
+        self._work = ArmWork()
+
+    def begin(self, tick: int) -> None:
+        """Begin a tick: its sample is wanted."""
+        self.tick = tick
+        self._waiting.append(tick)
+
+    def read(self) -> Iterator[Taken]:
+        """Yield the samples that are there, in order; a lost one is counted."""
+        while self._waiting:
+            tick = self._waiting[0]
+            time = tick / self._rate
+            sample = self.device.read(time)
+            if sample is LATER:
+                if tick > self.tick - self._timeout:
+                    return
+                sample = None
+            self._waiting.popleft()
+            if sample is None:
+                self.unread += 1
+                continue
+            self.newest = sample
+            self._acceleration = sample.acceleration
+            if self._servo and self._servo.set_point:
+                self._hold(tick, sample)
+            yield Taken(tick, sample, self._work.until(time, sample.position))
+
+    @property
+    def complete(self) -> bool:
+        """No sample and no command of the last tick is still to come."""
+        return not self._waiting and not any(
+            each.is_missing(self.tick) for each in self.commands.values()
+        )
+
+    # Forces
+
+    def command(self, kind: str, moment: float, force: Vector) -> None:
+        """Take a force, N, that was caused by the sample of a moment of the clock, ns."""
+        commands = self.commands[kind]
+        if kind == ARM and commands.forces.newest is None:
+            # The arms engage: what was late while a graph came up says nothing of the run.
+            self._count_anew()
+        sample = round(moment * self._rate / NANOSECONDS)
+        if abs(self._clock() - moment / NANOSECONDS) > MAX_AGE:
+            sample = self.tick - self._latency
+            commands.forces.pass_on(round(moment), force)
+        else:
+            commands.forces.put(sample, round(moment), force)
+            if kind == ARM and self._servo:
+                self._servo.set_point = None
+        if commands.ahead:
+            due = sample + self._latency
+            # One that is late already acts at once, and the device does not count it.
+            commands.forces.past_tick += due <= self.tick
+            self._write_due(due / self._rate, due, [kind])
+
+    def free(self) -> None:
+        """Let a zero force of the arm take effect, as if the last sample had caused it."""
+        self.commands[ARM].forces.put(self.tick, self._moment(self.tick), ZERO)
+
+    def refuse(self, kind: str) -> None:
+        """Drop the commands of a kind that wait."""
+        self.commands[kind].forces.clear()
+
+    def apply(self) -> None:
+        """Apply the forces that are due at the tick."""
+        self._write_due(self.tick / self._rate, self.tick, self._at_tick)
+
+    def watch(self) -> None:
+        """End the forces that must end without a command; once a tick, after `apply`."""
+        if self._watched == self.tick:
+            return
+        self._watched = self.tick
+        time = self.tick / self._rate
+        acceleration, self._acceleration = self._acceleration, None
+        arm, actuator = self.safety.tick(self._advanced(time, self._clock()), acceleration)
+        if arm is not None:
+            self._write(time, {ARM: arm})
+        if actuator is not None:
+            self._write(time, {ACTUATOR: actuator})
+
+    def apply_late(self) -> None:
+        """Apply the forces that came after the tick at which they were due."""
+        self._write_due(self._clock(), self.tick, self._at_tick)
+
+    def take_off(self) -> None:
+        """Take all forces off."""
+        self._write(self._clock(), {ARM: ZERO, ACTUATOR: 0.0})
+
+    # Counts
+
+    @property
+    def deadlines(self) -> tuple[int, int]:
+        """Number of forces that had a due time, and that took effect after it."""
+        return (
+            sum(each.forces.due for each in self.commands.values()),
+            sum(map(self._missed, self.commands)),
+        )
+
+    @property
+    def longest(self) -> float:
+        """Longest time from the due time of a force until it took effect, s."""
+        return max(each.forces.longest for each in self.commands.values())
+
+    def status(self) -> dict[str, str]:
+        """Return the counts and ages of the commands for diagnostics."""
+        values = dict[str, str]()
+        for kind, each in self.commands.items():
+            name = kind.replace("_", " ")
+            values |= {
+                f"{name} count": str(each.age.count),
+                **{f"{name} {key}": value for key, value in each.forces.status().items()},
+                f"{name} deadlines missed": str(self._missed(kind)),
+                **each.age.status(f"{name} age"),
+            }
+        return values
+
+    def _count_anew(self) -> None:
+        for each in self.commands.values():
+            each.age.reset()
+            each.forces.count_anew()
+            each.late_before = self.device.late
+
+    def _missed(self, kind: str) -> int:
+        """Return the number of forces that took effect late, here or at the device."""
+        commands = self.commands[kind]
+        there = self.device.late - commands.late_before if commands.ahead else 0
+        return commands.forces.missed + max(0, there)
+
+    def _hold(self, tick: int, sample: Sample) -> None:
+        """Command the force that a sample causes while a position is commanded."""
+        assert self._servo
+        if self.safety.refusal or self.safety.contested:
+            self._servo.set_point = None
+        elif force := self._servo.force(sample.position, sample.velocity):
+            self.commands[ARM].forces.put(tick, self._moment(tick), force)
+
+    def _write_due(self, time: float, tick: int, kinds: Collection[str]) -> None:
+        """Write the newest forces that are due at a tick, as the safety layer allows them."""
+        begun = self._clock()
+        now = self._advanced(time, begun)
+        given: dict[str, Any] = {}
+        moments: dict[str, int] = {}
+        for kind in kinds:
+            commands = self.commands[kind]
+            if caused := commands.forces.take(tick, ahead=commands.ahead):
+                moment, force = caused
+                allowed = self._allowed[kind](now, begun - moment / NANOSECONDS, force)
+                if allowed is not None:
+                    given[kind], moments[kind] = allowed, moment
+        try:
+            if given:
+                self._write(time, given)
+        finally:
+            done = self._clock()
+            for kind in kinds:
+                self.commands[kind].forces.took_effect(done)
+        for kind, moment in moments.items():
+            self.commands[kind].age.add(done - moment / NANOSECONDS)
+
+    def _write(self, time: float, forces: dict[str, Any]) -> None:
+        self.device.write(time, **forces)
+        if (arm := forces.get(ARM)) is not None:
+            self._work.apply(time, arm)
+
+    def _advanced(self, time: float, now: float) -> float:
+        """Return a time for the safety layer, s, which must not go back."""
+        self._now = max(self._now, min(time, now))
+        return self._now
+
+    def _allowed_actuator_force(self, now: float, age: float, force: Vector) -> float | None:
+        return self.safety.actuator_force(now, age, force[ACTUATOR_AXIS])
+
+    def _time_of_tick(self) -> float:
+        return self.tick / self._rate
+
+    def _moment(self, tick: int) -> int:
+        return round(tick * NANOSECONDS / self._rate)
+
+
+def rig_side(
+    rig: Rig,
+    limits: SafetyParameters,
+    rate: float,
+    latency: int,
+    kinds: Collection[str] = (ARM, ACTUATOR),
+) -> DeviceSide:
+    """Return one side of a virtual rig behind a safety layer that allows forces, for lockstep."""
+    safety = SafetyLayer(limits, rate)
+    safety.enable(0.0, True)
+    return DeviceSide(SampledRig(rig), safety, rate, latency, kinds=kinds)

@@ -1,0 +1,200 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Emergency stop by signals to the nodes of this machine, without ROS.
+
+Imports next to nothing: at a busy machine each import delays the stop.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+
+from haptic_accel.core.process import EMERGENCY, REALTIME
+
+TYPE_CHECKING = False  # as typing takes a while to import
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+# Loaded where they are needed, as most stops need neither: hashlib, core.parameters, core.topics.
+
+DOMAIN = "ROS_DOMAIN_ID"
+"""Environment variable with the number of the ROS domain."""
+
+HIGHEST_DOMAIN = 232
+"""Highest number of a ROS domain, above which it has no ports."""
+
+SOCKETS = "/proc/net/unix"
+"""The kernel's list of addresses in use, those with an abstract name behind an @ (proc(5))."""
+
+PRIORITY = 20
+"""Real-time priority of a process that stops a graph: below the nodes', which have to act upon it,
+above all other programs."""
+
+_SENDER = "sender"
+
+_CREDENTIALS = 12
+"""Size of process, user and group of a peer, an int each (socket(7), SO_PEERCRED), bytes."""
+
+
+class Signalled:
+    """Signals that have been sent.
+
+    Attributes
+    ----------
+    processes : int
+        Number of processes that have been signalled.
+    after : float
+        Time from the start of this process until they were, s.
+    """
+
+    def __init__(self, processes: int) -> None:
+        self.processes = processes
+        self.after = age()
+
+
+def own_domain() -> int:
+    """Return the ROS domain of the environment.
+
+    Raises
+    ------
+    ParameterError
+        It is no number of a domain.
+    """
+    from haptic_accel.core.decimals import read_whole
+
+    text = os.environ.get(DOMAIN) or "0"
+    try:
+        number = read_whole(text)
+    except ValueError:
+        number = -1
+    if not 0 <= number <= HIGHEST_DOMAIN:
+        from haptic_accel.core.parameters import ParameterError
+
+        raise ParameterError(f"{DOMAIN} = {text!r}: must be from 0 to {HIGHEST_DOMAIN}")
+    return number
+
+
+def hurry() -> None:
+    """Request real-time priority for this process, which is to stop a graph; else go on without.
+
+    To be called before there are other threads: those inherit it.
+    """
+    if os.environ.get(REALTIME) != "no" and hasattr(os, "sched_setscheduler"):
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        except OSError:  # not allowed here
+            return
+
+
+def age() -> float:
+    """Return the time since this process was started, s (proc(5), stat)."""
+    with open("/proc/self/stat", "rb") as stat:
+        started = int(stat.read().rpartition(b")")[2].split()[19]) / os.sysconf("SC_CLK_TCK")
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - started
+
+
+def stop_at_once(words: Sequence[str]) -> Signalled | None:
+    """Signal the nodes of a graph as the words of ``haptic-accel estop`` say.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Nothing, or the namespace; one that cannot be is that of no graph.
+
+    Returns
+    -------
+    Signalled or None
+        None for other words, which have to be read first.
+
+    Raises
+    ------
+    ParameterError
+        The environment names no ROS domain.
+    """
+    key, separator, namespace = (*words, "namespace:=")[0].partition(":=")
+    if len(words) > 1 or (key, separator) != ("namespace", ":="):
+        return None
+    bare = namespace.strip("/")
+    return Signalled(stop_senders(own_domain(), bare and f"/{bare}"))
+
+
+def stop_senders(domain: int, namespace: str) -> int:
+    """Let the nodes of this machine that send a graph's signals carry out the emergency stop.
+
+    Parameters
+    ----------
+    domain : int
+    namespace : str
+        Namespace of the graph, with a slash before; empty for every graph of the domain.
+
+    Returns
+    -------
+    int
+        Number of processes that have been signalled; those of another user cannot be.
+    """
+    senders = _all_senders(domain)
+    if namespace:
+        senders &= {address(domain, sender(name)) for name in signals(namespace)}
+    stopped = 0
+    for process in {holder(each) for each in senders}:
+        try:
+            if process and _handles_emergency(process):
+                os.kill(process, EMERGENCY)
+                stopped += 1
+        except OSError:  # it has just ended, or is another user's
+            continue
+    return stopped
+
+
+def signals(namespace: str) -> list[str]:
+    """Return the names of a graph's signals with their namespace."""
+    from haptic_accel.core.topics import SIGNALS
+
+    return [f"{namespace}/{topic.name}" for topic in SIGNALS]
+
+
+def sender(topic: str) -> str:
+    """Return the role of the sender of a topic, whose name has its namespace."""
+    return f"{_SENDER} of {topic}"
+
+
+def address(domain: int, role: str) -> bytes:
+    """Return the address of a role, hashed, as names of topics can be longer than addresses."""
+    from hashlib import sha256
+
+    return _place(domain, role) + sha256(role.encode()).hexdigest().encode()
+
+
+def holder(address: bytes) -> int:
+    """Return the process that listens at an address; 0 if that is unknown."""
+    with socket.socket(socket.AF_UNIX) as asking:
+        asking.setblocking(False)
+        try:
+            asking.connect(address)
+        except OSError:  # it has just ended, or was asked too often
+            return 0
+        peer = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS)
+    return memoryview(peer).cast("i")[0]
+
+
+def _place(domain: int, role: str) -> bytes:
+    """Return the start of the addresses of all roles with the same first word."""
+    return f"\0haptic_accel/{domain}/{role.partition(' ')[0]}/".encode()
+
+
+def _all_senders(domain: int) -> set[bytes]:
+    """Return the addresses of all senders of signals in a ROS domain."""
+    start = _place(domain, _SENDER)
+    with open(SOCKETS, "rb") as listed:
+        names = [line.split()[-1].replace(b"@", b"\0", 1) for line in listed]
+    return {name for name in names if name.startswith(start)}
+
+
+def _handles_emergency(process: int) -> bool:
+    """Return whether the signal of the emergency stop would not simply end a process."""
+    with open(f"/proc/{process}/status", "rb") as status:
+        (caught,) = (line for line in status if line.startswith(b"SigCgt:"))
+    return bool(int(caught.split()[1], 16) >> EMERGENCY - 1 & 1)

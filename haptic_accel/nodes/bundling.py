@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bundles of signals: one publisher for all nodes of a process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from haptic_accel.core.bundles import Bundle
+from haptic_accel.core.topics import BUNDLES
+
+BUNDLES_KEPT = 100
+"""Number of bundles kept by a publisher: those of two seconds, to be sent again if one is lost."""
+
+FLUSH_PERIOD = 0.1
+"""Interval at which a bundle is sent when no message follows its last, s."""
+
+_shared: dict[tuple[Any, str], BundleSender] = {}
+
+
+def participant(endpoint: Any) -> bytes:
+    """Return the globally unique identifier of the process that an endpoint is in."""
+    return bytes(endpoint.endpoint_gid)[:12]
+
+
+def owner(endpoint: Any) -> tuple[bytes, str]:
+    """Return the process and the full name of the node that an endpoint is of."""
+    return participant(endpoint), f"{endpoint.node_namespace}/{endpoint.node_name}"
+
+
+def join(node: Node, offer: Callable[[], Publisher]) -> BundleSender:
+    """Return the bundles that a node shares with the others of its process and namespace.
+
+    Parameters
+    ----------
+    node : Node
+    offer : callable
+        Creates a publisher of the node for them, if it is the first.
+    """
+    place = _place(node)
+    if place not in _shared:
+        _shared[place] = BundleSender(node, offer())
+    return _shared[place]
+
+
+def _place(node: Node) -> tuple[Any, str]:
+    return node.context, node.resolve_topic_name(BUNDLES.name)
+
+
+class BundleSender:
+    """Collects the messages of a process's signals, and publishes them in bundles.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes them; without it the others' signals are in no bundle.
+    publisher : Publisher
+
+    Attributes
+    ----------
+    listening : callable
+        Returns the number of subscribers found.
+    """
+
+    def __init__(self, node: Node, publisher: Publisher) -> None:
+        self._node = node
+        self._bundle = Bundle()
+        self.index = self._bundle.index
+        self._name = publisher.topic_name
+        self._publish: Any = publisher.handle.publish_raw
+        self.listening: Callable[[], int] = publisher.handle.get_subscription_count
+        node.create_timer(FLUSH_PERIOD, self.flush)
+
+    def listeners(self, node: Node) -> set[tuple[bytes, str]]:
+        """Return the `owner` of each subscriber."""
+        return set(map(owner, node.get_subscriptions_info_by_topic(self._name)))
+
+    def put(self, index: int, message: bytes) -> None:
+        """Add a message of a topic now."""
+        if self._bundle.put(index, time.time_ns(), message):
+            self.flush()
+
+    def flush(self) -> None:
+        """Publish what was collected."""
+        if data := self._bundle.take():
+            self._publish(data)
+
+    def leave(self, node: Node) -> None:
+        """Publish what was collected, before a node is destroyed."""
+        self.flush()
+        if node is self._node:
+            self.listening = int
+            del _shared[_place(node)]

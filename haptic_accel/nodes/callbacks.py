@@ -1,0 +1,122 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Guard around callbacks: what a request, message or event raises does not end the node."""
+
+from __future__ import annotations
+
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
+
+from rclpy.service import Service
+
+from haptic_accel.core.parameters import shown
+
+REASONS = ("message", "reason", "failure_reason")
+"""Fields of responses for the reason of a refusal."""
+
+Entity = TypeVar("Entity")
+
+
+def refused(response: Any, reason: str) -> Any:
+    """Return a new response with the reason of a refusal in it, where its type has a field for it.
+
+    It says no by itself: what tells of success is false by default.
+    """
+    for name in REASONS:
+        if hasattr(response, name):
+            setattr(response, name, reason)
+    if hasattr(response, "result"):
+        refused(response.result, reason)
+    return response
+
+
+class CallbackGuard:
+    """Calls the callbacks of one node's services, subscriptions, timers and events.
+
+    What they raise is counted, and the first failure of each kind is logged. A service answers in
+    any case.
+
+    What a sender can reach must not end a node, and with it the graph. Still allowed to end it:
+
+    - An error of a node's own loop, `work`: the node has lost its way, and closing it leaves no
+      force. What comes from outside is checked before it gets there (`Inbox`, `Samples`).
+    - An error at the start, or of the bag that is recorded.
+
+    A device that fails is closed without force, and its node goes on.
+
+    Parameters
+    ----------
+    log, explain : callable
+        Called with a line for each kind of failure, and with where it comes from.
+
+    Attributes
+    ----------
+    failed : Counter
+        Number of failures by service, topic or timer.
+    """
+
+    def __init__(self, log: Callable[[str], object], explain: Callable[[str], object]) -> None:
+        self._log = log
+        self._explain = explain
+        self._kinds: set[tuple[str, type[Exception]]] = set()
+        self.failed: Counter[str] = Counter()
+
+    def guarded(self, entity: Entity, name: str) -> Entity:
+        """Return a subscription, timer or event with its callback guarded."""
+        served: Any = entity
+        callback = served.callback
+        if hasattr(callback, "guard"):
+            return entity
+
+        @wraps(callback)
+        def call(*taken: Any) -> Any:
+            try:
+                return callback(*taken)
+            except Exception as error:
+                self.note(name, error)
+                return None
+
+        vars(call)["guard"] = self
+        served.callback = call
+        return entity
+
+    def service(self, service: Service) -> Service:
+        """Return a service that is guarded, and answers where its callback fails."""
+        callback, send = service.callback, service.send_response
+        if hasattr(callback, "guard"):
+            return service
+        name = service.service_name
+
+        def call(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except Exception as error:
+                return refused(service.srv_type.Response(), self.note(name, error))
+
+        def answer(response: Any, header: Any) -> None:
+            try:
+                send(response, header)
+            except Exception as error:  # of a response that ROS cannot convert, for one
+                reason = self.note(name, error)
+                try:
+                    send(refused(service.srv_type.Response(), reason), header)
+                except Exception as again:
+                    self.note(name, again)
+
+        vars(call)["guard"] = self
+        service.callback, service.send_response = call, answer
+        return service
+
+    def note(self, name: str, error: Exception) -> str:
+        """Count a failure, and log the first of its kind; return it in one line."""
+        self.failed[name] += 1
+        reason = shown(f"{type(error).__name__}: {' '.join(str(error).split())}")
+        if (name, type(error)) not in self._kinds:
+            self._kinds.add((name, type(error)))
+            self._log(f"{name}: failed: {reason}")
+            self._explain("".join(traceback.format_exception(error)))
+        return reason

@@ -1,0 +1,161 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Reception of signals for a recording: in bundles, or by themselves from who sends none."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from haptic_accel.core.bundles import MEMORY, BothWays, believed, unpack_bundle
+from haptic_accel.core.cdr import unpack_stamped_vector
+from haptic_accel.core.topics import BUNDLES, Topic
+from haptic_accel.nodes.bundling import participant
+from haptic_accel.nodes.interface import GraphNode, Inbox
+
+LOOK_PERIOD = 0.1
+"""Interval between looks for new publishers, s."""
+
+FULL_LOOK_PERIOD = 1.0
+"""Interval between looks for who they are if their numbers stay the same, s."""
+
+
+class _Signal:
+    """A signal that is received in bundles, and by itself while it has to be.
+
+    Parameters
+    ----------
+    name : str
+        Full name.
+    topic : Topic
+
+    Attributes
+    ----------
+    inbox : Inbox or None
+        Of the messages published by themselves; None while all come in bundles.
+    senders : list of bytes
+        Processes of its publishers, one of each.
+    bundled : bool
+        Messages have come in bundles since there were these publishers.
+    both_ways : BothWays or None
+        Messages that came, while some can come both ways.
+    """
+
+    def __init__(self, name: str, topic: Topic) -> None:
+        self.name, self.topic = name, topic
+        self.inbox: Inbox | None = None
+        self.senders: list[bytes] = []
+        self.bundled = False
+        self.both_ways: BothWays | None = None
+        self._until = math.inf
+
+    def subscribe(self, node: GraphNode) -> None:
+        """Receive messages by themselves, too."""
+        self.inbox = node.inbox(self.topic)
+        self.both_ways = self.both_ways or BothWays()
+        self._until = math.inf
+
+    def leave(self, now: float) -> None:
+        """Receive messages in bundles alone, from a steady time in s on."""
+        if self.inbox:
+            self.inbox.leave()
+            self.inbox = None
+            self._until = now + MEMORY
+
+    def forget(self, now: float) -> None:
+        """Compare no more when all that came by itself has come in bundles, too."""
+        if now >= self._until:
+            self.both_ways = None
+
+    def repeats(self, message: bytes, *, bundled: bool, now: float) -> bool:
+        """Return whether a message has come the other way."""
+        return bool(self.both_ways and self.both_ways.repeats(message, bundled=bundled, now=now))
+
+
+class SignalReceiver:
+    """Receives the messages of signals, each once, in bundles wherever they are sent in these.
+
+    A publisher sends its messages in bundles, too, if its process publishes bundles in the same
+    namespace. While a signal has another publisher, or none, it is subscribed to by itself.
+
+    Parameters
+    ----------
+    node : GraphNode
+    topics : mapping
+        Signals by their full names.
+    """
+
+    def __init__(self, node: GraphNode, topics: Mapping[str, Topic]) -> None:
+        self._node = node
+        self._bundles = node.inbox(BUNDLES)
+        self._signals = {name: _Signal(name, topic) for name, topic in topics.items()}
+        self._left: list[tuple[int, str, bytes]] = []
+        self._counts: list[int] = []
+        self._look_due = 0.0
+        for signal in self._signals.values():
+            signal.subscribe(node)
+        node.create_timer(LOOK_PERIOD, self.look)
+
+    def take(self) -> list[tuple[int, str, bytes]]:
+        """Return system times in ns, full names of topics and messages that have come."""
+        taken, self._left = self._left, []
+        for signal in self._signals.values():
+            taken += self._by_itself(signal)
+        taken += self._in_bundles()
+        return taken
+
+    def look(self) -> None:
+        """Subscribe to signals by themselves, or no longer, as their publishers are now."""
+        now = time.monotonic()
+        names = self._bundles.name, *self._signals
+        counts = [self._node.count_publishers(name) for name in names]
+        pending = any(signal.inbox and signal.bundled for signal in self._signals.values())
+        if counts == self._counts and not pending and now < self._look_due:
+            return
+        self._counts, self._look_due = counts, now + FULL_LOOK_PERIOD
+        bundling = set(self._senders(names[0]))
+        for signal in self._signals.values():
+            senders = self._senders(signal.name)
+            if senders != signal.senders:
+                signal.senders, signal.bundled = senders, False
+            signal.forget(now)
+            # A second one of the same process is not what its bundles have.
+            known = bool(senders) and len(bundling.intersection(senders)) == len(senders)
+            if not known and not signal.inbox:
+                signal.subscribe(self._node)
+            elif known and signal.inbox and signal.bundled:
+                self._left += self._by_itself(signal)
+                signal.leave(now)
+
+    def _senders(self, name: str) -> list[bytes]:
+        return sorted(map(participant, self._node.get_publishers_info_by_topic(name)))
+
+    def _by_itself(self, signal: _Signal) -> Iterator[tuple[int, str, bytes]]:
+        now = time.monotonic()
+        for data, received in signal.inbox.take(unpack_stamped_vector) if signal.inbox else ():
+            if not signal.repeats(data, bundled=False, now=now):
+                yield received, signal.name, data
+
+    def _in_bundles(self) -> Iterator[tuple[int, str, bytes]]:
+        now = time.monotonic()
+        for data, received in self._bundles.take():
+            for name, sent, message in self._or_refused(BUNDLES, unpack_bundle, data) or ():
+                signal = self._signals.get(name)
+                if not signal or not self._or_refused(
+                    signal.topic, unpack_stamped_vector, message
+                ):
+                    continue
+                signal.bundled = True
+                if not signal.repeats(message, bundled=True, now=now):
+                    yield believed(sent, received), name, message
+
+    def _or_refused(self, topic: Topic, unpack: Callable[[bytes], Any], data: bytes) -> Any:
+        """Return what is unpacked, or None after refusing it."""
+        try:
+            return unpack(data)
+        except ValueError as error:
+            self._node.refuse(topic, str(error))
+            return None

@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Standard output and error of a node, which no reader of them can hold up."""
+
+from __future__ import annotations
+
+import io
+import os
+import stat
+import sys
+from contextlib import suppress
+from typing import Any, cast
+
+STREAMS = ("stdin", "stdout", "stderr")
+"""Names of the standard streams, by descriptor."""
+
+
+class LossyStream(io.RawIOBase):
+    """Raw stream that loses what cannot be written at once, or at all: it never waits or fails.
+
+    Lines of up to 4096 bytes (PIPE_BUF) are written whole to a pipe, or lost. After a longer one
+    that was cut, the next begins on a line of its own.
+
+    Parameters
+    ----------
+    descriptor : int
+        Descriptor that does not block; it is not closed.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._cut = False
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def fileno(self) -> int:
+        """Return the descriptor."""
+        return self._descriptor
+
+    def isatty(self) -> bool:
+        """Return whether it leads to a terminal."""
+        return os.isatty(self._descriptor)
+
+    def write(self, data: Any) -> int:
+        """Write what can be written now; return the length of the data."""
+        text = b"\n" + bytes(data) if self._cut else bytes(data)
+        # EAGAIN: nobody reads. EPIPE and EIO: the reader or the terminal is gone. ENOSPC: full.
+        with suppress(OSError):
+            self._cut = os.write(self._descriptor, text) < len(text)
+        return len(data)
+
+
+def unblock_standard_streams() -> None:
+    """Let this process write its log to whoever reads it, and lose lines that nobody does.
+
+    A pipe takes 64 KiB, a terminal that is stopped by Ctrl-S less. Then a write blocks, and so
+    did every node behind a supervisor that was stopped or whose own output was not read: with
+    the force of its last tick held. The C library's streams, by which rclpy logs, lose what
+    fails, too; what is written to a file is not affected.
+    """
+    for descriptor, name in enumerate(STREAMS):
+        _unblock(descriptor)
+        if name == "stdin":
+            continue
+        before = getattr(sys, name)  # None where it was closed
+        with suppress(OSError, AttributeError):
+            before.flush()
+        stream = io.TextIOWrapper(
+            cast("Any", LossyStream(descriptor)),  # a raw stream will do
+            encoding=getattr(before, "encoding", "utf-8"),
+            errors="backslashreplace",
+            line_buffering=True,  # a line is one write
+        )
+        setattr(sys, name, stream)
+
+
+def _unblock(descriptor: int) -> None:
+    try:
+        mode = os.fstat(descriptor).st_mode
+    except OSError:
+        # It was closed: what is opened next, such as a socket, must not get the log.
+        _replace(descriptor, os.open(os.devnull, os.O_RDWR))
+        return
+    if descriptor == 0 or not (stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)):
+        return
+    # Opened anew: the flag of the description that we were given is that of all who share it,
+    # such as the shell. O_NOCTTY: the leader of a session would get the terminal's signals.
+    flags = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY
+    try:
+        _replace(descriptor, os.open(f"/proc/self/fd/{descriptor}", flags))
+    except OSError:
+        # A socket, or of another user, after su. A terminal's flag would disturb its shell.
+        if not stat.S_ISCHR(mode):
+            os.set_blocking(descriptor, False)
+
+
+def _replace(descriptor: int, other: int) -> None:
+    if other != descriptor:
+        os.dup2(other, descriptor)
+        os.close(other)

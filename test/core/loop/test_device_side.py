@@ -1,0 +1,226 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator.safety import (
+    ARM_PEAK_FORCE,
+    ARM_TIMEOUT,
+    MAX_AGE,
+    MasterSafetyParameters,
+    SafetyLayer,
+)
+from haptic_accel.core.loop.device_side import (
+    ACTUATOR,
+    ARM,
+    SAMPLE_TIMEOUT,
+    DeviceSide,
+    Taken,
+    rig_side,
+)
+from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import along_actuator
+
+RATE = 1000.0
+SPEED = 0.1
+"""Speed of the arm along z, m/s."""
+
+
+class Rig:
+    """An arm that moves evenly along z, whatever pushes it; keeps the forces that it was given."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self.arm: list[Vector] = []
+        self.actuator: list[float] = []
+
+    def advance(self, time: float) -> None:
+        self.time = max(self.time, time)
+
+    def measure(self) -> Sample:
+        return Sample((0.0, 0.0, SPEED * self.time), (0.0, 0.0, SPEED), 0.0)
+
+    def apply_arm_force(self, force: Vector) -> None:
+        self.arm.append(force)
+
+    def apply_actuator_force(self, force: float) -> None:
+        self.actuator.append(force)
+
+    def release(self) -> None:
+        self.arm.append(ZERO)
+
+    def status(self) -> dict[str, int]:
+        return {}
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+def side(rig: Rig, latency: int) -> DeviceSide:
+    return rig_side(rig, MasterSafetyParameters(hardware=ActuatorParameters()), RATE, latency)
+
+
+def serve(
+    side: DeviceSide, tick: int, arm: Vector | None, actuator: float | None = None
+) -> list[Taken]:
+    side.begin(tick)
+    taken = list(side.read())
+    moment = tick * NANOSECONDS / RATE
+    if arm is not None:
+        side.command(ARM, moment, arm)
+    if actuator is not None:
+        side.command(ACTUATOR, moment, along_actuator(actuator))
+    side.apply()
+    side.watch()
+    return taken
+
+
+@pytest.mark.parametrize("latency", [0, 1, 3])
+def test_a_force_takes_effect_when_it_is_due(rig: Rig, latency: int) -> None:
+    master = side(rig, latency)
+    for tick in range(latency):
+        serve(master, tick, (0.0, 0.0, 1.0), 0.2)
+        assert (rig.arm, rig.actuator) == ([], [])
+    serve(master, latency, (0.0, 0.0, 1.0), 0.2)
+    assert (rig.arm, rig.actuator) == ([(0.0, 0.0, 1.0)], [0.2])
+
+
+def test_no_force_is_more_than_the_safety_layer_allows(rig: Rig) -> None:
+    master = side(rig, 0)
+    serve(master, 0, (0.0, 0.0, 10 * ARM_PEAK_FORCE), 1e3)
+    assert rig.arm[-1] == pytest.approx((0.0, 0.0, ARM_PEAK_FORCE))
+    assert 0 < rig.actuator[-1] <= ActuatorParameters().peak_force
+    serve(master, 1, (0.0, 0.0, math.nan), math.inf)
+    assert rig.arm[-1] == pytest.approx((0.0, 0.0, ARM_PEAK_FORCE))
+    assert all(map(math.isfinite, rig.actuator))
+
+
+def test_a_force_ends_with_its_commands(rig: Rig) -> None:
+    master = side(rig, 1)
+    last = 5
+    for tick in range(last + 1):
+        serve(master, tick, (0.0, 0.0, 1.0))
+    tick = last
+    while rig.arm[-1] != ZERO:
+        tick += 1
+        serve(master, tick, None)
+    # The last command is applied a tick after it was given; its time-out begins then.
+    assert (tick - last - 1) / RATE == pytest.approx(ARM_TIMEOUT, abs=1.5 / RATE)
+
+
+def test_work_is_force_times_displacement(rig: Rig) -> None:
+    master = side(rig, 1)
+    ticks = 100
+    for tick in range(ticks + 1):
+        ((_, _, work),) = serve(master, tick, (0.0, 0.0, -2.0))
+    # From the first tick with force to the last sample.
+    assert work == pytest.approx((0.0, 0.0, -2.0 * SPEED * (ticks - 1) / RATE))
+
+
+class Slow:
+    """A device whose samples come late, or never, and that applies forces by its own clock."""
+
+    def __init__(self) -> None:
+        self.readings: list[Reading] = []
+        self.asked: list[float] = []
+        self.written: list[tuple[float, dict[str, Any]]] = []
+        self.late = 0
+
+    def read(self, time: float) -> Reading:
+        self.asked.append(time)
+        return self.readings.pop(0) if self.readings else LATER
+
+    def write(self, time: float, **forces: Any) -> None:
+        self.written.append((time, forces))
+
+
+class Clock:
+    """Steady time that stands still until it is set, s."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+STILL = Sample(ZERO, ZERO, 0.0)
+
+
+def clocked(device: Slow, clock: Clock, **options: Any) -> DeviceSide:
+    safety = SafetyLayer(MasterSafetyParameters(hardware=ActuatorParameters()), RATE)
+    safety.enable(0.0, True)
+    return DeviceSide(device, safety, RATE, 1, clock, **options)
+
+
+def test_a_sample_that_comes_later_is_the_one_of_its_tick() -> None:
+    device, clock = Slow(), Clock()
+    part = clocked(device, clock)
+    for tick in (5, 6):
+        part.begin(tick)
+        assert list(part.read()) == []
+        assert not part.complete
+    device.readings = [STILL, None]
+    assert [(each.tick, each.sample) for each in part.read()] == [(5, STILL)]
+    assert device.asked[-2:] == [0.005, 0.006]
+    assert (part.unread, part.complete) == (1, True)
+
+
+def test_a_sample_is_waited_for_so_long_and_no_longer() -> None:
+    device, clock = Slow(), Clock()
+    part = clocked(device, clock)
+    ticks = round(SAMPLE_TIMEOUT * RATE) + 10
+    for tick in range(ticks):
+        part.begin(tick)
+        assert list(part.read()) == []
+    assert part.unread == 10
+
+
+def test_a_force_that_comes_after_its_tick_acts_at_once_and_is_late() -> None:
+    device, clock = Slow(), Clock()
+    part = clocked(device, clock)
+    part.command(ARM, 9e6, (0.0, 0.0, 0.5))
+    clock.now = 0.010
+    part.begin(10)
+    part.apply()
+    assert device.written == [(0.010, {ARM: (0.0, 0.0, 0.5)})]
+    clock.now = 0.0115
+    part.begin(11)
+    part.apply()
+    clock.now = 0.0117
+    part.command(ARM, 10e6, (0.0, 0.0, 0.6))
+    part.apply_late()
+    assert device.written[1:] == [(0.0117, {ARM: (0.0, 0.0, 0.6)})]
+    assert part.deadlines == (2, 1)
+    assert part.longest == pytest.approx(0.7e-3)
+
+
+def test_an_old_force_reaches_no_device() -> None:
+    device, clock = Slow(), Clock()
+    part = clocked(device, clock)
+    for moment in (clock.now - 1.1 * MAX_AGE, clock.now + 1.1 * MAX_AGE):
+        part.command(ARM, moment * NANOSECONDS, (0.0, 0.0, 0.5))
+        part.begin(1)
+        part.apply()
+    assert device.written == []
+    assert part.safety.status()["arm force outdated"] == "2"
+
+
+def test_a_device_with_a_clock_gets_forces_before_they_are_due() -> None:
+    device, clock = Slow(), Clock()
+    part = clocked(device, clock, ahead=[ACTUATOR])
+    part.begin(10)
+    clock.now = 0.0101
+    part.command(ACTUATOR, 10e6, along_actuator(0.1))
+    ((time, forces),) = device.written
+    assert (time, list(forces)) == (0.011, [ACTUATOR])
+    device.late = 3
+    assert part.deadlines == (1, 3)

@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from __future__ import annotations
+
+from contextlib import suppress
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
+
+from haptic_accel.core.bundles import (
+    LARGEST_BUNDLE,
+    LONGEST_BUNDLE,
+    MEMORY,
+    BothWays,
+    Bundle,
+    InOrder,
+    believed,
+    unpack_bundle,
+)
+from haptic_accel.core.topics import BUNDLES
+
+TYPES: Any = get_typestore(Stores.ROS2_JAZZY)
+"""Another program's CDR to compare with."""
+
+MILLISECOND = 1_000_000
+
+times = st.integers(0, 2**63 - 1)
+entries = st.lists(
+    st.tuples(st.text(st.characters(codec="utf-8"), max_size=30), times, st.binary(max_size=200)),
+    min_size=1,
+    max_size=20,
+)
+
+
+def packed(given: list[tuple[str, int, bytes]]) -> bytes:
+    bundle = Bundle()
+    for topic, time, message in given:
+        bundle.put(bundle.index(topic), time, message)
+    return bundle.take()
+
+
+@given(entries)
+def test_what_is_packed_comes_out_as_it_was_sent(given: list[tuple[str, int, bytes]]) -> None:
+    assert unpack_bundle(packed(given)) == given
+
+
+def test_a_bundle_that_is_too_long_is_refused() -> None:
+    with pytest.raises(ValueError, match="^too long$"):
+        unpack_bundle(packed([("", 0, bytes(LONGEST_BUNDLE))]))
+
+
+@given(entries)
+def test_a_bundle_is_a_message_of_its_type(given: list[tuple[str, int, bytes]]) -> None:
+    data = packed(given)
+    message = TYPES.deserialize_cdr(data, BUNDLES.type)
+    assert isinstance(message.data, np.ndarray)
+    assert bytes(TYPES.serialize_cdr(message, BUNDLES.type)) == data
+
+
+@given(st.binary(max_size=200))
+def test_garbage_is_refused(data: bytes) -> None:
+    with pytest.raises(ValueError, match=r"^(too short|not|does not|ends)"):
+        unpack_bundle(data)
+
+
+@given(entries, st.data())
+def test_what_is_cut_is_refused(given: list[tuple[str, int, bytes]], data: st.DataObject) -> None:
+    whole = packed(given)
+    with pytest.raises(ValueError, match="too short|not of the length"):
+        unpack_bundle(whole[: data.draw(st.integers(0, len(whole) - 1))])
+
+
+@given(entries, st.data())
+def test_a_damaged_bundle_gives_nothing_longer_than_itself_or_is_refused(
+    given: list[tuple[str, int, bytes]], data: st.DataObject
+) -> None:
+    damaged = bytearray(packed(given))
+    for place in data.draw(st.lists(st.integers(0, len(damaged) - 1), min_size=1, max_size=8)):
+        damaged[place] = data.draw(st.integers(0, 255))
+    with suppress(ValueError):
+        found = unpack_bundle(bytes(damaged))
+        assert sum(len(message) for _, _, message in found) < len(damaged)
+        assert all(0 <= time < 2**63 for _, time, _ in found)
+
+
+def test_a_bundle_is_due_after_twenty_milliseconds_when_large_or_when_the_clock_is_set_back() -> (
+    None
+):
+    bundle = Bundle()
+    index = bundle.index("/slave/measured_cp")
+    assert [bundle.put(index, t * MILLISECOND, b"") for t in (100, 119, 120)] == [0, 0, 1]
+    assert bundle.take()
+    assert bundle.take() == b""
+    assert not bundle.put(index, 200 * MILLISECOND, b"")
+    assert bundle.put(index, 199 * MILLISECOND, b"")
+    bundle.take()
+    assert not bundle.put(index, 0, bytes(LARGEST_BUNDLE - 100))
+    assert bundle.put(index, 0, bytes(100))
+
+
+@given(st.lists(times, max_size=10).map(sorted), times)
+def test_times_are_believed_within_a_second_before_reception_and_stay_in_order(
+    sent: list[int], received: int
+) -> None:
+    found = [believed(time, received) for time in sent]
+    assert found == sorted(found)
+    assert all(received - 10**9 <= time <= received for time in found)
+    for time, result in zip(sent, found, strict=True):
+        assert result == time or not received - 10**9 <= time <= received
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from("abc"), st.booleans()), max_size=30).flatmap(
+        lambda sent: st.tuples(st.just(sent), st.randoms(use_true_random=False))
+    )
+)
+def test_what_comes_both_ways_counts_once_in_whatever_order(drawn: Any) -> None:
+    sent, random = drawn  # messages of bundles, and whether each was published by itself, too
+    ways = [(text, True) for text, _ in sent]
+    ways += [(text, False) for text, is_direct in sent if is_direct]
+    random.shuffle(ways)
+    both_ways = BothWays()
+    kept = [
+        text
+        for text, bundled in ways
+        if not both_ways.repeats(text.encode(), bundled=bundled, now=0.0)
+    ]
+    assert sorted(kept) == sorted(text for text, _ in sent)
+
+
+def test_a_second_sender_of_the_same_counts_too_and_nothing_is_remembered_for_ever() -> None:
+    both_ways = BothWays()
+    direct = [both_ways.repeats(b"same", bundled=False, now=0.0) for _ in range(2)]
+    assert [*direct, both_ways.repeats(b"same", bundled=True, now=0.1)] == [False, False, True]
+    for later in (MEMORY, 2 * MEMORY):
+        both_ways.repeats(b"other", bundled=False, now=later)
+    assert not both_ways.repeats(b"same", bundled=True, now=2 * MEMORY)
+
+
+@given(st.lists(st.lists(st.integers(0, 50)), max_size=10), st.integers(1, 4))
+def test_no_item_is_lost_and_each_waits_for_so_many_rounds_at_most(
+    rounds: list[list[int]], number: int
+) -> None:
+    in_order: InOrder[None] = InOrder(number)
+    put: list[int] = []
+    done: list[int] = []
+    for index, added in enumerate(rounds):
+        put += added
+        done += [time for time, _ in in_order.round([(time, None) for time in added])]
+        waited = list(chain(*rounds[: max(0, index + 1 - number)]))
+        assert all(done.count(time) >= waited.count(time) for time in waited)
+    done += [time for time, _ in in_order.rest()]
+    assert sorted(done) == sorted(put)
+
+
+@given(st.permutations(range(9)))
+def test_what_is_late_by_less_than_the_rounds_is_put_in_order(shuffled: list[int]) -> None:
+    in_order: InOrder[int] = InOrder(3)
+    done: list[tuple[int, int]] = []
+    for index in range(12):
+        # Items of up to two rounds before come in this one.
+        late = [i for i in shuffled if i + i % 3 == index]
+        done += in_order.round([(i, i) for i in late])
+    assert [item for _, item in (*done, *in_order.rest())] == list(range(9))

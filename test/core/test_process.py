@@ -1,0 +1,36 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What processes of a graph say of a machine that is short of something."""
+
+from __future__ import annotations
+
+import pytest
+
+from haptic_accel.core.process import shortage
+
+
+def chained(error: Exception, cause: Exception) -> Exception:
+    error.__cause__ = cause
+    return error
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (MemoryError(), "too little memory"),
+        (ImportError("a.so: failed to map segment from shared object"), "too little memory (ul"),
+        (ImportError("a.so: cannot allocate memory in static TLS block"), "too little memory"),
+        (OSError(12, "Cannot allocate memory"), "too little memory (ulimit -v)"),
+        (OSError(24, "Too many open files"), "too few file descriptors (ulimit -n)"),
+        (RuntimeError("can't start new thread"), "too little memory or too few processes"),
+        (chained(ImportError("seems to be broken"), MemoryError()), "too little memory"),
+        (ImportError("cannot import name"), ""),
+        (ValueError("Too many open files"), ""),
+        (OSError(2, "No such file or directory"), ""),
+    ],
+)
+def test_a_shortage_is_told_from_other_errors(error: Exception, said: str) -> None:
+    found = shortage(error)
+    assert found.startswith(said)
+    assert bool(found) == bool(said)

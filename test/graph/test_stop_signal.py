@@ -1,0 +1,102 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The emergency stop by signals, before anything else is loaded."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import MASTER_ARM_FORCE
+from haptic_accel.graph.stop_signal import own_domain, stop_at_once, stop_senders
+from running import PATIENCE, reserved_domain, sending
+
+TOPIC = f"/{MASTER_ARM_FORCE.name}"
+
+STOPPABLE = "import sys; signal.signal(signal.SIGUSR1, lambda *_: sys.exit(7)); "
+"""Preparation of a sender that acts upon the stop: it ends with status 7."""
+
+pytestmark = pytest.mark.quiet
+
+
+def test_an_emergency_stop_reaches_who_sends_and_handles_it_in_its_namespace(domain: int) -> None:
+    with sending(domain, TOPIC) as process:
+        assert stop_senders(domain, "") == 0, "it would only end"
+        assert process.poll() is None
+    with sending(domain, f"/left{TOPIC}", STOPPABLE) as process:
+        assert stop_senders(domain, "/right") == 0
+        with reserved_domain() as other:
+            assert stop_senders(other, "/left") == 0
+        assert stop_senders(domain, "/left") == 1
+        assert process.wait(PATIENCE) == 7
+
+
+def test_an_emergency_stop_without_a_namespace_reaches_every_graph_of_the_domain(
+    domain: int,
+) -> None:
+    with (
+        sending(domain, TOPIC, STOPPABLE) as root,
+        sending(domain, f"/a/b{TOPIC}", STOPPABLE) as far,
+    ):
+        with reserved_domain() as other:
+            assert stop_senders(other, "") == 0
+        assert stop_senders(domain, "") == 2
+        assert root.wait(PATIENCE) == far.wait(PATIENCE) == 7
+
+
+def without(module: str, words: Sequence[str]) -> subprocess.CompletedProcess[str]:
+    """Run ``haptic-accel WORDS`` in a process that ends when a module is to be loaded."""
+    code = (
+        "import os, sys\n"
+        "class End:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == {module!r}: os._exit(9)\n"
+        "sys.meta_path.insert(0, End())\n"
+        "from haptic_accel.cli.main import main\n"
+        f"main({list(words)})"
+    )
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("module", ["click", "dataclasses", "rclpy"])
+def test_a_stop_is_signalled_before_anything_else_is_loaded(domain: int, module: str) -> None:
+    with sending(domain, TOPIC, STOPPABLE) as process:
+        assert without(module, ["estop"]).returncode == 9
+        assert process.wait(PATIENCE) == 7
+
+
+def test_a_stop_of_one_namespace_is_signalled_before_click_is_loaded(domain: int) -> None:
+    with (
+        sending(domain, f"/left{TOPIC}", STOPPABLE) as left,
+        sending(domain, f"/right{TOPIC}", STOPPABLE) as right,
+    ):
+        assert without("click", ["estop", "namespace:=left"]).returncode == 9
+        assert left.wait(PATIENCE) == 7
+        assert right.poll() is None
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--help"], ["release:=true"], ["relase:=true"], ["namespace:=left", "release:=true"]],
+)
+def test_nothing_is_signalled_before_other_words_are_read(
+    domain: int, words: Sequence[str]
+) -> None:
+    with sending(domain, TOPIC, STOPPABLE), sending(domain, f"/left{TOPIC}", STOPPABLE):
+        assert stop_at_once(words) is None
+        done = stop_at_once(["namespace:=/left/"])
+        assert done
+        assert done.processes == 1
+        assert stop_senders(domain, "") >= 1, "the other has not been signalled"
+
+
+@pytest.mark.parametrize("text", ["233", "-1", "one", "\uff11", "9" * 5000])
+def test_a_domain_that_cannot_be_is_named(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    with pytest.raises(ParameterError, match=f"ROS_DOMAIN_ID = '{text}': must be from 0 to 232"):
+        own_domain()

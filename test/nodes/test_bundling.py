@@ -1,0 +1,238 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A recording by bundles, beside somebody who subscribes to all that is recorded."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.qos import QoSProfile
+from rosbags.rosbag2 import Reader
+from std_msgs.msg import UInt8MultiArray
+
+from haptic_accel.bags.repair import repair
+from haptic_accel.core.bundles import BUNDLE_PERIOD
+from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
+from haptic_accel.core.topics import (
+    BUNDLES,
+    DESIRED_ACCELERATION,
+    SIGNALS,
+    SLAVE_SIGNALS,
+    SLAVE_VELOCITY,
+    TOPICS,
+    Topic,
+)
+from haptic_accel.nodes.interface import GraphNode, message_type, quality
+from haptic_accel.nodes.scheduling import CATCH_UP
+from observing import Observer
+from running import Command, StallWatch, nodes_of, wait_until
+
+Start = Callable[..., Command]
+
+RATE = 250
+MARK = 12345.0
+"""Value of samples that are sent by the tests."""
+
+SOON = 0.25
+"""Time from a subscription to a signal to its first sample, s."""
+
+Heard = dict[str, list[bytes]]
+
+
+def recorded(bag: Path) -> Heard:
+    """Return the messages of the signals in a bag, in order, and check their order of time."""
+    found: Heard = {f"/{topic.name}": [] for topic in SIGNALS}
+    with Reader(bag) as reader:
+        times = []
+        for connection, received, data in reader.messages():
+            times.append(received)
+            if connection.topic in found:
+                found[connection.topic].append(bytes(data))
+    assert times == sorted(times)
+    return found
+
+
+@contextmanager
+def hearing(observer: Observer) -> Iterator[Heard]:
+    """Subscribe to all signals, and keep what comes."""
+    heard: Heard = {f"/{topic.name}": [] for topic in SIGNALS}
+    subscriptions = [
+        observer.node.create_subscription(
+            message_type(topic),
+            topic.name,
+            heard[f"/{topic.name}"].append,
+            QoSProfile(depth=10_000),
+            raw=True,
+        )
+        for topic in SIGNALS
+    ]
+    over = threading.Event()
+
+    def spin() -> None:
+        while not over.is_set():
+            observer.executor.spin_once(timeout_sec=0.1)
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    try:
+        yield heard
+    finally:
+        over.set()
+        thread.join()
+        for subscription in subscriptions:
+            observer.node.destroy_subscription(subscription)
+
+
+def assert_holds(bag: list[bytes], heard: list[bytes], name: str) -> None:
+    """Check that a bag has from the first message heard to the last all of them, in order."""
+    assert heard, name
+    assert not [data for data, count in Counter(bag).items() if count > 1], name
+    assert set(heard) <= set(bag), f"{name}: {len(set(heard) - set(bag))} are missing"
+    wanted = set(heard)
+    assert [data for data in bag if data in wanted] == heard, name
+
+
+def assert_complete(signals: list[list[bytes]]) -> None:
+    """Check that signals that a device sends with each sample have the same samples."""
+    stamps = [[unpack_stamped_vector(data)[0] for data in each] for each in signals]
+    first, last = max(each[0] for each in stamps), min(each[-1] for each in stamps)
+    within = [[stamp for stamp in each if first <= stamp <= last] for each in stamps]
+    assert all(each == within[0] for each in within), [len(each) for each in within]
+
+
+@pytest.mark.parametrize("composed", ["false", "true"])
+def test_a_bag_has_what_a_subscriber_of_everything_gets_and_more_by_nobody(
+    haptic_accel: Start, observer: Observer, tmp_path: Path, composed: str
+) -> None:
+    graph = haptic_accel(
+        "teleop", f"rate:={RATE}", "rig:=ideal", "bag:=bag", f"composed:={composed}"
+    )
+    graph.wait_for("engaged")
+    unwanted = (DESIRED_ACCELERATION.name, SLAVE_VELOCITY.name)
+    wait_until(
+        lambda: not any(map(observer.node.count_subscribers, unwanted)),
+        "nobody subscribes to what only the recorder wants",
+    )
+    names = {name for name, _ in observer.node.get_topic_names_and_types()}
+    assert {f"/{topic.name.lstrip('/')}" for topic in TOPICS} <= names
+    subscribed = time.time_ns()
+    with StallWatch() as watch, hearing(observer) as heard:
+        wait_until(lambda: min(map(len, heard.values())) > 2 * RATE, "two seconds")
+        for name in unwanted:
+            first, _ = unpack_stamped_vector(heard[f"/{name}"][0])
+            assert (first - subscribed) / 1e9 < SOON + watch.longest, name
+        node = observer.node
+        nonsense = node.create_publisher(UInt8MultiArray, BUNDLES.name, 10)
+        wait_until(lambda: nonsense.get_subscription_count() == 1, "the recorder")
+        nonsense.publish(UInt8MultiArray(data=b"garbage"))
+        graph.wait_for(f"{BUNDLES.name}: malformed message refused: ")
+        # Else this process would pass for one whose signals are all in its bundles.
+        node.destroy_publisher(nonsense)
+        rival = node.create_publisher(
+            message_type(DESIRED_ACCELERATION),
+            DESIRED_ACCELERATION.name,
+            QoSProfile(depth=100),
+        )
+        wait_until(lambda: rival.get_subscription_count() == 2, "the recorder and the test")
+        sent = []
+        for index in range(200):
+            stamp = time.time_ns()
+            sent.append(StampedVector(DESIRED_ACCELERATION).pack(stamp, (MARK, 0.0, float(index))))
+            rival.handle.publish_raw(sent[-1])
+            time.sleep(0.002)
+        node.destroy_publisher(rival)
+        wait_until(
+            lambda: node.count_subscribers(DESIRED_ACCELERATION.name) == 1,
+            "the recorder needs bundles alone",
+        )
+        assert graph.end(signal.SIGINT) == 0, graph.text
+    bag = recorded(tmp_path / "bag")
+    for name, messages in heard.items():
+        if name != f"/{DESIRED_ACCELERATION.name}":
+            assert_holds(bag[name], messages, name)
+    # A sender of its own is in no order with the graph's, beyond that of time.
+    both = bag[f"/{DESIRED_ACCELERATION.name}"]
+    others = set(sent)
+    own = [data for data in both if data not in others]
+    assert [data for data in both if data in others] == sent
+    assert_holds(
+        own,
+        [data for data in heard[f"/{DESIRED_ACCELERATION.name}"] if data not in others],
+        "own",
+    )
+    assert_complete([bag[f"/{topic.name}"] for topic in SLAVE_SIGNALS])
+
+
+@pytest.mark.parametrize(
+    ("killed", "composed", "lost"),
+    [("composed", "true", SIGNALS), ("slave_device", "false", SLAVE_SIGNALS)],
+)
+def test_a_process_that_is_killed_takes_a_bundle_with_it_at_most(
+    haptic_accel: Start,
+    observer: Observer,
+    domain: int,
+    tmp_path: Path,
+    killed: str,
+    composed: str,
+    lost: Sequence[Topic],
+) -> None:
+    words = (f"rate:={RATE}", "rig:=ideal", "bag:=bag", f"composed:={composed}")
+    graph = haptic_accel("teleop", *words)
+    graph.wait_for("engaged")
+    with hearing(observer) as heard:
+        wait_until(lambda: min(map(len, heard.values())) > RATE, "a second")
+        os.kill(nodes_of(domain)[killed], signal.SIGKILL)
+        assert graph.end() == 1
+    if not (tmp_path / "bag" / "metadata.yaml").exists():
+        repair(tmp_path / "bag")
+    bag = recorded(tmp_path / "bag")
+    for topic in lost:
+        name = f"/{topic.name}"
+        there = set(bag[name])
+        missing = [data for data in heard[name] if data not in there]
+        # After a stall, samples of up to CATCH_UP are sent together.
+        assert len(missing) <= (BUNDLE_PERIOD + CATCH_UP) * RATE
+        assert missing == heard[name][len(heard[name]) - len(missing) :]
+    if lost != SIGNALS:
+        for name in ("/master/measured_cp", "/master/handle/acceleration"):
+            assert_holds(bag[name], heard[name], name)
+
+
+def test_who_subscribes_to_a_signal_and_its_bundles_is_one_listener(observer: Observer) -> None:
+    rclpy.init()
+    node = GraphNode("coupler")
+    node.task = "testing"
+    try:
+        sender = node.sender(SLAVE_VELOCITY)
+        assert sender.listeners == 0
+        other = observer.node
+        for number, topic in enumerate((BUNDLES, SLAVE_VELOCITY)):
+            other.create_subscription(
+                message_type(topic), topic.name, lambda _: None, quality(topic)
+            )
+            found = SLAVE_VELOCITY.name, BUNDLES.name
+            wait_until(
+                lambda number=number, found=found: (
+                    sum(map(node.count_subscribers, found)) == number + 1
+                ),
+                "the subscriber",
+            )
+            wait_until(lambda: sender.listeners == 1, "one listener")
+        second = rclpy.create_node("second", context=observer.context)
+        kind = message_type(SLAVE_VELOCITY)
+        second.create_subscription(kind, SLAVE_VELOCITY.name, lambda _: None, 10)
+        wait_until(lambda: sender.listeners == 2, "two listeners")
+        second.destroy_node()
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
