@@ -7,7 +7,11 @@ For notebooks: `run_trial` runs a condition of the experiment in lockstep, on a 
 `read_bag` reads a recorded one.
 """
 
-from typing import Any
+from __future__ import annotations
+
+TYPE_CHECKING = False  # an emergency stop must not wait for typing
+if TYPE_CHECKING:
+    from typing import Any
 
 __version__ = "0.2.0"
 

@@ -52,7 +52,7 @@ def load(*paths: Path | str, shift: str = "granted", perceptual: bool = True) ->
         ``granted`` for latency and granted delay, ``paper`` for one sample, ``measured``, or
         milliseconds.
     perceptual : bool
-        Score ST-SIM and SPQI, which takes longest.
+        Score ST-SIM, which takes longest.
 
     Returns
     -------
@@ -83,6 +83,7 @@ def _row(trial: AnalysedTrial) -> dict[str, Any]:
         "pair": ", ".join(segment.pair),
         "contact": trial.contact,
         "bag": str(segment.bag),
+        "run": segment.run,
         "begin_s": segment.begin,
         "seconds": segment.seconds,
         "rate_Hz": segment.rate,

@@ -160,7 +160,12 @@ def _quantities() -> Iterator[tuple[str, str, str, float]]:
     for name, (_, given) in own_schema(HandleParameters).items():
         yield name, given.text, given.unit, 1.0
     yield "friction", "dry friction of the actuator's bearing", "N", 1.0
-    yield "delay", "of the hardware, beside latency, hold and one sample", "µs", MICROSECONDS
+    yield (
+        "delay",
+        "delay of the hardware, in addition to latency, hold and one sample",
+        "µs",
+        MICROSECONDS,
+    )
     for name, (_, given) in own_schema(MountParameters).items():
         yield f"mount_{name}", "mount of the accelerometer", given.unit or "1", 1.0
 
@@ -222,20 +227,23 @@ def explained(found: Identification) -> str:
     residual = found.fit.residual
     if len(found.grips) > 1:
         return (
-            "The pooled fit is a compromise between the grips: it leaves"
-            f" {100 * found.fit.relative_residual:.2g} % of the response, as root mean square, and"
-            " its standard errors show how the grips differ, not how noisy the data is."
+            "The pooled fit is a compromise between the grips. Its residual is"
+            f" {100 * found.fit.relative_residual:.2g} % of the response (root mean square), and"
+            " its standard errors show the difference between the grips, not the noise."
         )
     sentence = (
-        f"The fit leaves {residual:.3g} times the scatter of the data, or"
-        f" {100 * found.fit.relative_residual:.2g} % of the response, as root mean square"
+        f"The residual of the fit is {residual:.3g} times the scatter of the data, or"
+        f" {100 * found.fit.relative_residual:.2g} % of the response (root mean square)."
     )
     if residual <= UNEXPLAINED:
-        return f"{sentence}: it lacks nothing that stands out from the noise, which leaves 1."
-    sentence = f"{sentence}. Noise alone leaves 1: the handle does what the model lacks"
+        return (
+            f"{sentence} Noise alone gives about 1: the data shows no significant deviation from"
+            " the model."
+        )
+    sentence += " Noise alone gives about 1, so the handle deviates from the model"
     if "friction" in found.fit.standard_errors:
-        return f"{sentence}. The standard errors allow for that."
-    return f"{sentence}, such as dry friction. The standard errors know nothing of that."
+        return f"{sentence}. The standard errors include that."
+    return f"{sentence}, for example by dry friction. The standard errors do not include that."
 
 
 def _order(model: DiscreteModel) -> int:

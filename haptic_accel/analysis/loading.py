@@ -47,8 +47,8 @@ class Analysis:
     across: list[Across] = field(default_factory=list)
 
     @property
-    def after(self) -> str:
-        """Time after which errors were taken, in words."""
+    def shifted_by(self) -> str:
+        """Time by which actual accelerations were shifted back, in words."""
         return self.shift.words(trial.segment for trial in self.trials)
 
 
@@ -82,7 +82,7 @@ def analyse(
     shift : Shift, optional
         By default, each trial's latency and granted delay.
     perceptual : bool
-        Score ST-SIM and SPQI, which takes longest.
+        Score ST-SIM, which takes longest.
     rig, rate
         Facts of bags that do not describe themselves, see `cut`.
     spread : callable
@@ -116,7 +116,7 @@ def analyse(
                 kept.append(trial)
             else:
                 # Taken for another trial it would make every interval too short.
-                complaints.append(f"has the same samples as {first}, and is left out")
+                complaints.append(f"counts once: it has the same samples as {first}")
         if complaints:
             problems[task.name] = complaints
         trials += kept

@@ -46,7 +46,7 @@ times the noise of the paper's accelerometer, and a tenth of what its vinyl give
 
 GRANTED_SHIFT, PAPER_SHIFT, MEASURED_SHIFT = "granted", "paper", "measured"
 
-BEYOND_STOPS = "travel: the estimate, which knows no stops, passes them, and is left out"
+BEYOND_STOPS = "no travel: its estimate, which is made without stops, lies beyond them"
 """Note on a trial whose estimated travel is impossible."""
 
 MOST_SHIFT = 100.0
@@ -86,11 +86,12 @@ METRICS: Mapping[str, Metric] = {
     "delay_correlation": Metric("correlation at it", "", 2),
     "shift_ms": Metric("shift", "ms", 3),
     "st_sim": Metric("ST-SIM", "", 3),
-    "spqi": Metric("SPQI", "", 3),
     "force_rms_N": Metric("force RMS", "N", 2),
     "force_peak_N": Metric("force peak", "N", 2),
     "travel_mm": Metric("travel used", "mm", 2),
     "deadlines_missed_percent": Metric("deadlines missed", "%", 2),
+    "late_time_percent": Metric("time with a late force", "%", 2),
+    "late_longest_ms": Metric("latest force", "ms", 2),
     "age_p50_us": Metric("age p50", "µs", 0),
     "age_p99_us": Metric("age p99", "µs", 0),
     "age_max_us": Metric("age max", "µs", 0),
@@ -148,11 +149,11 @@ class Shift:
         return samples / segment.rate
 
     def words(self, segments: Iterable[Segment]) -> str:
-        """Return the shift of some trials in words."""
+        """Return the shift of some trials in words that complete "shifted back by"."""
         if self.kind == GRANTED_SHIFT:
             found = sorted({(segment.after, segment.rate) for segment in segments})
             return " or ".join(
-                f"{samples} sample{'s' * (samples > 1)} ({1e3 * samples / rate:g} ms granted)"
+                f"{1e3 * samples / rate:g} ms ({samples} sample{'s' * (samples > 1)})"
                 for samples, rate in found
             )
         return {
@@ -229,7 +230,7 @@ def measure(
         See `AnalysedTrial`.
     shift : Shift
     perceptual : bool
-        Score ST-SIM and SPQI, which takes longest.
+        Score ST-SIM, which takes longest.
     begin : float, optional
         Start of the excerpt that another trial shows, s, to show the same.
     """
@@ -268,6 +269,10 @@ def measure(
             notes.append(BEYOND_STOPS)
     if counts := delivery.deadlines.get(AGE_OF):  # not in lockstep
         metrics["deadlines_missed_percent"] = PERCENT * counts["missed"] / counts["due"]
+        if delivery.by_clock:
+            late = counts["late_s"] * segment.rate / counts["due"]
+            metrics["late_time_percent"] = PERCENT * min(1.0, late)
+            metrics["late_longest_ms"] = counts["longest_us"] / MILLI
     for label in ("p50", "p99", "max"):
         metrics[f"age_{label}_us"] = delivery.age_us.get(label, math.nan)
     metrics["lost"] = float(sum(delivery.lost.values()))
@@ -348,7 +353,7 @@ def _compared(
         notes.append(f"cannot be compared: {error}")
         return _Likeness()
     if math.isnan(delay.seconds):
-        notes.append("no delay stands out: the handle does not follow what is desired")
+        notes.append("no delay: the actual acceleration does not correlate with the desired one")
     metrics = asdict(evaluation) | {
         "delay_ms": MILLI * delay.seconds,
         "delay_correlation": delay.correlation,
@@ -356,7 +361,7 @@ def _compared(
     }
     if perceptual:
         perception = perceive(desired, actual, rate)
-        metrics |= {"st_sim": perception.st_sim, "spqi": perception.spqi}
+        metrics["st_sim"] = perception.st_sim
         notes += [perception.note] if perception.note else []
     own = nrmse_interval(desired, actual, rate)
     low, high = PERCENT * own.low, PERCENT * own.high

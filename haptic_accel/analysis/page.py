@@ -45,7 +45,7 @@ PER_TRIAL = tuple(name for name in METRICS if name not in _OMITTED.split())
 """Columns of the table of trials behind the error."""
 
 _REGRESSION_AND_DELAY = PER_TRIAL[2:6]
-_BESIDE = ("delay_correlation", "st_sim", "spqi", "deadlines_missed_percent")
+_BESIDE = ("delay_correlation", "st_sim", "deadlines_missed_percent", "late_time_percent")
 PER_GROUP = (*_REGRESSION_AND_DELAY, *_BESIDE)
 """Columns of the table of groups, each with its interval over trials."""
 
@@ -200,7 +200,7 @@ def _cloud(portrait: Portrait) -> dict[str, Any]:
     return {
         "actual": _packed(portrait.cloud_actual[points]),
         "desired": _packed(portrait.cloud_desired[points]),
-        "slope": portrait.evaluation.slope_desired_on_actual,
+        "slope": portrait.evaluation.slope_desired_on_actual if portrait.regressed else None,
         "middle": [portrait.mean_actual, portrait.mean_desired],
         "r2": portrait.evaluation.r2,
     }

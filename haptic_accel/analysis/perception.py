@@ -1,17 +1,26 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Perceptual similarity of two accelerations, by metrics of the library `vibromaf`.
+"""Perceptual similarity of two accelerations, by the metric ST-SIM of the library `vibromaf`.
 
-ST-SIM (Hassen and Steinbach, IEEE Trans. Haptics 2020, ieeexplore.ieee.org/document/8943164) and
-SPQI, both as `vibromaf` 0.0.8 has them (Noll et al., IEEE Haptics Symposium 2022): scores of 0 to
-1 without unit, 1 for equal signals. Both weigh the spectrum by a threshold of perception that the
-library fixes for signals of 8 kHz, whatever it is given; its documentation states neither a rate
-nor a unit. Here signals are resampled to that rate and given in m/s^2. SPQI does not depend on the
-unit, as the threshold only weighs frequencies against each other there. ST-SIM does, in its
-spectral part: scores of one unit compare with each other, not with those of another. Both divide
-by what was desired, block by block, and so say nothing where nothing was to be felt: a block of
-silence with a sensor's noise beside it has an ST-SIM of up to 10^79. Such blocks are left out.
+ST-SIM (Hassen and Steinbach, IEEE Trans. Haptics 2020, ieeexplore.ieee.org/document/8943164) as
+`vibromaf` 0.0.8 has it: the product of a temporal part, the mean correlation of blocks with their
+mean and scale removed, to the power of 2/3, and of a spectral part, the overlap of the spectra
+above a threshold of perception over that of the desired one, to the power of 1/3. It is 1 for
+equal signals, near 0 for unrelated ones, undefined for a negative correlation, and has no upper
+end: the spectral part exceeds 1 where the actual acceleration is stronger. It hardly depends on
+amplitude, so it tells the shape of a vibration, not its strength.
+
+The library fixes the threshold for signals of 8 kHz, whatever it is given; its documentation
+states neither a rate nor a unit. Here signals are resampled to that rate and given in m/s^2;
+scores of one unit do not compare with those of another. ST-SIM divides by the desired
+acceleration, block by block: a block of silence with a sensor's noise beside it scores up to
+10^79. Such blocks are left out.
+
+The library's SPQI (Noll et al., IEEE Haptics Symposium 2022) is made for codecs, whose error is
+small and in phase, and is not used here. It compares the powers of a block's cosine coefficients:
+an exact copy scores 0.04 at half the amplitude or 0.5 ms late, an unrelated signal of the same
+spectrum 0.011, and no vibration at all 0.018, more than any of the paper's controllers.
 """
 
 from __future__ import annotations
@@ -44,26 +53,28 @@ FELT = 0.01
 200 Hz, which the most sensitive people just feel through a cylinder that they grasp (Brisben,
 Hsiao and Johnson, J. Neurophysiology 81(4), 1999)."""
 
-MISSING = "ST-SIM and SPQI need the library vibromaf: pip install 'haptic_accel[perceptual]'"
+MISSING = "ST-SIM needs the library vibromaf: pip install 'haptic_accel[perceptual]'"
+
+OPPOSED = "no ST-SIM: desired and actual acceleration are negatively correlated"
+"""Note on a trial whose ST-SIM would be the root of a negative number."""
 
 _FINEST = 1000  # largest denominator of a ratio of rates
 
 
 @dataclass(frozen=True)
 class Perception:
-    """Perceptual scores of an actual acceleration against the desired one.
+    """Perceptual score of an actual acceleration against the desired one.
 
     Attributes
     ----------
-    st_sim, spqi : float
-        No unit, 1 for equal signals; NaN where undefined. SPQI is 0 to 1; ST-SIM is above 1
-        where the actual acceleration has more of the desired one's frequencies.
+    st_sim : float
+        No unit: 1 for equal signals, near 0 for unrelated ones, above 1 where the actual
+        acceleration has the desired shape and is stronger; NaN where undefined.
     note : str
         Reason for a missing score; empty otherwise.
     """
 
     st_sim: float = math.nan
-    spqi: float = math.nan
     note: str = ""
 
 
@@ -81,11 +92,10 @@ def perceive(desired: FloatArray, actual: FloatArray, rate: float) -> Perception
     -------
     Perception
         The mean over pieces of about `PIECE`, at most `MOST_PIECES`, that have something to be
-        felt; without scores where the library is not installed, there is no such piece, or less
+        felt; without a score where the library is not installed, there is no such piece, or less
         than one block.
     """
     try:
-        from vibromaf.metrics.spqi import spqi  # type: ignore[import-untyped]
         from vibromaf.metrics.stsim import st_sim  # type: ignore[import-untyped]
     except ImportError:
         return Perception(note=MISSING)
@@ -96,19 +106,18 @@ def perceive(desired: FloatArray, actual: FloatArray, rate: float) -> Perception
     for piece in (slice(edges[i], edges[i + 1]) for i in chosen):
         reference, distorted = (_resampled(signal[piece], rate) for signal in (desired, actual))
         if len(reference) < BLOCK:
-            return Perception(note=f"shorter than {BLOCK / RATE:g} s: no ST-SIM, no SPQI")
+            return Perception(note=f"shorter than {BLOCK / RATE:g} s: no ST-SIM")
         reference, distorted = _felt(reference, distorted)
         if not len(reference):
             continue
         with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
             # Silence is minus infinity in dB, which the library then takes as it should.
             warnings.simplefilter("ignore", RuntimeWarning)
-            scores.append((_real(st_sim(distorted, reference)), spqi(distorted, reference)))
+            scores.append(_real(st_sim(distorted, reference)))
     if not scores:
-        return Perception(note="nothing was to be felt: ST-SIM and SPQI are undefined")
-    similarity, quality = np.mean(np.array(scores, dtype=float), axis=0).tolist()
-    note = "ST-SIM is undefined: the signals are opposed" if math.isnan(similarity) else ""
-    return Perception(similarity, quality, note)
+        return Perception(note="the desired acceleration is too weak to be felt: no ST-SIM")
+    similarity = float(np.mean(scores))
+    return Perception(similarity, OPPOSED if math.isnan(similarity) else "")
 
 
 def _felt(reference: FloatArray, distorted: FloatArray) -> tuple[FloatArray, FloatArray]:

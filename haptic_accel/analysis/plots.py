@@ -25,6 +25,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from haptic_accel.analysis.traces import EXCERPT, excerpt_of, sampled
+from haptic_accel.core.evaluation.delay import ALIKE
 from haptic_accel.core.evaluation.metrics import Evaluation, Spectra, spectra
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.core.model import FloatArray
@@ -34,6 +35,10 @@ LOWEST_FREQUENCY = 10.0
 
 MOST_POINTS = 4000
 """Maximum number of points of a scatter plot; more are drawn over each other."""
+
+LEAST_R2 = ALIKE**2
+"""Smallest R^2 of which a regression line is drawn: that of the correlation from which on there is
+a delay. Below it a line would be drawn through samples that have next to nothing in common."""
 
 DASH = "\N{EN DASH}"
 """Placeholder for a number that is undefined."""
@@ -154,6 +159,11 @@ class Portrait:
         largest = _extent((desired, actual))
         return cls(rate, evaluation, found, begin, *excerpt, *cloud, *means, largest)
 
+    @property
+    def regressed(self) -> bool:
+        """The signals have enough in common for a regression line."""
+        return self.evaluation.r2 >= LEAST_R2
+
 
 Portraits = Mapping[tuple[str, str], Portrait]
 """Portraits by controller and surface; some combinations may be missing."""
@@ -209,7 +219,12 @@ def regressions(portraits: Portraits) -> Figure:
     """Draw the paper's Fig. 10: desired against actual acceleration with the regression line."""
     legend = (
         Line2D([], [], **_SAMPLES, markersize=4, label="samples"),
-        Line2D([], [], **_REGRESSION, label="regression of desired on actual"),
+        Line2D(
+            [],
+            [],
+            **_REGRESSION,
+            label=f"regression of desired on actual, where R² ≥ {LEAST_R2:.2f}",
+        ),
         Line2D([], [], **_EQUAL, label="1:1"),
     )
     names = ("actual (m/s²)", "desired (m/s²)")
@@ -224,10 +239,15 @@ def regressions(portraits: Portraits) -> Figure:
             # As a picture within the page: thousands of points make a drawing slow to show.
             panel.plot(*cloud, **_SAMPLES, markersize=1.2, alpha=0.45, rasterized=True)
             panel.plot([-reach, reach], [-reach, reach], **_EQUAL)
-            slope, r2 = portrait.evaluation.slope_desired_on_actual, portrait.evaluation.r2
-            middle = (portrait.mean_actual, portrait.mean_desired)
-            panel.axline(middle, slope=slope, **_REGRESSION)
-            _subtitle(panel, f"slope {number(slope)}, R² {number(r2)}", f"R² {number(r2)}")
+            words = [f"R² {number(portrait.evaluation.r2)}"]
+            if portrait.regressed:
+                slope = portrait.evaluation.slope_desired_on_actual
+                middle = (portrait.mean_actual, portrait.mean_desired)
+                panel.axline(middle, slope=slope, **_REGRESSION)
+                words.insert(0, f"slope {number(slope)}, {words[0]}")
+            else:
+                words.insert(0, f"{words[0]}: no regression")
+            _subtitle(panel, *words)
     return figure
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.bags.delivery import Delivery, delivery
+from haptic_accel.bags.facts import LOCKSTEP, RUN
 from haptic_accel.bags.reading import Bag, Change, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
@@ -52,6 +53,10 @@ _WHOLE = 1e-3
 
 OPERATOR, ROBOT = "master", "slave"
 """Values of the argument ``side``, by which a bag says that another host has the other arm."""
+
+IMPLAUSIBLE = 1e9
+"""Magnitude from which on a recorded value is none of a sensor or motor, m/s^2 or N: damage, whose
+square may be beyond all numbers."""
 
 UNKNOWN = "unknown"
 """Name of a controller, surface or grip that a bag does not state."""
@@ -125,6 +130,10 @@ class Segment:
         Handle as the compensator was told of it.
     start : int
         Stamp of the first sample, ns.
+    run : str
+        Way in which the trial was run, in words; empty if the bag does not state it.
+    simulated : bool
+        The handle was simulated: its world stood still with the process of its node.
     """
 
     bag: Path
@@ -145,6 +154,8 @@ class Segment:
     noise: float = 0.0
     told: Plant | None = None
     start: int = 0
+    run: str = ""
+    simulated: bool = False
 
     @property
     def after(self) -> int:
@@ -222,13 +233,17 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
         if seconds < SHORTEST:
             problems.append(
                 f"{condition.controller} on {condition.surface}, {seconds:.2f} s"
-                f" at {(low - begin) / NANOSECONDS:.1f} s: too short, is left out"
+                f" at {(low - begin) / NANOSECONDS:.1f} s: left out, as a trial needs at least"
+                f" {SHORTEST:g} s"
             )
             continue
         number = len(segments) + 1
         segments.append(_segment(recorded, known, condition, number, low, high, problems))
     if not segments:
-        problems.append(f"has no segment of {SHORTEST:g} s under one condition")
+        problems.append(
+            f"has no trial: record at least {SHORTEST:g} s with the arms engaged, without a change"
+            " of controller, surface or grip"
+        )
     return Cut(segments, problems)
 
 
@@ -318,7 +333,8 @@ def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list
     if not recorded.facts:
         problems.append(
             "does not say how it was made: controller and surface are unknown, and defaults"
-            f" stand for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the actuator"
+            f" stand for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the actuator; ros2 bag"
+            " convert leaves that out: analyse the bag that was converted"
         )
     corner, actuator = HIGH_PASS_FREQUENCY, ActuatorParameters()
     options: dict[str, Any] = {}
@@ -373,6 +389,26 @@ def surface_of(recorded: Bag) -> str:
     return str(slave.get(f"{_SURFACE}name") or Path(asked).stem or UNKNOWN)
 
 
+def run_of(recorded: Bag) -> str:
+    """Return how a bag's trials were run, in words; empty if the bag does not state it.
+
+    Live nodes report diagnostics; a bag with arguments but without any report may be of either.
+    """
+    if recorded.facts.get(RUN) == LOCKSTEP:
+        return "in lockstep, without ROS"
+    arguments = _mapping(recorded.facts.get("arguments"))
+    if not arguments or not recorded.diagnostics:
+        return ""
+    found = "live on ROS 2, " + (
+        "its nodes composed into one process"
+        if arguments.get("composed")
+        else "each node in a process of its own"
+    )
+    if arguments.get("side") in (OPERATOR, ROBOT):
+        found += ", the other arm on another host"
+    return found
+
+
 _SOURCES = ("replay", "recording")
 """Arguments that name the recording that a slave played."""
 
@@ -407,7 +443,9 @@ def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[
         return [span]
     found = recorded.coupled(topics.MASTER)
     if not found:
-        problems.append("the arms were never coupled, as their forces are zero: all is taken")
+        problems.append(
+            "the arms were never coupled, as their forces are zero: all of it is taken"
+        )
         return [span]
     return [(max(first, span[0]), min(last, span[1])) for first, last in found]
 
@@ -484,6 +522,8 @@ def _segment(
         known.rig.master.accelerometer.noise if known.rig else 0.0,
         known.told,
         start,
+        run_of(recorded),
+        _mapping(recorded.facts.get("arguments")).get("master") in (SIMULATED, POINTER),
     )
 
 
@@ -502,10 +542,15 @@ def _gaps(recording: BoolArray, rate: float) -> list[str]:
 
 
 def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:
-    """Make the desired acceleration where only the tool's was recorded; leave out what is NaN."""
+    """Make the desired acceleration where only the tool's was recorded; drop damaged signals."""
     notes = []
-    for name in [name for name, values in signals.items() if not np.isfinite(values).all()]:
-        notes.append(f"{name} holds values that are no numbers, and is not used")
+    for name, values in list(signals.items()):
+        if not np.isfinite(values).all():
+            notes.append(f"{name} is not used: it holds values that are no numbers")
+        elif not (np.abs(values) < IMPLAUSIBLE).all():
+            notes.append(f"{name} is not used: it holds values beyond {IMPLAUSIBLE:g}")
+        else:
+            continue
         del signals[name]
     tool, desired = topics.TOOL_ACCELERATION.name, topics.DESIRED_ACCELERATION.name
     if tool in signals and desired not in signals and known.rate > 2 * known.high_pass_frequency:

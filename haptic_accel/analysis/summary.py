@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import pandas as pd
 
@@ -14,7 +15,9 @@ from haptic_accel.analysis.frames import Cell, groups, rank, table_two, trials
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import BEYOND_STOPS, CONTACT, MILLI
 from haptic_accel.analysis.plots import number, percent
+from haptic_accel.analysis.segments import Segment
 from haptic_accel.core.control.supervision import DEVIATES
+from haptic_accel.core.due_forces import IN_TIME
 
 
 def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[str]:
@@ -24,12 +27,13 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
     frame = trials(analysis)
     sentences = [
         _extent(frame, analysis.bags),
+        *_runs(frame),
         *_without_contact(frame),
         _errors(analysis),
         _delays(frame, analysis),
         *_ages(frame),
         _losses(frame, analysis),
-        *_deadlines(analysis),
+        *_deadlines(frame, analysis),
         *_forces(frame, analysis),
         *_deviations(analysis),
         *(each.sentence for each in analysis.across),
@@ -55,15 +59,24 @@ def _extent(frame: pd.DataFrame, bags: int) -> str:
     )
 
 
+def _runs(frame: pd.DataFrame) -> list[str]:
+    """Return a sentence on each way in which trials were run."""
+    counts = {str(run): int(count) for run, count in frame.run.value_counts(sort=False).items()}
+    known = [f"{_many(count, 'trial')} ran {run}." for run, count in counts.items() if run]
+    silent = counts.get("", 0)
+    return known + [f"How {_many(silent, 'trial')} ran is not stated by the bags."] * bool(silent)
+
+
 def _without_contact(frame: pd.DataFrame) -> list[str]:
     """Return a sentence on the trials that means leave out."""
     count = int((~frame.contact).sum())
     if not count:
         return []
     return [
-        f"{count} of {_many(len(frame), 'trial')} without contact, not in the errors and means:"
-        f" the RMS of the desired acceleration is below {CONTACT:.2g} m/s², three times the noise"
-        " of an accelerometer."
+        f"{count} of {_many(len(frame), 'trial')} had no contact and counts in no error or mean:"
+        f" the desired acceleration has an RMS below {CONTACT:.2g} m/s², three times the noise of"
+        " an accelerometer. Check that the tool touched the surface while the arms were engaged,"
+        " and that its accelerometer works."
     ]
 
 
@@ -78,7 +91,7 @@ def _errors(analysis: Analysis) -> str:
     ]
     if overall:
         each = ", ".join(text for _, text in sorted(overall))
-        return f"Error (NRMSE{over}) after {analysis.after}: {each}."
+        return f"Error (NRMSE{over}), shifted back by {analysis.shifted_by}: {each}."
     apart = [
         f"{controller} on {surface} {percent(cell.value)}"
         for controller, cells in table.rows.items()
@@ -88,8 +101,8 @@ def _errors(analysis: Analysis) -> str:
     if not apart:
         return "No error could be determined."
     return (
-        f"Error (NRMSE) after {analysis.after}: {', '.join(apart)}; no surface has an error of"
-        " every controller, so that there is no average."
+        f"Error (NRMSE), shifted back by {analysis.shifted_by}: {', '.join(apart)}; there is no"
+        " average, as no surface has an error of every controller."
     )
 
 
@@ -100,12 +113,15 @@ def _beside(cell: Cell) -> str:
 def _delays(frame: pd.DataFrame, analysis: Analysis) -> str:
     delays = frame.delay_ms.dropna()
     if delays.empty:
-        return f"No delay stands out in any trial; the shift back is {analysis.after}."
+        return (
+            "No delay could be determined: in no trial does the actual acceleration correlate with"
+            " the desired one."
+        )
     low, high = number(delays.min(), 2), number(delays.max(), 2)
     between = f"{low} ms" if low == high else f"{low} to {high} ms"
     return (
-        f"The handle follows what is desired by {between}, according to their cross-correlation;"
-        f" the shift back is {analysis.after}."
+        f"The actual acceleration lags the desired one by {between}, by their cross-correlation;"
+        f" before they are compared, it is shifted back by {analysis.shifted_by}."
     )
 
 
@@ -114,8 +130,8 @@ def _ages(frame: pd.DataFrame) -> list[str]:
     if not math.isfinite(slowest.age_p50_us):
         return []
     return [
-        f"Where it was applied, a force was {slowest.age_p50_us:.2f} ms old in the middle of"
-        f" the slowest trial, and 99 % were younger than {slowest.age_p99_us:.2f} ms."
+        "Age of the actuator's forces when applied, largest of all trials: median"
+        f" {slowest.age_p50_us:.2f} ms, 99th percentile {slowest.age_p99_us:.2f} ms."
     ]
 
 
@@ -124,15 +140,50 @@ def _losses(frame: pd.DataFrame, analysis: Analysis) -> str:
     missed = sum(sum(trial.segment.delivery.missed.values()) for trial in analysis.trials)
     if not lost and not missed:
         return "No sample was lost."
-    return f"{lost} messages were lost; of {missed} samples there is none at all."
+    return (
+        f"{_many(lost, 'message')} missing of samples that have others;"
+        f" {_many(missed, 'sample')} without any message."
+    )
 
 
-def _deadlines(analysis: Analysis) -> list[str]:
-    counts = [c for t in analysis.trials for c in t.segment.delivery.deadlines.values()]
-    due, missed = (sum(count[name] for count in counts) for name in ("due", "missed"))
-    if not due:
-        return []
-    return [f"{missed} of {due} forces missed their due time."]
+def _deadlines(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
+    """Return sentences on late forces: as a hand would have felt them, or as counted once."""
+    found = [t.segment for t in analysis.trials if t.segment.delivery.deadlines]
+    new = [segment for segment in found if segment.delivery.by_clock]
+    old = [segment for segment in found if not segment.delivery.by_clock]
+    sentences = []
+    if new:
+        due, missed = _sum("due", new), _sum("missed", new)
+        longest = max(c["longest_us"] for s in new for c in s.delivery.deadlines.values())
+        share = frame.late_time_percent.max()
+        felt = f"; the actuator's up to {number(share, 2)} % of a trial's time" * math.isfinite(
+            share
+        )
+        sentences.append(
+            f"{missed} of {due} forces took effect more than {IN_TIME:g} periods after their due"
+            f" time, the latest by {number(longest / MILLI, 1)} ms{felt}."
+        )
+        still = [segment for segment in new if segment.simulated]
+        hidden = _sum("missed", still) - _sum("past_tick", still)
+        if hidden > 0:
+            sentences.append(
+                f"For {hidden} of them the simulated world waited for its node, so that no error"
+                " shows them; a real handle does not wait, and a hand would have felt each."
+            )
+    if old:
+        latest = max(segment.delivery.ticks_late_us for segment in old)
+        began = f"; ticks began up to {number(latest / MILLI, 1)} ms late" * math.isfinite(latest)
+        sentences.append(
+            f"{_sum('missed', old)} of {_sum('due', old)} forces came after the tick at which they"
+            " were due, as older bags count them: where a device stood still itself, no force was"
+            f" counted{began}."
+        )
+    return sentences
+
+
+def _sum(name: str, segments: Sequence[Segment]) -> int:
+    """Return the sum of a count over all kinds of forces."""
+    return sum(int(c.get(name, 0)) for s in segments for c in s.delivery.deadlines.values())
 
 
 def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
@@ -144,13 +195,13 @@ def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
     beyond = sum(BEYOND_STOPS in trial.notes for trial in analysis.trials)
     if beyond:
         sentence += (
-            f" and came to its stops, {number(free, 1)} mm either way, in {beyond} of"
-            f" {_many(len(frame), 'trial')}: there the estimate of its travel, which knows no"
-            " stops, passes them and is left out"
+            f" and reached its stops, {number(free, 1)} mm either way, in {beyond} of"
+            f" {_many(len(frame), 'trial')}, which have no value of the travel"
         )
     elif math.isfinite(travel):
         sentence += (
-            f" and used {number(travel, 1)} mm of the {number(free, 1)} mm it may move either way"
+            f" and moved up to {number(travel, 1)} mm from its middle, of {number(free, 1)} mm"
+            " either way"
         )
     return [sentence + "."]
 
@@ -170,7 +221,7 @@ def difference(comparison: Comparison) -> str:
     """Return the difference between two conditions in a sentence."""
     found = comparison.differences["all"]
     if not found.n:
-        return f"{comparison.second} and {comparison.first} have no trials that are pairs."
+        return f"{comparison.second} and {comparison.first} have no pair of trials in common."
     words = f"{comparison.second} has {number(abs(found.mean.value), 1)} percentage points"
     words += " less" if found.mean.value < 0 else " more"
     words += f" error than {comparison.first}"

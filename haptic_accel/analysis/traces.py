@@ -175,8 +175,10 @@ def excerpt_of(values: FloatArray, rate: float, begin: float | None = None) -> s
         return found
     start = round(begin * rate)
     other = slice(start, start + found.stop - found.start)
+    if not 0 <= start <= values.size - (found.stop - found.start):
+        return found
     rms = [math.sqrt(float(np.mean(values[part] ** 2))) for part in (found, other)]
-    return other if other.stop <= values.size and rms[1] >= ACTIVE * rms[0] else found
+    return other if rms[1] >= ACTIVE * rms[0] else found
 
 
 def enclosing(inner: slice, size: int, samples: int) -> slice:

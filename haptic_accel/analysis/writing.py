@@ -1,12 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes an analysis into a folder: page, plots for a paper, tables; and as JSON."""
+"""Writes an analysis into a folder: page, plots for a paper, tables; its metrics for JSON."""
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -23,6 +21,7 @@ from haptic_accel.analysis.page import Setting, write_page
 from haptic_accel.analysis.segments import Segment, read_segment
 from haptic_accel.analysis.summary import summary
 from haptic_accel.core import topics
+from haptic_accel.core.decimals import defined
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
 from haptic_accel.core.evaluation.statistics import CONFIDENCE, Interval, mean_interval
 
@@ -33,8 +32,9 @@ PICTURES = {
     " one has its largest root mean square. A row has one scale and, of one seed, one excerpt: the"
     " better the controller, the closer orange lies on blue.",
     "fig10_regression": "As the paper's Fig. 10: desired against actual handle acceleration, after"
-    " the shift, with the regression line of desired on actual. A perfect handle puts every sample"
-    " on the dashed line; scatter around the red one is what R² leaves unexplained.",
+    " the shift, with the regression line of desired on actual where R² is at least"
+    f" {plots.LEAST_R2:.2f}: below, they have next to nothing in common. A perfect handle puts"
+    " every sample on the dashed line; scatter around the red one is what R² leaves unexplained.",
     "fig11_spectra": "As the paper's Fig. 11: amplitude spectral density of desired and actual"
     " handle acceleration from 10 Hz to half the sampling rate. All panels have one scale. Where"
     " orange is below blue the handle shakes too little at that frequency, above it too much.",
@@ -141,20 +141,6 @@ def signal_table(segment: Segment) -> pd.DataFrame:
     if actual is not None:
         frame["actual_acceleration_m_s2"] = actual
     return frame
-
-
-def write_json(content: Mapping[str, Any], file: Path) -> None:
-    """Write metrics for a program."""
-    file.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def defined(value: Any) -> Any:
-    """Return the same with null for undefined numbers."""
-    if isinstance(value, dict):
-        return {key: defined(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [defined(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _plots(analysis: Analysis) -> dict[str, Figure]:

@@ -6,12 +6,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import click
 
 from haptic_accel.bags.folder import find_bags
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, jobs_option, json_option, out_option, verb
+from haptic_accel.cli.output import results_folder, save
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import INTERRUPTED
 
 
 @verb(
@@ -44,7 +50,7 @@ from haptic_accel.cli.options import FILE, jobs_option, json_option, out_option,
     flag_value=False,
     default=True,
     show_default=False,
-    help="Leave out ST-SIM and SPQI, which take longest.",
+    help="Leave out ST-SIM, which takes longest.",
 )
 @click.option(
     "--lockstep",
@@ -85,17 +91,50 @@ def analyze(
     for place in places:
         find_bags(place)
     # Its libraries take a second to import, for which a place without bags need not wait.
-    from haptic_accel.cli.report import report
+    from haptic_accel.analysis.comparison import check_comparison, compared
+    from haptic_accel.analysis.loading import analyse
+    from haptic_accel.analysis.metrics import Shift
+    from haptic_accel.analysis.writing import as_json, write_analysis
+    from haptic_accel.bags.reading import read_bag
+    from haptic_accel.cli.jobs import side_by_side
+    from haptic_accel.cli.report import partings, print_analysis, print_trials
+    from haptic_accel.cli.running import stop_on_signal
+    from haptic_accel.graph.arguments import GraphArguments
+    from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
-    report(
-        places,
-        shift,
-        comparison,
-        perceptual=perceptual,
-        lockstep=lockstep,
-        rig=rig,
-        rate=rate,
-        jobs=jobs,
-        out=out,
-        file=json_file,
-    )
+    chosen = Shift.read(shift)
+    if comparison:
+        check_comparison(comparison, places)
+    parameters = rig_parameters(graph_parameters(GraphArguments(rig=rig))) if rig else None
+    folder = results_folder(out)
+    with stop_on_signal() as stop:
+        spread = partial(side_by_side, jobs=jobs, stop=stop)
+        try:
+            analysis = analyse(
+                places,
+                chosen,
+                perceptual=perceptual,
+                rig=parameters,
+                rate=rate,
+                spread=spread,
+                ended=print_trials,
+            )
+            bags = [bag for place in places for bag in find_bags(place)]
+            if not analysis.trials and len(bags) == 1:
+                read_bag(bags[0])  # or says in one line why it cannot be read
+        except ParameterError:
+            folder.rmdir()
+            raise
+        parted = list(partings(analysis, spread)) if lockstep else []
+        interrupted = stop()
+    found = compared(analysis, comparison, places) if comparison else None
+    page = write_analysis(analysis, folder, found)
+    content = as_json(analysis, found)
+    if lockstep:
+        content["lockstep"] = [asdict(each) | {"bag": str(each.bag)} for each in parted]
+    save(content, json_file)
+    print_analysis(analysis, found, *(each.sentence for each in parted), f"report: {page}")
+    if interrupted:
+        raise StoppedError(f"interrupted after {analysis.bags} bags", INTERRUPTED)
+    if not analysis.trials:
+        raise StoppedError

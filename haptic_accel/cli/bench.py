@@ -25,13 +25,14 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, listed_numbers, verb, words
 from haptic_accel.cli.output import save
 from haptic_accel.cli.running import ENGAGED, run_to_end, stop_on_signal
-from haptic_accel.cli.tables import print_table
-from haptic_accel.core.due_forces import MISSED_SHARE
+from haptic_accel.cli.tables import Column, Row, print_results, print_table
+from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.graph.arguments import GraphArguments, check_both_arms, parse_arguments
-from haptic_accel.graph.claims import DOMAIN, HIGHEST_FREE_DOMAIN, own_domain
-from haptic_accel.graph.processes import graph
+from haptic_accel.graph.claims import HIGHEST_FREE_DOMAIN
+from haptic_accel.graph.processes import arrangement, graph
+from haptic_accel.graph.stop_signal import DOMAIN, own_domain
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.graph.words import given_keys
 
@@ -42,8 +43,6 @@ MOST_PAIRS = 16
 """Most graphs at a time; more would start hundreds of processes."""
 
 MEBI = 2**20
-
-Metrics = dict[str, Any]
 
 
 class Usage:
@@ -95,7 +94,7 @@ class Usage:
 
 @verb(
     "haptic-accel bench latency rig:=ideal --rate 2000",
-    "haptic-accel bench latency composed:=true --rates 500,1000,2000,4000 --seconds 5",
+    "haptic-accel bench latency composed:=false --rates 500,1000,2000,4000 --seconds 5",
     "haptic-accel bench latency --seconds 60 --json latency.json",
 )
 @words(GraphArguments)
@@ -137,7 +136,8 @@ def latency(
         return
     span = seconds / ROUNDS
     arguments = _arguments(words, rate, span)
-    runs: list[Metrics] = []
+    _print_arrangement(arguments)
+    runs: list[Row] = []
     with stop_on_signal() as stop:
         for index in range(ROUNDS):
             turn = f"round {index + 1} of {ROUNDS}"
@@ -145,12 +145,19 @@ def latency(
             runs.append(measure(arguments, pairs, stop))
             click.echo(f"{turn}: an empty loop", err=True)
             runs[-1]["empty_loop"] = _empty_loop(rate, span)
-    metrics = {"rate_hz": rate, "seconds": seconds, "pairs": pairs, **merged(runs, fmean)}
+    metrics = {
+        **{"rate_hz": rate, "seconds": seconds, "pairs": pairs, "composed": arguments.composed},
+        **merged(runs, fmean),
+    }
     _print_latency(metrics)
     save(metrics, json_file)
 
 
-def _empty_loop(rate: float, seconds: float) -> Metrics:
+def _print_arrangement(arguments: GraphArguments) -> None:
+    click.echo(arrangement(graph(arguments)), err=True)
+
+
+def _empty_loop(rate: float, seconds: float) -> Row:
     # Imports ROS.
     from haptic_accel.nodes.empty_loop import empty_loop
 
@@ -160,10 +167,11 @@ def _empty_loop(rate: float, seconds: float) -> Metrics:
         raise StoppedError(str(error)) from None
 
 
-def _compared(words: Sequence[str], rates: Sequence[float], pairs: int, seconds: float) -> Metrics:
+def _compared(words: Sequence[str], rates: Sequence[float], pairs: int, seconds: float) -> Row:
     """Measure the graph at several rates, and print the metrics."""
     runs = {rate: _arguments(words, rate, seconds) for rate in rates}
-    rows: list[Metrics] = []
+    _print_arrangement(runs[rates[0]])
+    rows: list[Row] = []
     not_run: list[float] = []
     with stop_on_signal() as stop:
         for rate, arguments in runs.items():
@@ -179,13 +187,14 @@ def _compared(words: Sequence[str], rates: Sequence[float], pairs: int, seconds:
             metrics["empty_loop"] = _empty_loop(rate, seconds)
             rows.append({"rate_hz": rate, "pairs": pairs, **metrics})
     held = max((r["rate_hz"] for r in rows if missed_share(r) < MISSED_SHARE), default=None)
-    _print_rates(rows, held)
+    title = f"highest rate held: {f'{held:g} Hz' if held else 'none'}"
+    print_results(RATES, rows, left=0, title=title)
     for rate in not_run:
         print(f"could not be run: {pairs} x {rate:g} Hz")
     return {"seconds": seconds, "rate_held_hz": held, "rows": rows, "not_run": not_run}
 
 
-def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> Metrics:
+def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> Row:
     """Run graphs as users run them and return their metrics over all pairs.
 
     Returns
@@ -201,7 +210,7 @@ def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> 
     usage = Usage(pairs)
     first = own_domain()
 
-    def run_pair(pair: int) -> Metrics:
+    def run_pair(pair: int) -> Row:
         bag = Path(folder) / f"pair_{pair}"
         environment = {DOMAIN: str((first + pair) % (HIGHEST_FREE_DOMAIN + 1))}
         supervisor = Supervisor(graph(replace(arguments, bag=str(bag))), environment=environment)
@@ -216,7 +225,7 @@ def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> 
     return {**metrics, "cpu_cores": usage.cpu_cores, "peak_mb": usage.peak_mb}
 
 
-def _pair_metrics(delivery: Delivery) -> Metrics:
+def _pair_metrics(delivery: Delivery) -> Row:
     """Return one graph's metrics."""
     nodes = delivery.nodes
     devices = ("master_device", "slave_device")
@@ -232,8 +241,14 @@ def _pair_metrics(delivery: Delivery) -> Metrics:
     }
 
 
-COUNTS = {"due", "missed", "of", "late", "lost", "ticks", "dropped_by_recorder"}
+COUNTS = {
+    *("due", "missed", "past_tick", "late_s", "of", "late", "lost", "ticks"),
+    "dropped_by_recorder",
+}
 """Metrics that are added, whatever joins the others."""
+
+MAXIMA = {"max", "longest_us"}
+"""Metrics of which the largest counts."""
 
 
 def merged(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], name: str = "") -> Any:
@@ -250,14 +265,14 @@ def merged(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], name: st
     if name in COUNTS:
         join = sum
     if not isinstance(values[0], Mapping):
-        return max(values) if name == "max" else join(values)
+        return max(values) if name in MAXIMA else join(values)
     keys = dict.fromkeys(key for value in values for key in value)
     return {
         key: merged([value[key] for value in values if key in value], join, key) for key in keys
     }
 
 
-def missed_share(metrics: Metrics) -> float:
+def missed_share(metrics: Row) -> float:
     """Return the share of missed deadlines of the kind of command that missed most."""
     return max(
         (counts["missed"] / counts["due"] for counts in metrics["deadlines"].values()),
@@ -265,17 +280,15 @@ def missed_share(metrics: Metrics) -> float:
     )
 
 
-def _print_latency(metrics: Metrics) -> None:
+def _print_latency(metrics: Row) -> None:
     rows = {
         "age of the force where it is applied, us": metrics["age_us"],
         "master_device: lateness of its ticks, us": metrics["period_error_us"]["master_device"],
         "slave_device: lateness of its ticks, us": metrics["period_error_us"]["slave_device"],
         "empty loop: lateness of its ticks, us": metrics["empty_loop"]["lateness_us"],
     }
-    deadlines = {**metrics["deadlines"], "empty loop": _as_deadline(metrics["empty_loop"])}
-    missed = "; ".join(
-        f"{name} {counts['missed']} of {counts['due']}" for name, counts in deadlines.items()
-    )
+    deadlines = metrics["deadlines"] | _empty(metrics)["deadlines"]
+    missed = "; ".join(_missed(name, counts) for name, counts in deadlines.items())
     shares = ", ".join(f"{name} {share:.2f}" for name, share in metrics["cpu_cores"].items())
     memory = ", ".join(f"{name} {size:.0f}" for name, size in metrics["peak_mb"].items())
     cells = [
@@ -286,7 +299,7 @@ def _print_latency(metrics: Metrics) -> None:
         ("", *LABELS),
         cells,
         title=f"{metrics['pairs']} x {metrics['rate_hz']:g} Hz, {metrics['seconds']:g} s each",
-        caption=f"missed deadlines: {missed}\n"
+        caption=f"forces in effect more than {IN_TIME:g} periods after their due time: {missed}\n"
         f"cores: {shares}\n"
         f"memory, MiB: {memory}\n"
         f"samples not taken: {sum(metrics['missed'].values())}; "
@@ -296,31 +309,38 @@ def _print_latency(metrics: Metrics) -> None:
     )
 
 
-def _as_deadline(empty_loop: Metrics) -> dict[str, int]:
-    return {"due": empty_loop["of"], "missed": empty_loop["missed"]}
+def _empty(metrics: Row) -> Row:
+    """Return the ticks of the empty loop as deadlines of a graph."""
+    loop = metrics["empty_loop"]
+    longest = loop["lateness_us"]["max"]
+    counts = {"due": loop["of"], "missed": loop["missed"], "longest_us": longest}
+    return {"deadlines": {"empty loop": counts}}
 
 
-def _print_rates(rows: Sequence[Metrics], held: float | None) -> None:
-    cells = [
-        (
-            f"{row['rate_hz']:g}",
-            *(f"{row['age_us'][q]:.0f}" if row["age_us"] else "-" for q in ("p50", "p99")),
-            f"{row['cpu_cores']['total']:.2f}",
-            f"{100 * missed_share(row):.2f}",
-            f"{100 * row['empty_loop']['missed'] / row['empty_loop']['of']:.2f}",
-            str(sum(row["lost"].values()) + sum(row["missed"].values())),
-        )
-        for row in rows
-    ]
-    headings = (
-        *("rate, Hz", "age p50, us", "p99, us", "cores", "deadlines missed, %"),
-        *("empty loop, %", "samples lost"),
-    )
-    title = f"highest rate held: {f'{held:g} Hz' if held else 'none'}"
-    print_table(headings, cells, left=0, title=title)
+def _missed(name: str, counts: Mapping[str, float]) -> str:
+    longest = f"{counts['longest_us'] * 1e-3:.1f} ms"
+    return f"{name} {counts['missed']} of {counts['due']}, the latest by {longest}"
 
 
-def _draw(rows: Sequence[Metrics]) -> Figure:
+def _latest(deadlines: Mapping[str, Row]) -> float | None:
+    """Return by how much the latest force missed its deadline, ms."""
+    return max((1e-3 * counts["longest_us"] for counts in deadlines.values()), default=None)
+
+
+RATES = (
+    Column("rate, Hz", "rate_hz", "g"),
+    Column("age p50, us", lambda row: row["age_us"].get("p50"), ".0f"),
+    Column("p99, us", lambda row: row["age_us"].get("p99"), ".0f"),
+    Column("cores", lambda row: row["cpu_cores"]["total"], ".2f"),
+    Column("deadlines missed, %", lambda row: 100 * missed_share(row), ".2f"),
+    Column("latest, ms", lambda row: _latest(row["deadlines"]), ".1f"),
+    Column("empty loop, %", lambda row: 100 * missed_share(_empty(row)), ".2f"),
+    Column("samples lost", lambda row: sum((*row["lost"].values(), *row["missed"].values()))),
+)
+"""Columns of the comparison of rates."""
+
+
+def _draw(rows: Sequence[Row]) -> Figure:
     """Draw age and CPU against rate."""
     figure = Figure(figsize=(6, 7), layout="constrained")
     ages, cores = figure.subplots(2, sharex=True)

@@ -17,6 +17,7 @@ import numpy as np
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.bounded_files import located
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError, like, parameter
 from haptic_accel.devices import DeviceError
@@ -90,10 +91,8 @@ def calibrate_board(arguments: CalibrateArguments) -> None:
         raise StoppedError(str(error)) from None
     except EOFError:
         raise StoppedError("the input ended before both positions") from None
-    try:
+    with located(f"file = '{path}'", unreadable=""):
         path.write_text(parameter_file(arguments, identity, found), encoding="utf-8")
-    except OSError as error:
-        raise ParameterError(f"file = '{path}': {error.strerror}") from None
     print(
         f"board {identity.serial_number}, axis {arguments.axis}: gain"
         f" {found.gain:.6g} +- {found.gain_error:.1g} m/s^2 per count, offset"

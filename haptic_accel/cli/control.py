@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import asyncio
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from haptic_accel.core.parameters import ParameterError, parameter, schema
 from haptic_accel.graph.namespaces import NamespaceArguments
 
 if TYPE_CHECKING:
-    from haptic_accel.nodes.graph_requests import GraphRequest
+    from haptic_accel.nodes.graph_requests import GraphClient, GraphRequest
 
 KEEP = "keep"
 """Value that leaves a setting as it is."""
@@ -60,31 +61,36 @@ def control(arguments: ControlArguments) -> None:
         settings = [name for name in schema(ControlArguments) if name != "namespace"]
         raise ParameterError(f"control: must be given one of {', '.join(settings)}")
     # ROS takes a while to import: wrong words are refused without it.
-    from haptic_accel.cli.calling import change, own_side
-    from haptic_accel.cli.joining import CallError, connected
+    from haptic_accel.cli.joining import connected
 
-    requests = list(_requests(arguments))
-    refused: list[str] = []
-    with connected(arguments.namespace) as node:
-        if arguments.arm:
-            with suppress(CallError):  # without a coupler both devices can be armed
-                side = own_side(node)
-                requests = [each for each in requests if _is_here(each, side)]
-        for request in requests:
-            # A device is armed even if the other one refuses.
-            if refused and not request.service.endswith("/arm"):
-                break
-            try:
-                print(change(node, request))
-            except CallError as error:
-                refused.append(str(error))
+    with connected(arguments.namespace) as client:
+        asyncio.run(_apply(client, list(_requests(arguments))))
+
+
+async def _apply(client: GraphClient, requests: Sequence[GraphRequest]) -> None:
+    """Send requests, and print what they change, up to the first that is refused."""
+    from haptic_accel.nodes.graph_requests import RequestError
+
+    side, refused = "", list[str]()
+    if any(_arms(request) for request in requests):
+        with suppress(RequestError):  # without a coupler both devices can be armed
+            side = next(iter(await client.parameters("coupler", ["side"])), None) or ""
+    for request in requests:
+        # A device is armed even if the other one refuses; that of a peer's arm is not here.
+        if _arms(request) and not request.service.startswith(side):
+            continue
+        if refused and not _arms(request):
+            break
+        try:
+            print(await client.change(request))
+        except RequestError as error:
+            refused.append(str(error))
     if refused:
-        raise CallError("; ".join(refused))
+        raise RequestError("; ".join(refused))
 
 
-def _is_here(request: GraphRequest, side: str) -> bool:
-    """Return whether a node is on this host: the device of a peer's arm is not."""
-    return not request.service.endswith("/arm") or request.service.startswith(side)
+def _arms(request: GraphRequest) -> bool:
+    return request.service.endswith("/arm")
 
 
 def _requests(arguments: ControlArguments) -> Iterator[GraphRequest]:

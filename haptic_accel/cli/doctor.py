@@ -21,14 +21,16 @@ from typing import Any, Literal
 
 import psutil
 from rich.markup import escape
+from rich.text import Text
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import json_option, verb
 from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
-from haptic_accel.core.due_forces import MISSED_SHARE
+from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
 from haptic_accel.core.trial import DEFAULT_RATE
-from haptic_accel.graph.claims import DOMAIN, HIGHEST_FREE_DOMAIN
+from haptic_accel.graph.claims import HIGHEST_FREE_DOMAIN
+from haptic_accel.graph.stop_signal import DOMAIN
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE
 
@@ -43,8 +45,8 @@ MUCH_TIMER_SLACK = 1000
 """Timer slack that delays ticks, ns; a node sets 1, Linux's default is 50000."""
 
 LEAST_CORES, ENOUGH_CORES = 2, 4
-"""Cores below which a graph cannot keep time, and from which five processes need not wait for each
-other: on two they missed 1 to 50 % of their deadlines at 1 kHz, and one process next to none."""
+"""Cores below which a graph cannot keep time, and from which a process for each node need not wait
+for another: on two 1 to 50 % of their forces came after their tick at 1 kHz."""
 
 CAP_SYS_NICE = 23
 """Bit number of the capability, from linux/capability.h."""
@@ -63,8 +65,8 @@ ADVICE = {
     ),
     "cores": (
         "the processes of the graph have to wait for each other",
-        "run it with composed:=true, or give it more cores: taskset, docker run --cpuset-cpus"
-        " (instead of --cpus), or the settings of the virtual machine",
+        "give it more cores: taskset, docker run --cpuset-cpus (instead of --cpus), or the"
+        " settings of the virtual machine",
     ),
     "load": ("other programs compete for the cores", "stop other programs; top lists them"),
     "kernel": (
@@ -223,8 +225,9 @@ def processor(cores: int, quota: str) -> Finding:
     found = f"{cores}"
     if limited:
         found += f", paused after {int(limited[1]) / int(limited[2]):g} cores' worth of time"
-    few = cores < ENOUGH_CORES
-    return _judged("cores", found, warning=limited or few, problem=cores < LEAST_CORES)
+    if LEAST_CORES <= cores < ENOUGH_CORES:
+        found += ", too few for composed:=false"
+    return _judged("cores", found, warning=limited, problem=cores < LEAST_CORES)
 
 
 def load(mean: float, cores: int) -> Finding:
@@ -338,8 +341,8 @@ def rate_held(loop: Mapping[str, Any]) -> Finding:
     """Judge the ticks of an empty loop on the sampling grid at the default rate."""
     missed, of, worst = loop["missed"], loop["of"], loop["lateness_us"]["max"]
     found = (
-        f"{DEFAULT_RATE:g} Hz now: {missed} of {of} ticks more than a period late, the latest by"
-        f" {worst:.0f} us"
+        f"{DEFAULT_RATE:g} Hz now: {missed} of {of} ticks more than {IN_TIME:g} periods late, the"
+        f" latest by {worst:.0f} us"
     )
     return _judged("rate", found, warning=missed > MISSED_SHARE * of)
 
@@ -375,6 +378,7 @@ def _print(findings: Sequence[Finding]) -> None:
         text = escape(finding.found)
         for label, line in (("meaning", finding.meaning), ("fix", finding.fix)):
             text += f"\n[bold]{label}:[/bold] {escape(line)}" if line else ""
-        rows.append((f"[{colour}]{finding.level}[/{colour}]", finding.name, text))
+        level = Text(finding.level, style=colour)
+        rows.append((level, finding.name, Text.from_markup(text)))
     headings = ("", "check", "finding, meaning and fix")
     print_table(headings, rows, left=3, title="Real time on this machine")

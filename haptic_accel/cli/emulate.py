@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import stop_on_signal
+from haptic_accel.core.bounded_files import located
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
-from haptic_accel.core.parameters import Checked, ParameterError, from_flat, like, parameter
+from haptic_accel.core.parameters import Checked, from_flat, like, parameter
 from haptic_accel.core.trial import DEFAULT_RATE, RigParameters
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
 from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
@@ -93,12 +94,8 @@ class EmulationArguments(Checked):
         if not self.folder:
             return Path(tempfile.mkdtemp(prefix=f"haptic-accel-{kind}-"))
         folder = Path(self.folder).absolute()
-        try:
+        with located(f"folder = '{self.folder}'", unreadable="must be a folder or new: "):
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ParameterError(
-                f"folder = '{self.folder}': must be a folder or new: {error.strerror}"
-            ) from None
         return folder
 
 

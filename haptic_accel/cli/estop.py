@@ -5,13 +5,16 @@
 
 from __future__ import annotations
 
-import os
+import asyncio
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.parameters import parameter
 from haptic_accel.core.topics import (
@@ -22,11 +25,13 @@ from haptic_accel.core.topics import (
     ArmTopics,
     Topic,
 )
-from haptic_accel.graph.claims import own_domain, stop_senders
 from haptic_accel.graph.namespaces import NamespaceArguments
+from haptic_accel.graph.stop_signal import Signalled, age, own_domain, stop_senders
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+
+    from haptic_accel.nodes.graph_requests import GraphClient
 
 PATIENCE = 2.5
 """Time-out for the devices to be found and to confirm, s, before the graph is joined anew."""
@@ -43,9 +48,6 @@ ANSWERING_TIME = 1.5
 
 REASON_TIME = 3.0
 """Time for which a refused release is asked for again, s: the reason may just have gone."""
-
-LOOK_PERIOD = 0.01
-"""Interval between looks at the answers while no message comes, s."""
 
 DEVICES = {MASTER: "master_device", SLAVE: "slave_device"}
 """Devices by the topics of their arms."""
@@ -64,7 +66,8 @@ class StopArguments(NamespaceArguments):
     "haptic-accel estop namespace:=left",
 )
 @arguments(StopArguments)
-def estop(arguments: StopArguments) -> None:
+@click.pass_obj
+def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
     """Remove all forces from all devices at once; they refuse new ones until release:=true.
 
     Without a namespace every graph of the ROS domain is stopped. The release is that of one graph,
@@ -74,47 +77,44 @@ def estop(arguments: StopArguments) -> None:
         print(f"emergency stop {_release(arguments.namespace)}")
         return
     # By signals first: ROS takes a while to import, and to join the graph.
-    signalled = stop_senders(own_domain(), arguments.namespace)
-    quick = f"{signalled} processes signalled after {_age():.2f} s, " if signalled else ""
-    from haptic_accel.cli.joining import CallError, connected
+    done = signalled or Signalled(stop_senders(own_domain(), arguments.namespace))
+    reached = "1 process" if done.processes == 1 else f"{done.processes} processes"
+    quick = f"{reached} signalled after {done.after:.2f} s, "
+    from haptic_accel.cli.joining import connected
 
     topic = EMERGENCY_STOP if arguments.namespace else COMMON_STOP
     for _ in range(ATTEMPTS):
-        with connected(arguments.namespace) as node:
-            confirmed, missing = _stop(node, topic)
+        with connected(arguments.namespace) as client:
+            confirmed, missing = asyncio.run(_stop(client, topic))
         if not missing:
             break
     else:
         names, seconds = " and ".join(missing), ATTEMPTS * PATIENCE
-        raise CallError(f"{names} did not confirm within {seconds:g} s; is the graph running?")
+        raise StoppedError(f"{names} did not confirm within {seconds:g} s; is the graph running?")
     devices = {1: "the device is", 2: "both devices are"}.get(
         len(confirmed), f"all {len(confirmed)} devices are"
     )
-    print(f"emergency stop: {devices} without force ({quick}confirmed after {_age():.2f} s)")
+    first = quick if done.processes else ""
+    print(f"emergency stop: {devices} without force ({first}confirmed after {age():.2f} s)")
 
 
-def _age() -> float:
-    """Return the time since this process was started, s (proc(5), stat)."""
-    stat = Path("/proc/self/stat").read_bytes().rpartition(b")")[2].split()
-    started = int(stat[19]) / os.sysconf("SC_CLK_TCK")
-    return time.clock_gettime(time.CLOCK_BOOTTIME) - started
-
-
-def _stop(node: Node, topic: Topic) -> tuple[set[str], set[str]]:
+async def _stop(client: GraphClient, topic: Topic) -> tuple[set[str], set[str]]:
     """Publish the stop; return the full names of devices that confirmed, and that did not."""
-    import rclpy
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from std_msgs.msg import Bool
 
+    node = client.node
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     node.create_publisher(Bool, topic.name, latched).publish(Bool(data=True))
     answers: dict[str, bool] = {}
     asked: set[str] = set()
-    begin = time.monotonic()
-    while (passed := time.monotonic() - begin) < PATIENCE:
+    looked = time.monotonic() + LEAST_LOOK
+
+    def is_confirmed() -> bool:
         # Anew each time: that an arm is elsewhere is known when its coupler has been found.
         devices = dict(_devices(node, everywhere=topic is COMMON_STOP))
-        asked = set(devices)
+        asked.clear()
+        asked.update(devices)
         for device, name in devices.items():
             if device not in answers:
                 answers[device] = False
@@ -124,9 +124,9 @@ def _stop(node: Node, topic: Topic) -> tuple[set[str], set[str]]:
                     lambda message, device=device: answers.update({device: message.data}),
                     latched,
                 )
-        if asked and all(answers[device] for device in asked) and passed >= LEAST_LOOK:
-            break
-        rclpy.spin_once(node, timeout_sec=LOOK_PERIOD)
+        return bool(asked) and all(map(answers.get, asked)) and time.monotonic() >= looked
+
+    await client.until(is_confirmed, PATIENCE)
     confirmed = {device for device in asked if answers[device]}
     return confirmed, (asked or set(DEVICES.values())) - confirmed
 
@@ -155,51 +155,37 @@ def _is_elsewhere(node: Node, namespace: str, arm: ArmTopics) -> bool:
 
 def _release(namespace: str) -> str:
     """Release the graph of a namespace; return a line that says who takes forces again."""
-    from haptic_accel.cli.joining import CallError, connected
+    from haptic_accel.cli.joining import connected
 
     for _ in range(ATTEMPTS):
-        with connected(namespace) as node:
-            answers = _answers(node)
-            deadline = time.monotonic() + REASON_TIME
-            while (refused := _refusals(answers)) and time.monotonic() < deadline:
-                time.sleep(LOOK_PERIOD)
-                answers = _answers(node)
-        if refused:
-            raise CallError(f"emergency stop is not released: {refused}")
+        with connected(namespace, ANSWERING_TIME, ANSWERING_TIME) as client:
+            answers = asyncio.run(_answers(client))
         if all(answers.values()):
             break
     else:
         missing = " and ".join(name for name, answer in answers.items() if not answer)
-        raise CallError(f"{missing} did not answer; is the graph running?")
+        raise StoppedError(f"{missing} did not answer; is the graph running?")
     if EMERGENCY_STOP.name in answers:
         return str(answers[EMERGENCY_STOP.name].message)
     return f"released: {' and '.join(answers)} take forces again; the coupler does not answer"
 
 
-def _refusals(answers: dict[str, Any]) -> str:
-    refused = ((name, it.message) for name, it in answers.items() if it and not it.success)
-    return "; ".join(f"{name}: {reason}" for name, reason in refused)
-
-
-def _answers(node: Node) -> dict[str, Any]:
+async def _answers(client: GraphClient) -> dict[str, Any]:
     """Ask the coupler for the release, or the devices if it does not answer; None for silence."""
-    name = EMERGENCY_STOP.name
-    if answer := _answer(node, name):
-        return {name: answer}
-    return {device: _answer(node, f"{device}/{name}") for device in DEVICES.values()}
-
-
-def _answer(node: Node, service: str) -> Any:
-    """Return a service's answer to the release, None if there is none in time."""
-    import rclpy
     from std_srvs.srv import SetBool
 
-    client = node.create_client(SetBool, service)
-    try:
-        if not client.wait_for_service(ANSWERING_TIME):
-            return None
-        asked = client.call_async(SetBool.Request(data=False))
-        rclpy.spin_until_future_complete(node, asked, timeout_sec=ANSWERING_TIME)
-        return asked.result() if asked.done() else None
-    finally:
-        node.destroy_client(client)
+    from haptic_accel.nodes.graph_requests import RequestError, refusals
+
+    async def answer(service: str) -> Any:
+        with suppress(RequestError):
+            return await client.call(SetBool, service, SetBool.Request(data=False))
+
+    name, deadline = EMERGENCY_STOP.name, time.monotonic() + REASON_TIME
+    while True:
+        answers = {name: await answer(name)}
+        if not answers[name]:
+            answers = {each: await answer(f"{each}/{name}") for each in DEVICES.values()}
+        if not (refused := refusals(answers)):
+            return answers
+        if time.monotonic() >= deadline:
+            raise RequestError(f"emergency stop is not released: {'; '.join(refused)}")

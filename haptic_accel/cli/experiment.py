@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, replace
 from functools import partial
@@ -17,24 +16,23 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 
 from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.metrics import MILLI, AnalysedTrial
 from haptic_accel.analysis.page import Beside, Setting
 from haptic_accel.analysis.plots import number
-from haptic_accel.analysis.writing import defined, signal_table, write_analysis, write_json
+from haptic_accel.analysis.writing import signal_table, write_analysis
+from haptic_accel.bags.delivery import Delivery
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.jobs import side_by_side
-from haptic_accel.cli.output import results_folder
-from haptic_accel.cli.report import print_analysis, spread_over
-from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
+from haptic_accel.cli.jobs import Show, Stop, run_study, side_by_side
+from haptic_accel.cli.output import results_folder, save
+from haptic_accel.cli.report import print_analysis
+from haptic_accel.cli.running import run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, FAILED, INTERRUPTED
 from haptic_accel.core.topics import ANALYSED
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import (
@@ -48,7 +46,7 @@ from haptic_accel.graph.arguments import (
 )
 from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
-from haptic_accel.graph.processes import graph
+from haptic_accel.graph.processes import arrangement, graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.graph.words import given_keys
 
@@ -80,15 +78,14 @@ AROUND = 4.0
 """Estimated time for starting and stopping the graph, s, for the time left."""
 
 LOST_SHARE = 0.01
-"""Share of a signal's samples that may be missing, or of forces that may miss their deadline,
-before the reader is warned."""
+"""Share of a signal's samples that may be missing, or of forces that may be late, before the
+reader is warned."""
 
 LOCKSTEP_NOTE = (
     "Every condition ran in lockstep: no ROS, no clock, same numbers for the same seed."
 )
 LIVE_NOTE = (
-    "Every condition ran through the live graph, five processes on ROS 2, and was read back "
-    "from the bag it recorded."
+    "Every condition ran through the live graph, and was read back from the bag it recorded."
 )
 RIG_NOTES = {
     "ideal": "The simulated rig is eq. (1) to (3) of the paper with Table I and nothing else: it "
@@ -96,9 +93,10 @@ RIG_NOTES = {
     "come out below the paper's errors. The order of the controllers is what to compare, not "
     "the value of a cell.",
     "paper": "The simulated rig is eq. (1) to (3) of the paper with Table I and, besides, "
-    "mount, delay, friction, gravity, sensors and users as a real one has; four of its "
-    "numbers, and three of its surfaces', are fitted to the paper's table in the paper's loop, "
-    "latency:=0 in lockstep (docs/virtual_rig.md).",
+    "mount, delay, friction, gravity, sensors and users as a real one has. Six numbers are fitted "
+    "to the paper's Table II and regressions, in the paper's loop (latency:=0, in lockstep): "
+    "frequency and damping of the mount, delay, and contact damping of the three surfaces "
+    "(docs/virtual_rig.md).",
 }
 BESIDE = "lockstep_nrmse_percent"
 LOCKSTEP_TITLE = "Error (NRMSE) live and, in brackets, in lockstep, %"
@@ -157,7 +155,7 @@ def experiment(
     jitter: float | None,
     loss: float | None,
     jobs: int,
-) -> int:
+) -> None:
     """Run the paper's three surfaces under its three controllers.
 
     Prints Table II beside the paper's, and writes a report with its figures 9, 10 and 11.
@@ -177,20 +175,25 @@ def experiment(
         )
         for controller in ([arguments.controller] if "controller" in given else controllers)
     ]
-    for planned in plan:
-        graph(planned)  # everything that can be wrong is found before anything runs
-    status, done = DONE, dict[Path, GraphArguments]()
+    # Everything that can be wrong is found before anything runs.
+    processes = [graph(planned) for planned in plan]
     with nullcontext() if lockstep else sole_graph(arguments.namespace):
         folder = results_folder(out)
-        try:
-            _run(_bags(plan, folder / "bags"), jobs if lockstep else 0, channel, done)
-        except StoppedError as end:
-            status = end.status
-            if status == INTERRUPTED:
-                print(f"interrupted after {len(done)} of {len(plan)} conditions", file=sys.stderr)
-    if done and not _report(done, arguments, lockstep, channel, folder, json_file, jobs):
-        status = status or FAILED
-    return status
+        if not lockstep:
+            click.echo(arrangement(processes[0]))
+        bags = _bags(plan, folder / "bags")
+        run, conditions = partial(_run_lockstep, channel), list(bags.items())
+
+        def start(stop: Stop, show: Show) -> Iterator[tuple[Path, str]]:
+            if lockstep:
+                return side_by_side(run, conditions, jobs, stop)
+            return _run_live(conditions, stop, show)
+
+        results, end = run_study(start, len(bags), "conditions", itemgetter(1))
+    done = {bag: bags[bag] for bag, _ in results}
+    whole = not done or _report(done, arguments, lockstep, channel, folder, json_file, jobs)
+    if end or not whole:
+        raise end or StoppedError
 
 
 def _checked(
@@ -237,54 +240,22 @@ def _bags(plan: Sequence[GraphArguments], folder: Path) -> dict[Path, GraphArgum
     }
 
 
-def _run(
-    bags: Mapping[Path, GraphArguments],
-    jobs: int,
-    channel: ChannelParameters | None,
-    done: dict[Path, GraphArguments],
-) -> None:
-    """Run all conditions, in lockstep if there are jobs, and print the error of each as it ends.
-
-    Adds each to those done, by its bag.
-
-    Raises
-    ------
-    StoppedError
-        A graph failed, or the user asked to stop.
-    """
-    progress = progress_bar(Console())
-    bar = progress.add_task("conditions", total=len(bags))
-    with stop_on_signal() as stop:
-        errors = (
-            side_by_side(partial(_run_lockstep, channel), list(bags.items()), jobs, stop)
-            if jobs
-            else _run_live(bags, stop, lambda part: progress.update(bar, completed=part))
-        )
-        with progress:
-            for (bag, arguments), error in zip(bags.items(), errors, strict=True):
-                done[bag] = arguments
-                name = f"{Path(arguments.touched).stem} / {arguments.controller}"
-                line = f"{len(done)} of {len(bags)}: {name} / seed {arguments.seed}:"
-                progress.console.print(f"{line} {number(error, 1)} %", highlight=False)
-                progress.update(bar, completed=len(done))
-
-
 def _run_lockstep(
     channel: ChannelParameters | None, condition: tuple[Path, GraphArguments]
-) -> float:
-    """Run and record one condition in lockstep; return its error, %."""
+) -> tuple[Path, str]:
+    """Run and record one condition in lockstep; return its bag, and a line with its error."""
     bag, arguments = condition
     start = time.time_ns()
     trial = lockstep_trial(arguments, channel=channel)
     record_trial(bag, trial, arguments, start)
-    return _error(trial)
+    return bag, _line(arguments, _error(trial))
 
 
 def _run_live(
-    bags: Mapping[Path, GraphArguments], stop: Callable[[], bool], show: Callable[[float], None]
-) -> Iterator[float]:
-    """Run one condition after the other through the graph; yield their errors, %."""
-    for index, (bag, arguments) in enumerate(bags.items()):
+    conditions: Sequence[tuple[Path, GraphArguments]], stop: Stop, show: Show
+) -> Iterator[tuple[Path, str]]:
+    """Run one condition after the other through the graph; yield bags, and lines with errors."""
+    for index, (bag, arguments) in enumerate(conditions):
 
         def asked(index: int = index, started: float = time.monotonic()) -> bool:
             part = (time.monotonic() - started) / (arguments.duration + AROUND)  # noqa: B023
@@ -293,9 +264,14 @@ def _run_live(
 
         run_to_end(Supervisor(graph(replace(arguments, bag=str(bag)))), asked)
         trials = analyse([bag], perceptual=False).trials
-        yield trials[0].metrics["nrmse_percent"] if trials else math.nan
+        yield bag, _line(arguments, trials[0].metrics["nrmse_percent"] if trials else math.nan)
         if stop():
-            raise StoppedError(status=INTERRUPTED)
+            return
+
+
+def _line(arguments: GraphArguments, error: float) -> str:
+    name = f"{Path(arguments.touched).stem} / {arguments.controller} / seed {arguments.seed}"
+    return f"{name}: {number(error, 1)} %"
 
 
 def _error(trial: Trial) -> float:
@@ -317,7 +293,7 @@ def _report(
 ) -> bool:
     """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
     with stop_on_signal() as stop:
-        analysis = analyse(list(done), spread=spread_over(jobs, stop))
+        analysis = analyse(list(done), spread=partial(side_by_side, jobs=jobs, stop=stop))
     warnings = list(_warnings(analysis, composed=arguments.composed))
     expected = {} if lockstep else _in_lockstep(done, jobs)
     beside = _beside_lockstep(analysis, expected)
@@ -350,20 +326,19 @@ def _report(
             if done[trial.segment.bag].seed == seeds[0]
         },
     )
-    if json_file:
-        content = {
-            "lockstep": lockstep,
-            "rig": arguments.rig,
-            "seeds": seeds,
-            "arguments": asdict(arguments),
-            "network": asdict(channel) if channel else None,
-            "conditions": [
-                _metrics(trial, done[trial.segment.bag].seed, lockstep)
-                | ({} if lockstep else {BESIDE: expected.get(trial.segment.bag)})
-                for trial in analysis.trials
-            ],
-        }
-        write_json(defined(content), json_file)
+    content = {
+        "lockstep": lockstep,
+        "rig": arguments.rig,
+        "seeds": seeds,
+        "arguments": asdict(arguments),
+        "network": asdict(channel) if channel else None,
+        "conditions": [
+            _metrics(trial, done[trial.segment.bag].seed, lockstep)
+            | ({} if lockstep else {BESIDE: expected.get(trial.segment.bag)})
+            for trial in analysis.trials
+        ],
+    }
+    save(content, json_file)
     if beside:
         print_table(beside.headings, beside.rows, title=beside.caption)
     print_analysis(analysis, None, *warnings, f"report: {page}")
@@ -387,7 +362,7 @@ def _in_lockstep(done: Mapping[Path, GraphArguments], jobs: int) -> dict[Path, f
     }
     with stop_on_signal() as stop:
         errors = side_by_side(_lockstep_error, list(simulated.values()), jobs, stop)
-        return dict(zip(simulated, errors, strict=True))
+        return dict(zip(simulated, errors, strict=False))
 
 
 def _lockstep_error(arguments: GraphArguments) -> float:
@@ -432,7 +407,7 @@ def _warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
 
     What the nodes warned of is among the page's notes on single trials.
     """
-    too_late = False
+    too_late = after_tick = False
     for trial in analysis.trials:
         delivery = trial.segment.delivery
         missing = [
@@ -441,17 +416,30 @@ def _warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
             if topic.name in delivery.lost
         ]
         samples = trial.segment.seconds * trial.segment.rate
-        late = {name: each["missed"] / each["due"] for name, each in delivery.deadlines.items()}
-        worst, missed = max(late.items(), key=itemgetter(1), default=("", 0.0))
+        late, missed = _worst(delivery, "missed")
+        past, behind = _worst(delivery, "past_tick")
+        longest = delivery.deadlines.get(late, {}).get("longest_us", math.nan) / MILLI
+        felt = f", the latest by {longest:.1f} ms, which a hand on a real handle would feel."
         shares = {
-            "samples are missing": max(missing, default=0) / samples,
-            f"{worst}s missed their due time": missed,
+            "samples are missing, which makes the error larger.": max(missing, default=0)
+            / samples,
+            f"{past}s came after their tick, which makes the error larger.": behind,
+            f"{late}s took effect late{felt}": missed,
         }
         name = f"{trial.surface} / {trial.controller}"
         for what, share in shares.items():
             if share > LOST_SHARE:
-                yield f"{name}: {100 * share:.1f} % of the {what}, which makes the error larger."
+                yield f"{name}: {100 * share:.1f} % of the {what}"
         too_late |= missed > LOST_SHARE
-    if too_late:
+        after_tick |= behind > LOST_SHARE
+    if after_tick:
         change = "latency:=4" if composed else "composed:=true or latency:=4"
-        yield f"Fewer are late with {change}; haptic-accel doctor looks at the machine."
+        yield f"Fewer come after their tick with {change}."
+    if too_late:
+        yield "haptic-accel doctor looks at the machine, which did not run the nodes in time."
+
+
+def _worst(delivery: Delivery, count: str) -> tuple[str, float]:
+    """Return the kind of force of which the largest share was counted, and that share."""
+    shares = {name: each.get(count, 0) / each["due"] for name, each in delivery.deadlines.items()}
+    return max(shares.items(), key=itemgetter(1), default=("", 0.0))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -18,18 +17,15 @@ import click
 import numpy as np
 from scipy import signal
 
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.experiment import SURFACES
-from haptic_accel.cli.jobs import side_by_side
+from haptic_accel.cli.jobs import run_study, side_by_side
 from haptic_accel.cli.options import controllers_option, jobs_option, json_option, one_of, verb
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import progress_bar, stop_on_signal
-from haptic_accel.cli.tables import print_table
+from haptic_accel.cli.tables import Row, print_table
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.trial import DEFAULT_RATE, GripChange, Trial
 from haptic_accel.graph.arguments import RECORDING, GraphArguments
@@ -92,9 +88,6 @@ BOUNDS = {"limited_bound": "limited bound", "bound": "bound"}
 
 GRANT = "granted_delay"
 """Parameter of the controllers that a delay can be granted to."""
-
-Row = dict[str, Any]
-"""Metrics of a trial: a row of the JSON file."""
 
 
 @dataclass(frozen=True)
@@ -200,22 +193,15 @@ def fidelity(
     cases = [case for trial in trials for case in _with_controllers(trial, controllers)]
     for case in trials:
         graph(case.arguments)  # so that a wrong file is named before all trials
-    rows: list[Row] = []
-    with stop_on_signal() as stop:
-        results = side_by_side(run_case, cases, jobs, stop)
-        with progress_bar() as bar, suppress(StoppedError):
-            task = bar.add_task("trials", total=len(cases))
-            for row in results:
-                rows.append(row)
-                bar.update(task, advance=1, description=row["condition"])
-                print(_line(row), flush=True)
+    rows, end = run_study(
+        lambda stop, _: side_by_side(run_case, cases, jobs, stop), len(cases), "trials", _line
+    )
     if rows:
         summary = _summary(rows)
         _print(summary)
         save({"rows": rows, "summary": summary}, json_file)
-    if len(rows) < len(cases):
-        line = f"interrupted after {len(rows)} of {len(cases)} trials"
-        raise StoppedError(line, INTERRUPTED)
+    if end:
+        raise end
 
 
 def _inputs(recordings: Sequence[str], rates: Sequence[float]) -> list[GraphArguments]:

@@ -36,7 +36,7 @@ from haptic_accel.core.identification.evaluation import (
     identify_handle,
 )
 from haptic_accel.core.identification.fit import HandleFit
-from haptic_accel.core.identification.stops import STOPS_HIT, check_stops, check_travel
+from haptic_accel.core.identification.stops import LIMITED, STOPS_HIT, check_stops, check_travel
 from haptic_accel.core.model import ACTUATOR, POSTURES, HandleParameters, Suspension, held
 from haptic_accel.core.parameters import ParameterError, own_schema, schema
 from haptic_accel.core.trial import RigParameters, run_identification
@@ -195,13 +195,13 @@ def identify(
             f" {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
         )
     print(
-        f"latency of the forces, taken off: {latency} samples;"
-        f" delay of the hardware: {found.fit.delay * 1e6:.0f} us"
+        f"delay of the hardware: {found.fit.delay * 1e6:.0f} us, in addition to the graph's"
+        f" latency of {latency} samples"
     )
     if arguments.actuator == AUDIO:
         _, devices = node_parameters("master_device", graph_parameters(arguments)["master_device"])
         scale = devices[AUDIO].largest_force / found.fit.handle.m_h
-        print(f"audio.full_scale: {scale:.4g} N for each kg that the handle weighs without m_a")
+        print(f"audio.full_scale: {scale:.4g} N per kg of the handle's mass without m_a")
     print(*notes, report.explained(found), sep="\n")
     print(f"parameters: {parameters}", f"report: {page}", sep="\n")
 
@@ -300,17 +300,19 @@ def _trials(bag: Bag, arguments: IdentifyArguments) -> list[sweeps.Identificatio
     found = sweeps.find_trials(
         force, acceleration, arguments.sweep, arguments.rate, missing, bag.latency
     )
-    # The simulated handle knows; in which trial it was, nobody does.
-    hits = int(last_values(bag, "master_device").get(STOPS_HIT, 0))
+    # The device knows; in which trial it was, nobody does.
+    values = last_values(bag, "master_device")
     for trial in found:
-        trial.status[STOPS_HIT] = hits
+        trial.status.update((key, int(values.get(key, 0))) for key in (STOPS_HIT, *LIMITED))
     most = MOST_MISSING * len(found[0].actuator_force)
     whole = [trial for trial in found if trial.status[sweeps.SAMPLES_MISSING] <= most]
     if len(whole) < len(found):
         counts = ", ".join(str(trial.status[sweeps.SAMPLES_MISSING]) for trial in found)
         reason = (
-            f"{bag.path}: {len(found) - len(whole)} of {len(found)} trials left out, of which more"
-            f" than {100 * MOST_MISSING:g} % of the samples are missing ({counts})"
+            f"{bag.path}: {len(found) - len(whole)} of {len(found)} trials left out, as each lacks"
+            f" more than {100 * MOST_MISSING:g} % of its samples (missing by trial: {counts});"
+            " record again with less load on the machine, which haptic-accel doctor checks, or at"
+            " a lower rate:="
         )
         if not whole:
             raise RecordingError(reason)
@@ -333,8 +335,8 @@ def _notes(found: Identification) -> Iterator[str]:
     """Yield warnings to the reader of the metrics."""
     if len(found.grips) > 1:
         yield (
-            "all grips pooled are a compromise between them, the discrete model most of all; for"
-            " the best model of one grip identify it alone"
+            "models of all grips pooled are a compromise between them, the discrete model most of"
+            " all; for the best model of one grip, identify that grip alone"
         )
 
 

@@ -8,24 +8,38 @@ Imports ROS, which takes a while: load it where it is used.
 
 from __future__ import annotations
 
+import asyncio
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import rclpy
-from rclpy.node import Node
 
 from haptic_accel.cli.ending import StoppedError
+from haptic_accel.nodes.graph_requests import GraphClient, RequestError
 from haptic_accel.nodes.middleware import middleware_defaults
 
-
-class CallError(StoppedError):
-    """A node does not answer, or refuses; the message is one line fit to be shown."""
+PATIENCE = 5.0
+"""Time-out for a node to be found, and to answer, s."""
 
 
 @contextmanager
-def connected(namespace: str) -> Iterator[Node]:
-    """Join the graph of a namespace with a node while the context is entered."""
+def connected(
+    namespace: str, finding: float = PATIENCE, answering: float = PATIENCE
+) -> Iterator[GraphClient]:
+    """Join the graph of a namespace while the context is entered.
+
+    Parameters
+    ----------
+    namespace : str
+    finding, answering : float
+        Time-outs for a service to be found, and for its answer, s.
+
+    Raises
+    ------
+    StoppedError
+        A node does not answer, or refuses.
+    """
     os.environ.update(middleware_defaults(os.environ))
     rclpy.init(args=[])
     node = rclpy.create_node(
@@ -34,8 +48,15 @@ def connected(namespace: str) -> Iterator[Node]:
         enable_rosout=False,
         start_parameter_services=False,
     )
+
+    async def spin(seconds: float) -> None:
+        rclpy.spin_once(node, timeout_sec=seconds)
+        await asyncio.sleep(0)  # lets an interruption through
+
     try:
-        yield node
+        yield GraphClient(node, spin, finding, answering)
+    except RequestError as error:
+        raise StoppedError(str(error)) from None
     finally:
         node.destroy_node()
         rclpy.try_shutdown()

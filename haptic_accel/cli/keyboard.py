@@ -50,7 +50,8 @@ def on_key(key: bytes, act: Callable[[], None]) -> Iterator[bool]:
         os.close(end)
         thread.join()
         os.close(over)
-        termios.tcsetattr(terminal, termios.TCSADRAIN, settings)
+        with suppress(termios.error):  # a terminal that has hung up
+            termios.tcsetattr(terminal, termios.TCSADRAIN, settings)
 
 
 def _follow(terminal: int, over: int, key: bytes, act: Callable[[], None]) -> None:

@@ -1,132 +1,64 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The command ``haptic-accel``: the verbs there are, and what their errors look like."""
+"""Entry point of ``haptic-accel``: an emergency stop first, then the verbs and their errors.
+
+Imports next to nothing at first, so that on a busy machine a stop waits for Python alone.
+"""
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
-from collections.abc import Sequence
 
-import click
+from haptic_accel.core.process import (
+    BLAS_THREADS,
+    DONE,
+    FAILED,
+    INTERRUPTED,
+    WRONG_ARGUMENTS,
+    shortage,
+)
+from haptic_accel.graph.stop_signal import Signalled, hurry, stop_at_once
 
-from haptic_accel import __version__
-from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
-from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.lazy import LazyGroup
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, FAILED, INTERRUPTED, WRONG_ARGUMENTS
+TYPE_CHECKING = False  # typing is not needed to stop
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import NoReturn
 
-BAG = LazyGroup(
-    "bag",
-    {
-        "Verbs": {
-            "info": "show topics, recording settings and damage of a bag",
-            "repair": "repair bags whose recording was cut off",
-        }
-    },
-    help="Inspect bags, and repair those whose recording was cut off.",
-    examples=["haptic-accel bag info bags/text", "haptic-accel bag repair bags/*"],
-)
-EMULATE = LazyGroup(
-    "emulate",
-    {
-        "Hardware": {
-            "can": "two arms of ODrives on CAN",
-            "serial": "boards of handle and tool on USB serial",
-        }
-    },
-    help="Emulate boards or arms to test the drivers without hardware.",
-    examples=["haptic-accel emulate serial", "haptic-accel emulate can faults:=estimates@2"],
-)
-BENCH = LazyGroup(
-    "bench",
-    {
-        "Kinds": {
-            "latency": "latency, losses and CPU of the graph, beside two references",
-            "fidelity": "tracking error of each controller on every rig, grip and input",
-            "network": "energy, stability and error of two coupled hosts over networks",
-        }
-    },
-    help="Measure latency, CPU, losses and tracking error.",
-    examples=["haptic-accel bench latency rig:=ideal --rate 2000", "haptic-accel bench fidelity"],
-)
-TEXTURE = LazyGroup(
-    "texture",
-    {
-        "Verbs": {
-            "build": "build a model from recordings with speed, force and acceleration",
-            "import": "make a model of another program's file",
-            "show": "show a model's range and spectra",
-            "render": "write a model's acceleration as a sound file",
-        }
-    },
-    help="Build, import, show and render models of textures.",
-    examples=[
-        "haptic-accel texture build drag.csv --rate 10000 --out wood.yaml",
-        "haptic-accel texture render plywood --speed 80 --force 1 --out wood.wav",
-    ],
-)
-
-SECTIONS = {
-    "Graph": {
-        "teleop": "run the teleoperation graph",
-        "control": "change controller, surface or grip of a running graph",
-        "estop": "stop a running graph in an emergency, or release it",
-        "scope": "serve a page that shows a running graph",
-    },
-    "Devices": {
-        "calibrate": "measure gain and offset of an accelerometer by gravity",
-        "emulate": "emulate boards or arms to test the drivers without hardware",
-    },
-    "Recording and analysis": {
-        "record": "start, pause, split or stop the recording of a running graph",
-        "bag": "inspect and repair bags",
-        "replay": "play a bag again, with any controller",
-        "analyze": "write the paper's tables and plots from bags",
-        "experiment": "run the paper's experiment and report Table II",
-    },
-    "Design": {
-        "identify": "fit the handle's model with the paper's sweep",
-        "design": "predict error, force and margins of a controller",
-    },
-    "Surfaces": {
-        "texture": "build, import, show and render models of textures",
-    },
-    "Machine": {
-        "keys": "make certificates for two hosts",
-        "bench": "measure latency, CPU, losses and tracking error",
-        "doctor": "find causes of timing jitter on this machine and suggest fixes",
-    },
-}
-"""Summaries of the verbs by heading."""
-
-command_line = LazyGroup(
-    "haptic-accel",
-    SECTIONS,
-    groups=[BAG, EMULATE, BENCH, TEXTURE],
-    help="Haptic teleoperation with acceleration feedback: feel what a remote tool touches.",
-    context_settings={
-        "help_option_names": ["-h", "--help"],
-        "max_content_width": 100,
-        "show_default": True,
-    },
-    examples=[
-        "haptic-accel teleop controller:=dynamic surface:=text",
-        "haptic-accel experiment --lockstep",
-        "haptic-accel VERB --help",
-    ],
-)
-click.version_option(__version__, message="%(prog)s %(version)s")(command_line)
+    import click
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Run the command line and exit."""
-    run(command_line, "haptic-accel", words)
+    """Run the command line and exit.
+
+    Parameters
+    ----------
+    words : sequence of str, optional
+        Verb and its words; those of this process if not given.
+    """
+    given = sys.argv[1:] if words is None else list(words)
+
+    def act() -> int | None:
+        signalled: Signalled | None = None
+        if given[:1] == ["estop"]:
+            if words is None:  # this process is for the stop alone
+                hurry()
+            signalled = stop_at_once(given[1:])
+        # Runs that are side by side take a core each. In little memory, where BLAS cannot start
+        # its threads, it would wait for them for ever.
+        for variable in BLAS_THREADS:
+            os.environ.setdefault(variable, "1")
+        from haptic_accel.cli.commands import command_line
+
+        return _status(command_line, "haptic-accel", given, signalled)
+
+    _exit(act, "haptic-accel")
 
 
 def run(command: click.Command, name: str, words: Sequence[str] | None = None) -> None:
-    """Run a command and exit; wrong arguments are answered in one line.
+    """Run a command and exit; errors are answered in one line.
 
     Parameters
     ----------
@@ -137,23 +69,101 @@ def run(command: click.Command, name: str, words: Sequence[str] | None = None) -
     words : sequence of str, optional
         Command line; that of this process if not given.
     """
+    _exit(lambda: _status(command, name, words), name)
+
+
+def _status(
+    command: click.Command,
+    name: str,
+    words: Sequence[str] | None,
+    signalled: Signalled | None = None,
+) -> int | None:
+    from haptic_accel.cli.output import printable_output
+
+    with printable_output():
+        status = command.main(words, name, standalone_mode=False, obj=signalled)
+    return status if status is None else int(status)
+
+
+def _exit(act: Callable[[], int | None], name: str) -> NoReturn:
+    """Exit with the status that a function returns, or with that of its error, told in one line.
+
+    An error that is no answer to the user's words, nor to the state of the machine, is a fault of
+    this program, and raised.
+    """
     try:
-        sys.exit(command.main(words, name, standalone_mode=False) or DONE)
-    except (click.ClickException, ParameterError) as error:
-        message = error.format_message() if isinstance(error, click.ClickException) else str(error)
-        print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
-        sys.exit(WRONG_ARGUMENTS)
-    except StoppedError as end:
-        if str(end):
-            print(f"{name}: {end}", file=sys.stderr)
-        sys.exit(end.status)
-    except ModuleNotFoundError as missing:
-        if (missing.name or "").partition(".")[0] not in OF_ROSBAGS:
+        status = act() or DONE
+        if sys.stdout:
+            sys.stdout.flush()
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    except Exception as error:
+        answer = _answer(error)
+        if not answer:
             raise
-        print(f"{name}: {NO_ROSBAGS}", file=sys.stderr)
-        sys.exit(FAILED)
-    except (click.Abort, KeyboardInterrupt):
-        sys.exit(INTERRUPTED)
+        line, status = answer
+        if line:
+            from haptic_accel.core.parameters import printable
+
+            _tell(printable(f"{name}: {' '.join(line.split())}"))
+    _leave_output()
+    sys.exit(status)
+
+
+def _answer(error: Exception) -> tuple[str, int] | None:
+    """Return the line and the exit status for an error; None if it is a fault of this program."""
+    if short := shortage(error):
+        return short, FAILED
+    if isinstance(error, OSError):
+        return _of_system(error), FAILED
+    import click
+
+    from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
+    from haptic_accel.cli.ending import StoppedError
+    from haptic_accel.core.parameters import ParameterError
+
+    if isinstance(error, click.Abort):
+        return "", INTERRUPTED
+    if isinstance(error, click.ClickException):
+        return error.format_message(), WRONG_ARGUMENTS
+    if isinstance(error, ParameterError):
+        return str(error), WRONG_ARGUMENTS
+    if isinstance(error, StoppedError):
+        return str(error), error.status
+    if isinstance(error, ModuleNotFoundError) and _top(error) in OF_ROSBAGS:
+        return NO_ROSBAGS, FAILED
+    return None
+
+
+def _top(missing: ModuleNotFoundError) -> str:
+    return (missing.name or "").partition(".")[0]
+
+
+def _of_system(error: OSError) -> str:
+    """Return an error of the operating system in words; '' where the output's reader has gone."""
+    reason = error.strerror or str(error)
+    if error.filename is not None:
+        return f"{error.filename}: {reason}"
+    if error.errno == errno.EPIPE:
+        return ""
+    return f"output: {reason}" if error.errno in (errno.ENOSPC, errno.EDQUOT) else reason
+
+
+def _tell(line: str) -> None:
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except OSError:  # nowhere to say it
+        return
+
+
+def _leave_output() -> None:
+    """Drop what the standard streams still hold and cannot write: Python would try again."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            if stream:
+                stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 if __name__ == "__main__":

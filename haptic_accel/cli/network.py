@@ -7,30 +7,22 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from haptic_accel.analysis.perception import perceive
-from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.jobs import side_by_side
+from haptic_accel.cli.jobs import run_study, side_by_side
 from haptic_accel.cli.options import jobs_option, json_option, verb
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import progress_bar, stop_on_signal
-from haptic_accel.cli.tables import print_table
+from haptic_accel.cli.tables import Column, Row, print_results
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import Vector
 from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.core.two_arms import ENGAGING, RATE, Instant, couple, free, press, stroke, wall
 from haptic_accel.core.two_hosts import TwoHosts
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
-
-Row = dict[str, Any]
-"""Metrics of a condition: a row of the JSON file."""
 
 DURATION = 7.0
 """Length of a contact, and of strokes in free space, s."""
@@ -100,26 +92,19 @@ def network(*, jobs: int, json_file: Path | None) -> None:
     at 100 mm/s; error and ST-SIM of the vibration at its own delay. Then random networks, hands
     and walls: the most energy relative to what the coupling is granted.
     """
-    rows: list[Row] = []
-    worst: list[float] = []
-    with stop_on_signal() as stop:
-        results = side_by_side(measure, [*CONDITIONS, *range(TRIALS)], jobs, stop)
-        with progress_bar() as bar, suppress(StoppedError):
-            task = bar.add_task("conditions", total=len(CONDITIONS) + TRIALS)
-            for result in results:
-                bar.update(task, advance=1)
-                if isinstance(result, float):
-                    worst.append(result)
-                    continue
-                rows.append(result)
-                print(_line(result), flush=True)
-    _print(rows)
+    items = [*CONDITIONS, *range(TRIALS)]
+    found, end = run_study(
+        lambda stop, _: side_by_side(measure, items, jobs, stop), len(items), "conditions", _line
+    )
+    worst = [result for result in found if isinstance(result, float)]
+    rows = [result for result in found if not isinstance(result, float)]
+    print_results(COLUMNS, rows, title="two arms on two hosts")
     if worst:
         print(f"{len(worst)} random networks: at most {max(worst):.2f} of the energy granted")
     most = max(worst, default=None)
     save({"trials": len(worst), "worst_energy_over_bound": most, "rows": rows}, json_file)
-    if len(worst) < TRIALS:
-        raise StoppedError("interrupted: not all networks were tried", INTERRUPTED)
+    if end:
+        raise end
 
 
 def measure(item: Condition | int) -> Row | float:
@@ -206,8 +191,10 @@ def random_energy(seed: int) -> float:
     return most / (2 * parameters.energy)
 
 
-def _line(found: Row) -> str:
-    """Return a condition's metrics for a reader."""
+def _line(found: Row | float) -> str:
+    """Return a condition's metrics for a reader; nothing of a random network."""
+    if isinstance(found, float):
+        return ""
     error = found["nrmse_percent"]
     return (
         f"{found['law']}: {_network(found)}: {found['energy_out_mj']:.2f} mJ,"
@@ -223,25 +210,13 @@ def _network(found: Row) -> str:
     return f"{times}, {100 * found['loss']:g} %"
 
 
-def _print(rows: Sequence[Row]) -> None:
-    headings = (
-        *("law", "network, loss", "energy (mJ)", "end speed (m/s)", "free (mm)"),
-        *("NRMSE (%)", "ST-SIM"),
-    )
-    cells = [
-        (
-            found["law"],
-            _network(found),
-            _cell(found["energy_out_mj"], 1),
-            _cell(found["end_speed_m_s"], 4),
-            _cell(found["free_error_mm"], 2),
-            _cell(found["nrmse_percent"], 1),
-            _cell(found["st_sim"], 3),
-        )
-        for found in rows
-    ]
-    print_table(headings, cells, title="two arms on two hosts")
-
-
-def _cell(value: float | None, digits: int) -> str:
-    return "" if value is None else f"{value:.{digits}f}"
+COLUMNS = (
+    Column("law", "law"),
+    Column("network, loss", _network),
+    Column("energy (mJ)", "energy_out_mj", ".1f"),
+    Column("end speed (m/s)", "end_speed_m_s", ".4f"),
+    Column("free (mm)", "free_error_mm", ".2f"),
+    Column("NRMSE (%)", "nrmse_percent", ".1f"),
+    Column("ST-SIM", "st_sim", ".3f"),
+)
+"""Columns of the table."""

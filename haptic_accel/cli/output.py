@@ -1,23 +1,66 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files that verbs write."""
+"""Files that verbs write, and lines for a terminal."""
 
 from __future__ import annotations
 
 import json
 import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.bounded_files import located
+from haptic_accel.core.decimals import defined
+from haptic_accel.core.parameters import ParameterError, printable
+
+LINE_ENDS = "\n\t"
+"""Controls that lines for a terminal have."""
+
+
+@contextmanager
+def printable_output() -> Iterator[None]:
+    """Let the standard streams escape what a terminal would obey, as names in files may have it.
+
+    The streams stay the same objects, and what `rich` writes, which has passed `print_table` and
+    colours it, is left alone.
+    """
+    with ExitStack() as stack:
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None and not hasattr(stream, "rich_proxied_file"):
+                write = stream.write
+                # By this name rich looks for the stream behind another.
+                setattr(stream, "rich_proxied_file", _Unescaped(stream, write))  # noqa: B010
+                setattr(stream, "write", _escaping(write))  # noqa: B010
+                stack.callback(delattr, stream, "rich_proxied_file")
+                stack.callback(delattr, stream, "write")
+        yield
+
+
+def _escaping(write: Callable[[str], int]) -> Callable[[str], int]:
+    return lambda text: write(printable(text, LINE_ENDS))
+
+
+class _Unescaped:
+    """A stream with the `write` that it had before."""
+
+    def __init__(self, stream: Any, write: Callable[[str], int]) -> None:
+        self._stream = stream
+        self.write = write
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
 
 def save(metrics: Any, json_file: Path | None) -> None:
-    """Write metrics as JSON, if a file was given."""
+    """Write metrics as JSON, if a file was given; undefined numbers are null."""
     if json_file:
-        json_file.write_text(json.dumps(metrics, indent=2) + "\n", encoding="utf-8")
+        text = json.dumps(defined(metrics), indent=2, allow_nan=False)
+        json_file.write_text(f"{text}\n", encoding="utf-8")
 
 
 def results_folder(out: Path | None, prefix: str = "") -> Path:
@@ -39,12 +82,11 @@ def make_folder(folder: Path) -> Path:
     ParameterError
         It exists already or cannot be made.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=False)
-    except FileExistsError:
-        raise ParameterError(f"out = '{folder}': must be a new folder") from None
-    except OSError as error:
-        raise ParameterError(f"out = '{folder}': {error.strerror}") from None
+    with located(f"out = '{folder}'", unreadable=""):
+        try:
+            folder.mkdir(parents=True, exist_ok=False)
+        except FileExistsError:
+            raise ParameterError("must be a new folder") from None
     return folder
 
 
@@ -57,9 +99,7 @@ def check_writable(file: Path, name: str = "json") -> None:
         The file cannot be opened; with the reason.
     """
     new = not os.path.exists(file)
-    try:
+    with located(f"{name} = '{file}'", unreadable=""):
         file.open("a", encoding="utf-8").close()
-    except OSError as error:
-        raise ParameterError(f"{name} = '{file}': {error.strerror}") from None
     if new:
         file.unlink()

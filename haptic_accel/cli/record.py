@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import click
 
 from haptic_accel.cli.options import arguments, one_of, verb
@@ -33,9 +35,8 @@ ACTIONS = {
 def record(action: str, arguments: NamespaceArguments) -> None:
     """Control the recording of a running graph."""
     # ROS takes a while to import: wrong words are refused without it.
-    from haptic_accel.cli.calling import send
     from haptic_accel.cli.joining import connected
     from haptic_accel.nodes.graph_requests import trigger
 
-    with connected(arguments.namespace) as node:
-        print(send(node, trigger(f"recorder/{action}"), PATIENCE))
+    with connected(arguments.namespace, answering=PATIENCE) as client:
+        print(asyncio.run(client.send(trigger(f"recorder/{action}"))))

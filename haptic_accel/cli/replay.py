@@ -12,14 +12,13 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 import click
 
 from haptic_accel.cli import options
 from haptic_accel.cli.output import make_folder, save
 from haptic_accel.cli.running import run_shown
-from haptic_accel.cli.tables import print_table
+from haptic_accel.cli.tables import Column, Row, print_results
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import PLAYED, SLAVE, SLAVE_SIGNALS
@@ -36,10 +35,17 @@ from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.replay import Replay, ReplayArguments, described_replay, replay_arguments
 
-Metrics = dict[str, Any]
-
-COLUMNS = ("NRMSE\n%", "slope\na on d", "slope\nd on a", "R²")
-"""Headings of the table's metrics; the slopes are of actual on desired, and the reverse."""
+COLUMNS = (
+    Column("bag", lambda row: Path(row["bag"]).name),
+    Column("surface", "surface"),
+    Column("controller", "controller"),
+    Column("after\nsamples", "after_samples"),
+    Column("NRMSE\n%", "nrmse_percent", ".2f"),
+    Column("slope\na on d", "slope_actual_on_desired", ".3f"),
+    Column("slope\nd on a", "slope_desired_on_actual", ".3f"),
+    Column("R²", "r2", ".3f"),
+)
+"""Columns of the table; the slopes are of actual on desired, and the reverse."""
 
 
 @options.verb(
@@ -108,7 +114,7 @@ def _play(
         if count > 1:
             raise ParameterError(f"out: two bags would be called {name}")
         make_folder(out)
-    done: list[Metrics] = []
+    done: list[Row] = []
     for asked in plan:
         track = _track(asked)
         for controller in controllers or [asked.graph.controller]:
@@ -117,7 +123,7 @@ def _play(
             done.append(_metrics(asked.own.bag, trial, track))
             if out:
                 record_trial(out / _name(asked, controller), trial, arguments, start)
-    _print(done)
+    print_results(COLUMNS, done, left=3, title="Replayed in lockstep", show_edge=False)
     for bag, lost in {row["bag"]: row["lost"] for row in done}.items():
         if lost:
             print(f"{bag}: {lost} samples are missing and hold the one before")
@@ -202,7 +208,7 @@ def _track(asked: Replay) -> Track:
     return played_at(track, rate, own.rate)
 
 
-def _metrics(bag: str, trial: Trial, track: Track) -> Metrics:
+def _metrics(bag: str, trial: Trial, track: Track) -> Row:
     """Return the metrics of a bag played through a controller."""
     try:
         evaluation = trial.evaluate()
@@ -224,21 +230,3 @@ def _metrics(bag: str, trial: Trial, track: Track) -> Metrics:
 def _name(asked: Replay, controller: str) -> str:
     """Return the name of a condition's bag."""
     return f"{Path(asked.own.bag).stem}_{controller}"
-
-
-def _print(done: Sequence[Metrics]) -> None:
-    rows = [
-        (
-            Path(row["bag"]).name,
-            row["surface"],
-            row["controller"],
-            str(row["after_samples"]),
-            f"{row['nrmse_percent']:.2f}",
-            f"{row['slope_actual_on_desired']:.3f}",
-            f"{row['slope_desired_on_actual']:.3f}",
-            f"{row['r2']:.3f}",
-        )
-        for row in done
-    ]
-    headings = ("bag", "surface", "controller", "after\nsamples", *COLUMNS)
-    print_table(headings, rows, left=3, title="Replayed in lockstep", show_edge=False)

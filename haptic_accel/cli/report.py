@@ -1,36 +1,25 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Analyses bags for a verb: prints tables and sentences, writes the report."""
+"""Trials on a terminal: a line for each as it is analysed, then tables and sentences."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from rich.console import Console
 
 from haptic_accel.analysis import frames
-from haptic_accel.analysis.comparison import Comparison, check_comparison, compared
-from haptic_accel.analysis.loading import Analysis, Spread, analyse
-from haptic_accel.analysis.metrics import METRICS, AnalysedTrial, Shift
+from haptic_accel.analysis.comparison import Comparison
+from haptic_accel.analysis.loading import Analysis, Spread
+from haptic_accel.analysis.metrics import METRICS, AnalysedTrial
 from haptic_accel.analysis.parting import Parting, find_parting
 from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.summary import summary
-from haptic_accel.analysis.writing import as_json, write_analysis, write_json
-from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.jobs import side_by_side
-from haptic_accel.cli.output import results_folder
-from haptic_accel.cli.running import stop_on_signal
 from haptic_accel.cli.tables import print_table
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import INTERRUPTED
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.core.parameters import ParameterError, printable
 
 SHOWN = (
     "slope_desired_on_actual",
@@ -38,88 +27,20 @@ SHOWN = (
     "r2",
     "delay_ms",
     "st_sim",
-    "spqi",
     "force_rms_N",
     "travel_mm",
     "deadlines_missed_percent",
+    "late_time_percent",
 )
 """Metrics of the second table, by controller over all its trials."""
 
 
-def report(
-    places: Sequence[Path],
-    shift: str,
-    comparison: str | None,
-    *,
-    perceptual: bool,
-    lockstep: bool,
-    rig: str | None,
-    rate: float | None,
-    jobs: int,
-    out: Path | None,
-    file: Path | None,
-) -> None:
-    """Analyse bags, print tables, and write report and JSON; see the help of ``analyze``.
-
-    Raises
-    ------
-    ParameterError
-        An argument is wrong.
-    StoppedError
-        No trial could be analysed, or the user asked to stop.
-    """
-    chosen = Shift.read(shift)
-    if comparison:
-        check_comparison(comparison, places)
-    parameters = rig_parameters(graph_parameters(GraphArguments(rig=rig))) if rig else None
-    folder = results_folder(out)
-    with stop_on_signal() as stop:
-        spread = spread_over(jobs, stop)
-        try:
-            analysis = analyse(
-                places,
-                chosen,
-                perceptual=perceptual,
-                rig=parameters,
-                rate=rate,
-                spread=spread,
-                ended=_print_trials,
-            )
-        except ParameterError:
-            folder.rmdir()
-            raise
-        partings = list(_partings(analysis, spread)) if lockstep else []
-        interrupted = stop()
-    found = compared(analysis, comparison, places) if comparison else None
-    page = write_analysis(analysis, folder, found)
-    if file:
-        content = as_json(analysis, found)
-        if lockstep:
-            content["lockstep"] = [asdict(each) | {"bag": str(each.bag)} for each in partings]
-        write_json(content, file)
-    print_analysis(analysis, found, *(each.sentence for each in partings), f"report: {page}")
-    if interrupted:
-        raise StoppedError(f"interrupted after {analysis.bags} bags", INTERRUPTED)
-    if not analysis.trials:
-        raise StoppedError
-
-
-def spread_over(jobs: int, stop: Callable[[], bool]) -> Spread:
-    """Return what analyses bags in so many processes, and ends early once it has to stop."""
-
-    def spread(function: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
-        with suppress(StoppedError):
-            yield from side_by_side(function, items, jobs, stop)
-
-    return spread
-
-
-def _print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTrial]) -> None:
+def print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTrial]) -> None:
     """Print the errors of a bag's trials."""
-    if not trials:
+    if not trials and total > 1:  # of a single bag the reason says it
         print(f"{done} of {total}: {name}: no trial", flush=True)
     for trial in trials:
-        condition = f"{trial.name}: {trial.controller} on {trial.surface}"
+        condition = printable(f"{trial.name}: {trial.controller} on {trial.surface}")
         error, *bounds = (
             number(trial.metrics[name], 1) for name in ("nrmse_percent", *frames.BOUNDS)
         )
@@ -127,7 +48,7 @@ def _print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTri
         print(f"{done} of {total}: {condition} {error} % ({against})", flush=True)
 
 
-def _partings(analysis: Analysis, spread: Spread) -> Iterator[Parting]:
+def partings(analysis: Analysis, spread: Spread) -> Iterator[Parting]:
     """Compare the bags with lockstep; print why one cannot be."""
     for found in spread(_parting, list(dict.fromkeys(t.segment.bag for t in analysis.trials))):
         if isinstance(found, Parting):
@@ -157,8 +78,8 @@ def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str
         print_table(
             ("controller", "trials", *table.columns),
             rows,
-            title=f"Table II: error of the handle's acceleration after {analysis.after}, %"
-            " (paper's in brackets)",
+            title="Table II: error (NRMSE) of the handle's acceleration, shifted back by"
+            f" {analysis.shifted_by}, % (paper's in brackets)",
             caption=f"± half of the 95 % interval ({table.methods})",
         )
         print_table(
@@ -168,7 +89,7 @@ def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str
         )
     console = Console()
     for sentence in summary(analysis, comparison):
-        console.print(sentence, highlight=False, markup=False)
+        console.print(printable(sentence), highlight=False, markup=False)
     problems = [f"{name}: {line}" for name, lines in analysis.problems.items() for line in lines]
     print(*problems, *last, sep="\n")
 

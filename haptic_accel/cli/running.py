@@ -5,27 +5,28 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import re
+import select
 import shlex
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.keyboard import on_key
-from haptic_accel.core.process import FAILED, INTERRUPTED, WRONG_ARGUMENTS
+from haptic_accel.core.parameters import printable
+from haptic_accel.core.process import ENDING, FAILED, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.graph.claims import sole_graph
-from haptic_accel.graph.processes import LINK, RECORDER, SCOPE, Process
+from haptic_accel.graph.processes import LINK, RECORDER, SCOPE, Process, arrangement
 from haptic_accel.graph.supervisor import Outcome, Supervisor
-
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-"""Signals that end a verb, which leaves bag and terminal in order."""
 
 STOP_KEY = b" "
 """Key that stops a graph at once."""
@@ -35,6 +36,9 @@ SUMMARY = re.compile(r"([^\[].*): \d+ messages, \d+ dropped")
 
 ENGAGED = "coupler]: engaged"
 """End of the line by which the coupler, in any namespace, tells that the arms are coupled."""
+
+GONE = (errno.EPIPE, errno.EIO)
+"""Errors of output whose reader has gone, or whose terminal was closed: an end like any other."""
 
 STOPPED_BY_KEY = (
     "space: emergency stop, no force until you type in another terminal:"
@@ -57,6 +61,46 @@ def stop_on_signal() -> Iterator[Callable[[], bool]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def print_line(line: str) -> None:
+    """Print a line at once and in one piece, from any thread.
+
+    Raises
+    ------
+    OSError
+        Nobody reads any more, or a disk is full. All further output is lost without an error.
+    """
+    text = f"{printable(line)}\n"
+    try:
+        if sys.__stdout__ is None or sys.stdout is not sys.__stdout__:
+            print(text, end="", flush=True)
+        else:
+            # Not through Python's buffer, whose lock would be held while nobody reads: it is
+            # taken again when Python ends.
+            _write(text.encode(sys.__stdout__.encoding, "backslashreplace"))
+    except OSError:
+        _lose_output()
+        raise
+
+
+def _write(data: bytes) -> None:
+    while data:
+        try:
+            data = data[os.write(1, data) :]
+        except BlockingIOError:  # another program has set the flag of our common terminal
+            select.select([], [1], [])
+
+
+def _lose_output() -> None:
+    """Lead the standard output to nowhere, and the standard error if nobody reads it either."""
+    look = select.poll()
+    look.register(2, 0)
+    lost = (1, 2) if look.poll(0) else (1,)
+    null = os.open(os.devnull, os.O_WRONLY)
+    for descriptor in lost:
+        os.dup2(null, descriptor)
+    os.close(null)
 
 
 def run_to_end(supervisor: Supervisor, stop: Callable[[], bool], interrupted: str = "") -> None:
@@ -99,16 +143,16 @@ def run_shown(
     ParameterError
         Another graph runs in the namespace and ROS domain.
     StoppedError
-        It failed, which has been shown.
+        It failed, which has been shown, or what it says cannot be written.
     """
     (namespace,) = {process.namespace for process in processes}
     progress = progress_bar(Console())
-    progress.disable = not (expected and progress.console.is_terminal)
+    progress.disable |= not expected
     bar = progress.add_task("waiting for the arms", total=expected)
     engaged: list[float] = []
 
     def show(name: str, line: str) -> None:
-        print(f"[{name}] {line}\n", end="", flush=True)  # in one piece, from several threads
+        print_line(f"[{name}] {line}" if name else line)
         if not engaged and line.endswith(ENGAGED):
             engaged.append(time.monotonic())
             progress.update(bar, description="replaying")
@@ -117,7 +161,7 @@ def run_shown(
 
     def stop_forces() -> None:
         supervisor.stop_forces()
-        print(STOPPED_BY_KEY + (f" namespace:={namespace}" if namespace else ""), flush=True)
+        supervisor.say(STOPPED_BY_KEY + (f" namespace:={namespace}" if namespace else ""))
 
     def stopped() -> bool:
         if engaged:
@@ -129,24 +173,26 @@ def run_shown(
         stop_on_signal() as stop,
         on_key(STOP_KEY, stop_forces) as keys,
     ):
-        _print_hints(processes, keys)
+        for hint in filter(None, (arrangement(processes), *_hints(processes, keys))):
+            supervisor.say(hint)
         with progress:
             outcome = supervisor.run(stopped)
     for line in outcome.last_lines.get(RECORDER, ()):
         if summary := SUMMARY.fullmatch(line):
             beside = " PEERS_BAG" if any(each.executable == LINK for each in processes) else ""
-            print(f"next: haptic-accel analyze {shlex.quote(summary[1])}{beside}")
+            with suppress(OSError):
+                print_line(f"next: haptic-accel analyze {shlex.quote(summary[1])}{beside}")
     _conclude(outcome)
     if endless and outcome.first:
         print(f"{outcome.first} ended", file=sys.stderr)
 
 
-def _print_hints(processes: Sequence[Process], keys: bool) -> None:
+def _hints(processes: Sequence[Process], keys: bool) -> Iterator[str]:
     """Say how to look at a graph, stop it and end it."""
     stop = "space" if keys else "haptic-accel estop in another terminal"
-    print(f"emergency stop: {stop}; end: Ctrl-C", flush=True)
+    yield f"emergency stop: {stop}; end: Ctrl-C"
     if any(process.executable == SCOPE for process in processes):
-        print("page: open the address that [scope] prints below", flush=True)
+        yield "page: open the address that [scope] prints below"
 
 
 def _conclude(outcome: Outcome) -> None:
@@ -158,15 +204,22 @@ def _conclude(outcome: Outcome) -> None:
     if outcome.failed:
         wrong = outcome.status == WRONG_ARGUMENTS
         raise StoppedError(status=WRONG_ARGUMENTS if wrong else FAILED)
+    if isinstance(outcome.unread, OSError) and outcome.unread.errno not in GONE:
+        raise StoppedError(f"no output: {outcome.unread.strerror}")
 
 
 def progress_bar(console: Console | None = None) -> Progress:
-    """Return a progress bar on stderr, or a console, with percentage and remaining time."""
+    """Return a progress bar on stderr, or a console, with percentage and remaining time.
+
+    It is drawn in a terminal only.
+    """
+    console = console or Console(stderr=True)
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(elapsed_when_finished=True),
-        console=console or Console(stderr=True),
+        console=console,
         refresh_per_second=2.0,  # drawing takes CPU from the graph that is waited for
+        disable=not console.is_terminal,
     )

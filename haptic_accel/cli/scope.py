@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
-from haptic_accel.cli.running import stop_on_signal
+from haptic_accel.cli.running import print_line, stop_on_signal
 from haptic_accel.core.parameters import schema
 from haptic_accel.core.process import FAILED
 from haptic_accel.graph.namespaces import NamespaceArguments
@@ -40,6 +40,6 @@ def scope(arguments: ScopeArguments) -> None:
     # The only process here: its end is the end of the verb.
     process = Process(SCOPE, {SCOPE: parameters}, arguments.namespace)
     with stop_on_signal() as stop:
-        outcome = Supervisor([process], on_line=lambda _, line: print(line, flush=True)).run(stop)
+        outcome = Supervisor([process], on_line=lambda _, line: print_line(line)).run(stop)
     if outcome.first:  # which has printed the reason
         raise StoppedError(status=outcome.status if outcome.status >= 0 else FAILED)

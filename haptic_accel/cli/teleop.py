@@ -14,7 +14,7 @@ from haptic_accel.graph.processes import graph
 @verb(
     "haptic-accel teleop controller:=inverse surface:=vinyl duration:=10",
     "haptic-accel teleop master:=serial slave:=serial params_file:=mine.yaml",
-    "haptic-accel teleop scope:=true side:=master peer:=ROBOT",
+    "haptic-accel teleop scope:=true side:=master peer:=ROBOT keys:=keys",
 )
 @arguments(GraphArguments)
 def teleop(arguments: GraphArguments) -> None:

@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 
 from haptic_accel.cli.options import FILE, json_option, verb
 from haptic_accel.cli.output import check_writable, save
-from haptic_accel.cli.tables import print_table
+from haptic_accel.cli.tables import Column, print_results, print_table
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, printable
 from haptic_accel.core.resampling import checked_rate, resampled
 from haptic_accel.core.surfaces.building import BAND, Built, HeldOut, Recording, Segment, build
 from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
@@ -36,6 +36,16 @@ SOUND_RATE = 8000
 
 MOST_DRAWN, MOST_LISTED = 6, 8
 """Spectra in one plot, and groups of segments in the table of a report."""
+
+HELD_OUT = (
+    Column("speed (mm/s)", lambda each: each.speed / MILLI, ".0f"),
+    Column("force (N)", "force", ".2f"),
+    Column("s", "seconds", ".2f"),
+    Column("distance (dB)", "distance", ".2f"),
+    Column("RMS (m/s²)", "rms", ".2f"),
+    Column("model's", "modelled_rms", ".2f"),
+)
+"""Columns of the table of segments that a model was built without."""
 
 _model_argument = click.argument("model", metavar="NAME|FILE")
 _csv_rate = click.option(
@@ -138,7 +148,8 @@ def show(model: str, out: Path | None, json_file: Path | None) -> None:
     order, moving = found.lsf.shape[1], found.ma_lsf.shape[1]
     rms = _rms(found)
     about = {name: text for name, text in asdict(found.provenance).items() if text}
-    print(f"{found.name}: order {order}{f' and {moving}' if moving else ''}, {found.rate:g} Hz")
+    orders = f"{order} and {moving}" if moving else f"{order}"
+    print(f"{printable(found.name)}: order {orders}, {found.rate:g} Hz")
     print(*(f"{name}: {text}" for name, text in about.items()), sep="\n")
     _print_nodes(found, rms)
     picture = out or Path(f"{found.name}.png")
@@ -235,21 +246,10 @@ def _bag(path: Path) -> Recording:
 
 def _print(built: Built) -> None:
     """Print how well segments are predicted that the model was built without."""
-    rows = [
-        (
-            f"{each.speed / MILLI:.0f}",
-            f"{each.force:.2f}",
-            f"{each.seconds:.2f}",
-            f"{each.distance:.2f}",
-            f"{each.rms:.2f}",
-            f"{each.modelled_rms:.2f}",
-        )
-        for each in sorted(built.held_out, key=lambda each: -each.distance)[:MOST_LISTED]
-    ]
-    headings = ("speed (mm/s)", "force (N)", "s", "distance (dB)", "RMS (m/s²)", "model's")
     low, high = BAND
     title = f"least well predicted by a model of the other half, {low:g} to {high:g} Hz"
-    print_table(headings, rows, left=0, title=title)
+    worst = sorted(built.held_out, key=lambda each: -each.distance)[:MOST_LISTED]
+    print_results(HELD_OUT, worst, left=0, title=title)
     print(
         f"order {built.order}, {len(built.segments)} segments, measured nodes: {built.measured},"
         f" log-spectral distance {built.distance:.2f} dB; they cover {100 * built.coverage:.0f} %"

@@ -9,6 +9,7 @@ import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,9 +19,10 @@ from haptic_accel.analysis import bands, compare, groups, load, signals, spectra
 from haptic_accel.analysis.comparison import RUNS
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.summary import summary
-from haptic_accel.analysis.writing import as_json
+from haptic_accel.analysis.writing import as_json, write_analysis
 from haptic_accel.core import topics
 from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.due_forces import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.model import FloatArray, MountParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import RigParameters, Trial
@@ -99,8 +101,8 @@ def test_a_bag_is_shifted_by_its_latency_and_one_sample(
     assert found["shift_ms"] == samples
     assert found["latency_samples"] == samples - 1
     assert found["nrmse_percent"] < 3.0
-    words = f"{samples} sample{'s' * (samples > 1)} ({samples} ms granted)"
-    assert any(f"after {words}: dynamic" in sentence for sentence in summary(analysis))
+    words = f"{samples} ms ({samples} sample{'s' * (samples > 1)})"
+    assert any(f"shifted back by {words}: dynamic" in line for line in summary(analysis))
 
 
 def test_a_bag_is_shifted_by_the_delay_that_its_controller_is_granted(tmp_path: Path) -> None:
@@ -150,9 +152,8 @@ def test_bags_of_several_latencies_are_named_together(tmp_path: Path) -> None:
         content = copy(delay=latency + 1, seed=latency, seconds=2.0)
         content.facts["arguments"]["latency"] = latency
         write_bag(tmp_path / f"bag{latency}", content)
-    assert load(tmp_path, perceptual=False).after == (
-        "1 sample (1 ms granted) or 2 samples (2 ms granted)"
-    )
+    found = load(tmp_path, perceptual=False).shifted_by
+    assert found == "1 ms (1 sample) or 2 ms (2 samples)"
 
 
 def test_controllers_without_a_surface_in_common_have_their_errors_told(tmp_path: Path) -> None:
@@ -172,9 +173,9 @@ def test_an_average_is_over_the_surfaces_that_have_all_errors(tmp_path: Path) ->
     blind = copy("constant", "vinyl", seed=1)
     del blind.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
     write_bag(tmp_path / "blind", blind)
-    told = summary(load(tmp_path, perceptual=False))[1]
-    after = "after 1 sample (1 ms granted)"
-    assert told.startswith(f"Error (NRMSE, averaged over text) {after}: dynamic 10.0 %")
+    (told,) = [s for s in summary(load(tmp_path, perceptual=False)) if s.startswith("Error")]
+    shift = "shifted back by 1 ms (1 sample)"
+    assert told.startswith(f"Error (NRMSE, averaged over text), {shift}: dynamic 10.0 %")
 
 
 def test_where_no_trial_has_an_error_none_is_told(tmp_path: Path) -> None:
@@ -306,7 +307,7 @@ def test_a_travel_beyond_the_stops_is_left_out_and_said(tmp_path: Path) -> None:
     assert "stops" in found.notes["hard"]
     assert found.travel_mm["soft"] == pytest.approx(1.88, abs=0.05)
     (told,) = [line for line in summary(analysis) if "actuator gave" in line]
-    assert "came to its stops, 3.8 mm either way, in 1 of 2 trials" in told
+    assert "reached its stops, 3.8 mm either way, in 1 of 2 trials" in told
     assert "5.6" not in told
 
 
@@ -357,7 +358,7 @@ def test_trials_without_contact_are_in_no_mean(tmp_path: Path) -> None:
     found = trials(analysis).set_index("trial")
     assert not found.contact["air"]
     assert math.isnan(found.nrmse_percent["air"])
-    assert any("1 of 4 trials without contact" in line for line in summary(analysis))
+    assert any("1 of 4 trials had no contact" in line for line in summary(analysis))
 
 
 def test_of_trials_without_contact_alone_there_is_no_table(tmp_path: Path) -> None:
@@ -367,7 +368,8 @@ def test_of_trials_without_contact_alone_there_is_no_table(tmp_path: Path) -> No
     write_bag(tmp_path / "air", air)
     analysis = load(tmp_path, perceptual=False)
     assert groups(analysis).empty
-    assert any("1 of 1 trial without contact" in line for line in summary(analysis))
+    (told,) = [line for line in summary(analysis) if "1 of 1 trial had no contact" in line]
+    assert "Check that the tool touched the surface" in told
 
 
 def test_trials_of_one_seed_show_the_same_excerpt(tmp_path: Path) -> None:
@@ -396,17 +398,124 @@ def test_lost_samples_are_counted_by_topic(tmp_path: Path) -> None:
     assert found.missed["slave"] == 0
 
 
-def test_forces_that_missed_their_due_time_are_counted(tmp_path: Path) -> None:
-    reported = {"actuator force due": "1000", "actuator force deadlines missed": "7"}
-    reported |= {"arm force due": "1000", "arm force deadlines missed": "0"}
+def late_forces(tmp_path: Path, **counts: str) -> tuple[list[str], dict[str, Any]]:
+    """Return summary and row of a bag whose master has reported counts of both its forces."""
+    reported = {"tick lateness max (us)": "86000.0"}
+    for force, missed in (("actuator force", "7"), ("arm force", "0")):
+        reported |= {f"{force} due": "1000", f"{force} deadlines missed": missed}
+        reported |= {f"{force} {name}": value for name, value in counts.items()}
     content = replace(copy(), diagnostics=[(3.0, "master_device", "", reported)])
+    content.facts["arguments"]["master"] = "simulated"
     write_bag(tmp_path / "bag", content)
     analysis = load(tmp_path, perceptual=False)
-    assert "7 of 2000 forces missed their due time." in summary(analysis)
     (row,) = as_json(analysis)["trials"]
+    return summary(analysis), row
+
+
+def test_forces_that_were_late_by_the_clock_are_told_as_a_hand_would_have_felt_them(
+    tmp_path: Path,
+) -> None:
+    counts = {PAST_TICK: "2", LONGEST: "5250", LATE_TIME: "0.02"}
+    told, row = late_forces(tmp_path, **counts)
+    # 0.02 s of the 1000 forces' 1 s.
+    assert (
+        "7 of 2000 forces took effect more than 0.25 periods after their due time, the latest by"
+        " 5.2 ms; the actuator's up to 2.00 % of a trial's time." in told
+    )
+    assert any(line.startswith("For 3 of them the simulated world waited") for line in told)
+    assert row["late_time_percent"] == pytest.approx(2.0)
+    assert row["late_longest_ms"] == pytest.approx(5.25)
+    more = {"past_tick": 2, "longest_us": 5250.0, "late_s": 0.02}
+    assert row["deadlines"]["actuator force"] == {"due": 1000, "missed": 7, **more}
+
+
+def test_forces_that_were_late_as_the_arms_let_go_are_counted(tmp_path: Path) -> None:
+    def report(moment: float, missed: int) -> tuple[float, str, str, dict[str, str]]:
+        counts = {"due": "1000", "deadlines missed": str(missed), LONGEST: f"{missed}000"}
+        counts |= {PAST_TICK: "0", LATE_TIME: f"0.{missed:03}"}
+        values = {f"actuator force {name}": value for name, value in counts.items()}
+        return moment, "master_device", "", values
+
+    reports = [report(5.5, 1), report(6.5, 90), report(7.5, 95)]
+    write_bag(tmp_path / "bag", replace(copy(seconds=6.0), diagnostics=reports))
+    (trial,) = load(tmp_path, perceptual=False).trials
+    counts = trial.segment.delivery.deadlines["actuator force"]
+    assert (counts["missed"], counts["longest_us"], counts["late_s"]) == (90, 90e3, 0.09)
+
+
+def test_an_older_bag_keeps_its_counts_and_says_what_they_leave_out(tmp_path: Path) -> None:
+    told, row = late_forces(tmp_path)
+    assert (
+        "7 of 2000 forces came after the tick at which they were due, as older bags count them:"
+        " where a device stood still itself, no force was counted; ticks began up to 86.0 ms late."
+        in told
+    )
     counts = {"actuator force": 7, "master arm force": 0}
     assert row["deadlines"] == {name: {"due": 1000, "missed": n} for name, n in counts.items()}
     assert row["deadlines_missed_percent"] == pytest.approx(0.7)  # of the actuator's alone
+    assert row["late_time_percent"] is None
+
+
+@pytest.mark.parametrize(
+    ("facts", "words"),
+    [
+        ({"run": "lockstep"}, "in lockstep, without ROS"),
+        ({}, "live on ROS 2, each node in a process of its own"),
+        ({"composed": True}, "live on ROS 2, its nodes composed into one process"),
+        (
+            {"side": "master", "composed": True},
+            "live on ROS 2, its nodes composed into one process, the other arm on another host",
+        ),
+    ],
+)
+def test_a_report_tells_how_its_trials_ran(
+    tmp_path: Path, facts: dict[str, object], words: str
+) -> None:
+    content = copy(seconds=2.0)
+    content.facts["arguments"].update({k: v for k, v in facts.items() if k != "run"})
+    if "run" in facts:
+        content.facts["run"] = facts["run"]  # type: ignore[index]
+    else:
+        content = replace(content, diagnostics=[(1.0, "master_device", "OK", {})])
+    write_bag(tmp_path / "bag", content)
+    analysis = load(tmp_path, perceptual=False)
+    assert f"1 trial ran {words}." in summary(analysis)
+    assert trials(analysis).run[0] == words
+
+
+def test_how_a_trial_ran_is_not_guessed(tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", copy(seconds=2.0))
+    told = summary(load(tmp_path, perceptual=False))
+    assert "How 1 trial ran is not stated by the bags." in told
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize(
+    "name",
+    [
+        t.name
+        for t in (topics.DESIRED_ACCELERATION, topics.HANDLE_ACCELERATION, topics.ACTUATOR_FORCE)
+    ],
+)
+@pytest.mark.parametrize("value", [1e10, 1e200, -1.7e308])
+def test_a_signal_with_a_damaged_value_is_not_used(
+    tmp_path: Path, name: str, value: float
+) -> None:
+    content = copy(seconds=2.0)
+    content.signals[name][700] = value
+    write_bag(tmp_path / "bag", content)
+    analysis = load(tmp_path)
+    write_analysis(analysis, tmp_path)
+    assert f"{name} is not used: it holds values beyond 1e+09" in analysis.trials[0].notes
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_trials_of_one_seed_may_differ_in_length(tmp_path: Path) -> None:
+    for controller, seconds in (("constant", 6.0), ("dynamic", 1.5)):
+        write_bag(tmp_path / controller, copy(controller, seconds=seconds, seed=4))
+    analysis = load(tmp_path, perceptual=False)
+    write_analysis(analysis, tmp_path)
+    assert all(trial.portrait for trial in analysis.trials)
 
 
 def test_samples_of_a_trial_come_with_their_time(tmp_path: Path) -> None:

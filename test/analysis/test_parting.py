@@ -5,14 +5,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bagging import of_trial, write_bag
 from haptic_accel.analysis.parting import find_parting
 from haptic_accel.core import topics
+from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import GraphArguments
@@ -32,7 +34,7 @@ def test_the_same_trial_does_not_part(trial: Trial, tmp_path: Path) -> None:
     found = find_parting(tmp_path / "bag")
     assert found.first is None
     assert found.samples == pytest.approx(len(trial.time), abs=1)
-    assert "are those in lockstep" in found.sentence
+    assert "equal those in lockstep" in found.sentence
 
 
 def test_the_first_sample_that_differs_by_a_bit_is_named(trial: Trial, tmp_path: Path) -> None:
@@ -44,6 +46,26 @@ def test_the_first_sample_that_differs_by_a_bit_is_named(trial: Trial, tmp_path:
     assert (found.first, found.signals) == (700, (topics.HANDLE_ACCELERATION.name,))
     assert found.reasons == ("no node reported a reason",)
     assert "at sample 700" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({PAST_TICK: "0", "deadlines missed": "9"}, "no node reported a reason"),
+        ({PAST_TICK: "1", "deadlines missed": "9"}, f"arm force {PAST_TICK})"),
+        ({"deadlines missed": "9"}, "arm force deadlines missed)"),  # as older devices counted
+    ],
+)
+def test_a_force_that_was_late_by_the_clock_alone_is_no_reason(
+    trial: Trial, tmp_path: Path, values: dict[str, str], reason: str
+) -> None:
+    content = of_trial(trial)  # with other arm forces
+    content.facts["arguments"].update(asdict(ARGUMENTS))
+    reported = {f"arm force {name}": value for name, value in values.items()}
+    diagnostics = [(0.5, "master_device", "OK", reported)]
+    write_bag(tmp_path / "bag", replace(content, diagnostics=diagnostics))
+    (found,) = find_parting(tmp_path / "bag").reasons
+    assert found.endswith(reason)
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,7 @@ def test_lost_messages_cut_no_run_and_are_flagged(tmp_path: Path) -> None:
 def test_a_short_segment_is_left_out_and_named(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(3.0), gap=(0.5, 0.8)))
     assert len(found.segments) == 1
-    assert any("too short" in problem for problem in found.problems)
+    assert any("a trial needs at least 0.9 s" in problem for problem in found.problems)
 
 
 @pytest.mark.parametrize(

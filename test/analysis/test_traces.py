@@ -60,6 +60,7 @@ def test_what_lies_around_holds_it(start: int, length: int, behind: int, samples
     assert found.stop - found.start == min(max(samples, length), size)
 
 
+@pytest.mark.filterwarnings("error")
 def test_an_excerpt_of_another_trial_is_taken_where_the_signal_is_active() -> None:
     values = np.ones(1000)
     values[600:800] = 1.5
@@ -68,6 +69,7 @@ def test_an_excerpt_of_another_trial_is_taken_where_the_signal_is_active() -> No
     assert excerpt_of(values, 1000.0, 0.3) == slice(300, 500)
     assert excerpt_of(values, 1000.0, 0.1) == slice(600, 800)  # nearly silent there
     assert excerpt_of(values, 1000.0, 0.9) == slice(600, 800)  # beyond its end
+    assert excerpt_of(values, 1000.0, 1.5) == slice(600, 800)  # of a longer trial
 
 
 def test_the_error_over_a_whole_trial_is_that_of_the_samples() -> None:

@@ -8,13 +8,13 @@ from __future__ import annotations
 import platform
 import re
 import sys
-from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 import pandas as pd
 import pytest
+from page_content import Page
 from PIL import Image
 
 from bagging import of_trial, write_bag
@@ -68,54 +68,14 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-class Page(HTMLParser):
-    """Content of a page: tables as lists of rows, links, pictures, and the text."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self.links: list[str] = []
-        self.alternatives: list[str] = []
-        self.tables: list[list[list[str]]] = []
-        self.text = ""
-        self._cell: list[str] | None = None
-        self.feed(path.read_text(encoding="utf-8"))
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        attributes = dict(attrs)
-        self.links += [attributes[name] or "" for name in ("href", "src") if name in attributes]
-        if tag == "img":
-            self.alternatives.append(attributes["alt"] or "")
-        elif tag == "table":
-            self.tables.append([])
-        elif tag == "tr":
-            self.tables[-1].append([])
-        elif tag in {"td", "th"}:
-            self._cell = self.tables[-1][-1]
-            self._cell.append("")
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag in {"td", "th"}:
-            self._cell = None
-
-    def handle_data(self, data: str) -> None:
-        if self.lasttag not in ("style", "script"):
-            self.text += data
-        if self._cell is not None:
-            self._cell[-1] += data.strip()
-
-
-def row_of(table: list[list[str]], name: str) -> list[str]:
-    """Return the cells after a row's name."""
-    return next(row[1:] for row in table if row[0] == name)
-
-
 def test_table_two_stands_beside_the_papers(report: Path) -> None:
-    table = Page(report / "index.html").tables[0]
+    page = Page(report / "index.html")
+    table = page.tables[0]
     assert table[0] == ["controller", "trials", *SURFACES, "average"]
     assert table[1] == ["here", "paper"] * 4
-    assert row_of(table, "none")[:3] == ["3", "100.0", "99.6"]
-    assert row_of(table, "constant")[2::2] == ["69.8", "80.6", "92.3", "79.1"]
-    errors = [float(cell) for cell in row_of(table, "constant")[1::2]]
+    assert page.row(0, "none")[:3] == ["3", "100.0", "99.6"]
+    assert page.row(0, "constant")[2::2] == ["69.8", "80.6", "92.3", "79.1"]
+    errors = [float(cell) for cell in page.row(0, "constant")[1::2]]
     assert errors == pytest.approx([40.0] * 4, abs=0.2)
 
 
@@ -123,10 +83,10 @@ def test_an_average_over_some_surfaces_is_not_compared_with_the_papers(tmp_path:
     analysis = analysed(
         tmp_path / "bags", ("plywood", "none"), ("text", "none"), ("text", "constant")
     )
-    table = Page(write_analysis(analysis, tmp_path)).tables[0]
+    page = Page(write_analysis(analysis, tmp_path))
     # Only over surfaces that all controllers were tried on.
-    assert row_of(table, "none") == ["2", "100.0", "99.6", "100.0", "99.5", "100.0", DASH]
-    assert row_of(table, "constant")[1:3] == [DASH, "69.8"]
+    assert page.row(0, "none") == ["2", "100.0", "99.6", "100.0", "99.5", "100.0", DASH]
+    assert page.row(0, "constant")[1:3] == [DASH, "69.8"]
 
 
 def test_texts_of_a_setting_stay_text(report: Path) -> None:
@@ -144,14 +104,15 @@ def test_texts_of_a_setting_stay_text(report: Path) -> None:
 
 def test_every_link_leads_to_a_section_or_a_file_of_the_report(report: Path) -> None:
     page = Page(report / "index.html")
-    files = {unquote(link) for link in page.links if not link.startswith("#")}
+    files = {unquote(link) for link in (*page.links, *page.sources) if not link.startswith("#")}
     assert all((report / name).is_file() for name in files)
     assert {"trials.csv", "signals_plywood_constant.csv", *(f"{n}.png" for n in PICTURES)} <= files
     assert {f"{name}.pdf" for name in PICTURES} <= files
 
 
 def test_pictures_have_alternative_texts_that_name_the_conditions(report: Path) -> None:
-    alternatives = Page(report / "index.html").alternatives
+    pictures = Page(report / "index.html").pictures
+    alternatives = [picture["alt"] for picture in pictures]
     assert len(alternatives) == len(PICTURES)
     for text in alternatives:
         assert all(name in text for name in (*SURFACES, *GAINS))

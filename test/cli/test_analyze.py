@@ -293,3 +293,10 @@ def test_the_page_fits_a_telephone(report: Path, browser: Browser) -> None:
     page.wait_for_selector("html[data-drawn='7']")
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     page.close()
+
+
+def test_a_single_bag_that_cannot_be_read_is_refused_in_one_line(here: Path) -> None:
+    Path("junk.mcap").write_bytes(bytes(range(256)) * 10)
+    expected = "junk.mcap: must be a bag: junk.mcap cannot be read: it is not an MCAP file"
+    assert refusal("analyze", "junk.mcap", "--out", "report") == expected
+    assert not Path("report").exists()

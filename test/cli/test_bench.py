@@ -6,9 +6,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from statistics import fmean
 
 import pytest
 
+from haptic_accel.cli.bench import merged
 from haptic_accel.core.topics import SIGNALS
 from running import Command, nodes_of
 from verbs import refusal
@@ -40,8 +42,9 @@ def test_latency_gives_well_formed_figures_of_graph_and_empty_loop(
     assert set(figures["period_error_us"]) == {"master_device", "slave_device"}
     names = {topic.name for topic in SIGNALS}
     assert set(figures["lost"]) == names
-    nodes = {"master_device", "slave_device", "coupler", "compensator", "recorder"}
-    assert set(figures["cpu_cores"]) == {*nodes, "total"}
+    assert "one process for master_device, slave_device, coupler and compensator" in command.text
+    assert figures["composed"] is True
+    assert set(figures["cpu_cores"]) == {"composed", "recorder", "total"}
     assert figures["cpu_cores"]["total"] > 0
     assert nodes_of(domain) == {}
 
@@ -49,14 +52,16 @@ def test_latency_gives_well_formed_figures_of_graph_and_empty_loop(
 @pytest.mark.slow
 def test_rates_are_compared_and_drawn(haptic_accel: Start, tmp_path: Path) -> None:
     command = haptic_accel(
-        *("bench", "latency", "--rates", "100,200", "--seconds", "1"),
+        *("bench", "latency", "--rates", "100,200", "--seconds", "1", "composed:=false"),
         *("--json", "figures.json", "--plot", "rates.png"),
     )
     assert command.end() == 0, command.text
     rows = json.loads((tmp_path / "figures.json").read_text())["rows"]
     assert [(row["rate_hz"], row["pairs"]) for row in rows] == [(100, 1), (200, 1)]
+    assert all("coupler" in row["cpu_cores"] for row in rows)
     assert (tmp_path / "rates.png").read_bytes().startswith(b"\x89PNG")
     assert "highest rate held" in command.text
+    assert "a process for each node; composed:=true" in command.text
 
 
 @pytest.mark.parametrize(
@@ -73,3 +78,14 @@ def test_rates_are_compared_and_drawn(haptic_accel: Start, tmp_path: Path) -> No
 @pytest.mark.usefixtures("here")
 def test_wrong_arguments_are_refused_before_anything_runs(words: list[str], named: str) -> None:
     assert named in refusal("bench", *words)
+
+
+def test_of_several_runs_counts_are_added_and_the_longest_lateness_stays() -> None:
+    first = {"due": 10, "missed": 1, "past_tick": 0, "longest_us": 300.0, "late_s": 3e-4}
+    second = {"due": 20, "missed": 4, "past_tick": 2, "longest_us": 5000.0, "late_s": 0.01}
+    runs = [{"deadlines": {"arm force": counts}} for counts in (first, second)]
+    (joined,) = merged(runs, fmean)["deadlines"].values()
+    assert joined == {
+        **{"due": 30, "missed": 5, "past_tick": 2, "longest_us": 5000.0},
+        "late_s": pytest.approx(0.0103),
+    }

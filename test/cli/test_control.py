@@ -155,9 +155,10 @@ def test_another_scene_comes_under_the_tool_while_the_graph_runs(
     wait_until(presses, "the hand presses on the mat")
     assert graph.end(signal.SIGINT) == 0, graph.text
     bag = read_bag(tmp_path / "bag")
-    assert [Path(change.value).stem for change in bag.changes if change.parameter == SCENE] == [
-        "mat"
-    ]
+    scenes = [Path(change.value).stem for change in bag.changes if change.parameter == SCENE]
+    # Of the start, as much as the recorder heard of it.
+    assert {*scenes[:-1]} <= {"workshop"}
+    assert scenes[-1] == "mat"
     assert len(bag.signals[CONTACT_FORCE.name].values) > 100
 
 

@@ -7,6 +7,7 @@ import fcntl
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import rclpy
@@ -25,6 +26,11 @@ PRIVILEGED = "Name:\tpython\nCapEff:\t000001ffffffffff\n"
 CONTAINER = "Name:\tpython\nCapEff:\t00000000a80425fb\n"
 
 
+def loop(missed: int) -> dict[str, Any]:
+    """Return what an empty loop measured in which so many ticks came too late."""
+    return {"missed": missed, "of": 2000, "lateness_us": {"max": 412.3}}
+
+
 @pytest.mark.parametrize(
     ("finding", "level", "words"),
     [
@@ -37,7 +43,7 @@ CONTAINER = "Name:\tpython\nCapEff:\t00000000a80425fb\n"
         (doctor.realtime_permission(98, 30, CONTAINER), "ok", ["up to 98", "down to -10"]),
         (doctor.realtime_permission(-1, -1, ""), "ok", ["up to 99", "down to -20"]),
         (doctor.processor(1, ""), "problem", ["1"]),
-        (doctor.processor(2, ""), "warning", ["2"]),
+        (doctor.processor(2, ""), "ok", ["2, too few for composed:=false"]),
         (doctor.processor(8, ""), "ok", ["8"]),
         (doctor.processor(8, "max 100000"), "ok", ["8"]),
         (doctor.processor(8, "150000 100000"), "warning", ["8", "1.5"]),
@@ -59,6 +65,8 @@ CONTAINER = "Name:\tpython\nCapEff:\t00000000a80425fb\n"
         (doctor.timer_slack(""), "ok", ["unknown"]),
         (doctor.middleware("rmw_fastrtps_cpp"), "ok", ["rmw_fastrtps_cpp"]),
         (doctor.middleware("rmw_cyclonedds_cpp"), "warning", ["rmw_cyclonedds_cpp"]),
+        (doctor.rate_held(loop(2)), "ok", ["2 of 2000 ticks more than 0.25 periods late"]),
+        (doctor.rate_held(loop(3)), "warning", ["3 of 2000", "the latest by 412 us"]),
         (doctor.domain(""), "ok", ["0"]),
         (doctor.domain("101"), "ok", ["101"]),
         (doctor.domain("102"), "warning", ["102"]),

@@ -90,7 +90,7 @@ def test_on_the_papers_rig_models_follow_the_handle_to_400_hz(
         (["--lockstep", "--trials", "0"], 2, "trials"),
         (["--lockstep", "--end-frequency", "600"], 2, "end_frequency"),
         (["--lockstep", "--start-amplitude", "0", "--end-amplitude", "0.001"], 1, "force"),
-        (["--lockstep", "--start-amplitude", "0.8", "--trials", "1"], 1, "travel_stops_hit"),
+        (["--lockstep", "--start-amplitude", "0.8", "--trials", "1"], 1, "force limited"),
         (["--lockstep", "rig:=nothing"], 2, "rig"),
         (["--lockstep", "--out", "."], 2, "out"),
         (["--lockstep", "--json", "no/such/folder.json"], 2, "json"),

@@ -20,9 +20,10 @@ from typing import Any
 
 import pytest
 
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.topics import COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED
 from observing import Observer
-from running import PATIENCE
+from running import PATIENCE, nodes_of
 
 KEYS = """
 import sys, time
@@ -43,6 +44,7 @@ class Terminal:
 
     def __init__(self, words: list[str], folder: Path) -> None:
         self._keyboard, self._own = pty.openpty()
+        self._closed = False
         self.before = termios.tcgetattr(self._own)
         self.process = subprocess.Popen(
             [sys.executable, *words],
@@ -70,11 +72,16 @@ class Terminal:
             if select.select([self._keyboard], [], [], left)[0]:
                 self.text += os.read(self._keyboard, 65536).decode()
 
+    def hang_up(self) -> None:
+        os.close(self._keyboard)
+        os.close(self._own)
+        self._closed = True
+
     def close(self) -> None:
         self.process.kill()
         self.process.wait()
-        os.close(self._keyboard)
-        os.close(self._own)
+        if not self._closed:
+            self.hang_up()
 
 
 def _prepare() -> None:
@@ -147,3 +154,14 @@ def test_the_space_key_stops_a_graph_and_does_not_release_it(
     terminal.press(b"\x03")
     assert terminal.process.wait(PATIENCE) == 0
     assert terminal.settings == terminal.before
+
+
+def test_a_terminal_that_hangs_up_ends_the_graph_in_order(
+    terminals: Any, domain: int, tmp_path: Path
+) -> None:
+    terminal = terminals("-m", "haptic_accel.cli.main", "teleop", "rate:=200", "bag:=bag")
+    terminal.wait_for("engaged")
+    terminal.hang_up()
+    assert terminal.process.wait(PATIENCE) == 0
+    assert nodes_of(domain) == {}
+    assert read_bag(tmp_path / "bag").problems == []

@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import itertools
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -21,16 +22,19 @@ from hypothesis import strategies as st
 from fuzzing import ODD_TEXTS, fuzz
 from haptic_accel import __version__
 from haptic_accel.analysis.metrics import Shift
+from haptic_accel.cli.commands import command_line
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.lazy import LazyGroup
-from haptic_accel.cli.main import command_line
 from haptic_accel.cli.options import Verb, Words
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import module_command
 from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, Faults
 from haptic_accel.graph.arguments import parse_arguments
 from haptic_accel.graph.processes import graph, identification_graph
 from haptic_accel.graph.replay import replay_arguments
 from verbs import refusal, status_of
+
+DATA = Path(__file__).parents[1] / "data"
 
 
 @pytest.mark.parametrize("verb", ["teleop", "experiment"])
@@ -347,3 +351,54 @@ def test_it_starts_without_what_computes_and_draws(words: str) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == ""
+
+
+def limited(limit: str, *words: object, output: str = "/dev/null") -> tuple[int, str]:
+    """Run ``haptic-accel WORDS`` in a shell after a command that takes something from it.
+
+    Returns its exit status and what it wrote to stderr.
+    """
+    command = shlex.join([*module_command("haptic_accel.cli.main"), *map(str, words)])
+    done = subprocess.run(
+        ["bash", "-c", f"{limit}; exec {command} > {output}"],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    return done.returncode, done.stderr
+
+
+SOME_VERBS = [
+    ["bag", "info", DATA / "text"],
+    ["analyze", DATA / "text", "--out", "report"],
+    [
+        *("experiment", "--lockstep", "--controllers", "none", "surface:=text", "duration:=1"),
+        *("--out", "results"),
+    ],
+]
+
+
+@pytest.mark.parametrize("words", [["--help"], SOME_VERBS[0]], ids=lambda words: words[0])
+def test_output_that_cannot_be_written_is_named_in_one_line(
+    here: Path, words: list[object]
+) -> None:
+    said = "haptic-accel: output: No space left on device\n"
+    assert limited("true", *words, output="/dev/full") == (1, said)
+
+
+@pytest.mark.parametrize("words", SOME_VERBS, ids=lambda words: words[0])
+@pytest.mark.parametrize("limit", ["unset HOME", "ulimit -n 10", "ulimit -v 400000"])
+def test_a_machine_short_of_something_is_answered_in_one_line(
+    here: Path, limit: str, words: list[object]
+) -> None:
+    status, said = limited(limit, *words)
+    assert (status, said) == (0, "") or (
+        (status, said.count("\n")) == (1, 1) and said.startswith("haptic-accel: too ")
+    )
+    if limit == "unset HOME":
+        assert status == 0
+
+
+def test_a_reader_that_has_gone_is_no_error_to_tell(here: Path) -> None:
+    status, said = limited("true", "teleop", "--help", output=">(true)")
+    assert said == ""
+    assert status in (0, 1), "as quick as the reader, or not"

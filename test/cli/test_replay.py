@@ -167,7 +167,6 @@ def test_a_terminal_shows_how_far_a_replay_is(
         (["{csv}"], "recording_rate = 0: must be given for a CSV file"),
         (["{text}", "source:=radio"], "source = 'radio'"),
         (["{text}", "source:=topics", "rate:=2"], "rate = 2: must be 1 with source:=topics"),
-        (["{text}", "source:=topics", "composed:=true"], "composed = true"),
         (["{text}", "{plywood}"], "without --lockstep"),
         (["{text}", "bag:={plywood}", "bag:={text}"], "bag: given twice"),
         (["{no_tool}"], "has no message of slave/tool/acceleration"),

@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The five processes, started as a user starts them."""
+"""The graph, started as a user starts it."""
 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import struct
 import subprocess
@@ -23,6 +24,8 @@ import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from haptic_accel.analysis import load
+from haptic_accel.analysis.summary import summary
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.process import CUT_SHORT
 from haptic_accel.core.topics import DIAGNOSTICS, MASTER_STOPPED, SIGNALS, TOPICS, reporter
@@ -34,6 +37,13 @@ from verbs import refusal
 
 Start = Callable[..., Command]
 EXECUTABLES = {"master_device", "slave_device", "coupler", "compensator", "recorder"}
+"""Executables of `APART`, named like their nodes."""
+
+APART = "composed:=false"
+"""Word for a process for each node."""
+
+JOINT = {"composed", "recorder"}
+"""Executables of a graph that is not asked for another arrangement."""
 
 
 def stamp_of(message: Any) -> int:
@@ -183,34 +193,65 @@ def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(
 ) -> None:
     command = haptic_accel("teleop", "bag:=bag")
     command.wait_for("engaged")
-    assert set(nodes_of(domain)) == EXECUTABLES
+    assert set(nodes_of(domain)) == JOINT
     assert command.end(signal.SIGINT) == 0, command.text
     assert nodes_of(domain) == {}
     assert "Traceback" not in command.text
     assert "0 dropped" in command.wait_for("messages")
-    assert command.lines[0].startswith("emergency stop: haptic-accel estop in another terminal;")
+    arrangement, stop, *_ = command.lines
+    assert arrangement.startswith("one process for master_device, slave_device, coupler and comp")
+    assert stop.startswith("emergency stop: haptic-accel estop in another terminal;")
     assert command.lines[-1] == f"next: haptic-accel analyze {tmp_path / 'bag'}"
     for device in ("master_device", "slave_device"):
         command.wait_for(rf"\[{device}\].* \d+ of \d+ forces missed their deadline")
     read(tmp_path / "bag")
 
 
+def test_a_pause_of_a_simulated_world_counts_as_a_real_handle_would_feel_it(
+    haptic_accel: Start, tmp_path: Path, domain: int
+) -> None:
+    pause, latest = 0.09, 0.07  # arms let go after 0.1 s
+    command = haptic_accel("teleop", "bag:=bag", "duration:=4")
+    command.wait_for("engaged")
+    process = nodes_of(domain)["composed"]
+    time.sleep(1.0)
+    os.kill(process, signal.SIGSTOP)
+    time.sleep(pause)
+    os.kill(process, signal.SIGCONT)
+    assert command.end() == 0, command.text
+    analysis = load(tmp_path / "bag", perceptual=False)
+    deadlines = analysis.trials[-1].segment.delivery.deadlines
+    assert set(deadlines) == {"actuator force", "master arm force", "slave arm force"}
+    for kind, counts in deadlines.items():
+        # The world waited with the process: its ticks were all carried out with their forces.
+        assert counts["missed"] - counts["past_tick"] > latest * GRAPH_RATE, (kind, counts)
+        assert counts["longest_us"] > latest * 1e6, (kind, counts)
+        assert counts["late_s"] > latest, (kind, counts)
+    told = " ".join(summary(analysis))
+    found = re.search(r"due time, the latest by ([0-9.]+) ms", told)
+    assert found, told
+    assert float(found[1]) > latest * 1e3
+    assert "the simulated world waited for its node" in told
+
+
 @pytest.mark.parametrize(
-    "node",
+    ("process", "words"),
     [
-        "compensator",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in sorted(EXECUTABLES)[1:]),
+        ("composed", []),
+        ("compensator", [APART]),
+        pytest.param("recorder", [], marks=pytest.mark.slow),
+        *(pytest.param(n, [APART], marks=pytest.mark.slow) for n in sorted(EXECUTABLES)[1:]),
     ],
 )
-def test_a_node_that_dies_ends_the_graph_and_is_named(
-    haptic_accel: Start, domain: int, node: str
+def test_a_process_that_dies_ends_the_graph_and_is_named(
+    haptic_accel: Start, domain: int, process: str, words: list[str]
 ) -> None:
-    command = haptic_accel("teleop", "bag:=bag")
+    command = haptic_accel("teleop", "bag:=bag", *words)
     command.wait_for("engaged")
-    os.kill(nodes_of(domain)[node], signal.SIGKILL)
+    os.kill(nodes_of(domain)[process], signal.SIGKILL)
     assert command.end() == 1, command.text
-    assert f"{node} ended with status -9" in command.text
-    assert "ended with" not in command.text.replace(f"{node} ended with status -9", "")
+    assert f"{process} ended with status -9" in command.text
+    assert "ended with" not in command.text.replace(f"{process} ended with status -9", "")
     assert nodes_of(domain) == {}
 
 
@@ -227,10 +268,10 @@ from haptic_accel.nodes.coupler import Coupler
 from haptic_accel.nodes.scheduling import run
 
 class Aborting(Coupler):
-    def status(self):
+    def work(self):
         if os.environ.pop("fail", None):
             raise OSError("the cable is out")
-        return super().status()
+        return super().work()
 
     def destroy_node(self):
         os.abort()
@@ -256,7 +297,7 @@ def test_middleware_that_aborts_after_a_failure_hides_none(
 def test_arms_are_let_go_when_one_falls_silent_and_coupled_again(
     haptic_accel: Start, domain: int
 ) -> None:
-    command = haptic_accel("teleop", "record:=false")
+    command = haptic_accel("teleop", "record:=false", APART)
     command.wait_for("engaged")
     slave = nodes_of(domain)["slave_device"]
     os.kill(slave, signal.SIGSTOP)
@@ -280,11 +321,11 @@ def test_a_node_that_stalls_is_named_in_diagnostics(
     command.wait_for("engaged")
     wait_for = observer.watch(DIAGNOSTICS)
     wait_for(says("slave_device", ""))
-    slave = nodes_of(domain)["slave_device"]
-    os.kill(slave, signal.SIGSTOP)
+    process = nodes_of(domain)["composed"]
+    os.kill(process, signal.SIGSTOP)
     # A time that we keep: on a busy machine the arms may have let go before.
     time.sleep(10 * STALL)
-    os.kill(slave, signal.SIGCONT)
+    os.kill(process, signal.SIGCONT)
     wait_for(says("slave_device", "stalled for"))
     assert command.end(signal.SIGINT) == 0, command.text
 
@@ -302,6 +343,7 @@ def test_a_node_that_fails_comes_back_and_is_stopped_while_the_others_are(
 ) -> None:
     command = haptic_accel("teleop", "record:=false", "respawn:=true")
     command.wait_for("engaged")
+    assert command.lines[0].startswith("a process for each node; ")
     seen = len(command.lines)
     start_again(command, domain, "slave_device")
     command.wait_for("coupler]: engaged", after=seen)
@@ -345,18 +387,16 @@ def test_what_lies_in_the_working_directory_is_not_taken_for_a_module(
 ) -> None:
     (tmp_path / "haptic_accel").mkdir()  # as after `git clone` and `cd ..`
     (tmp_path / "queue.py").write_text("raise SystemExit('mine')")
-    command = haptic_accel("teleop", "bag:=bag", "duration:=1", "rate:=250", "composed:=true")
+    command = haptic_accel("teleop", "bag:=bag", "duration:=1", "rate:=250")
     assert command.end() == 0, command.text
 
 
-def test_composed_the_graph_is_two_processes_and_does_the_same(
+def test_with_a_process_for_each_node_the_graph_does_the_same(
     haptic_accel: Start, tmp_path: Path, domain: int
 ) -> None:
-    command = haptic_accel(
-        "teleop", "composed:=true", "bag:=bag", "duration:=2", "controller:=constant"
-    )
+    command = haptic_accel("teleop", APART, "bag:=bag", "duration:=2", "controller:=constant")
     command.wait_for("engaged")
-    assert set(nodes_of(domain)) == {"composed", "recorder"}
+    assert set(nodes_of(domain)) == EXECUTABLES
     assert command.end() == 0, command.text
     messages = read(tmp_path / "bag")
     check_complete(messages, 2.0)
@@ -498,7 +538,7 @@ def test_a_node_by_itself_refuses_wrong_parameters(
         (["--ros-args", "--params-file", "broken.yaml"], "broken.yaml"),
         (
             ["--ros-args", "--params-file", "right.yaml", "-r", "__ns:=/left"],
-            "right.yaml: /right/compensator: holds in another namespace, not for"
+            "right.yaml:1: /right/compensator: holds in another namespace, not for"
             " /left/compensator; write /**/compensator",
         ),
         (["--ros-args", "--params-file", "right.yaml"], "not for /compensator; write"),

@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The command ``haptic-accel``: its verbs, their headings and summaries."""
+
+from __future__ import annotations
+
+import click
+
+from haptic_accel import __version__
+from haptic_accel.cli.lazy import LazyGroup
+
+BAG = LazyGroup(
+    "bag",
+    {
+        "Verbs": {
+            "info": "show topics, recording settings and damage of a bag",
+            "repair": "repair bags whose recording was cut off",
+        }
+    },
+    help="Inspect bags, and repair those whose recording was cut off.",
+    examples=["haptic-accel bag info bags/text", "haptic-accel bag repair bags/*"],
+)
+EMULATE = LazyGroup(
+    "emulate",
+    {
+        "Hardware": {
+            "can": "two arms of ODrives on CAN",
+            "serial": "boards of handle and tool on USB serial",
+        }
+    },
+    help="Emulate boards or arms to test the drivers without hardware.",
+    examples=["haptic-accel emulate serial", "haptic-accel emulate can faults:=estimates@2"],
+)
+BENCH = LazyGroup(
+    "bench",
+    {
+        "Kinds": {
+            "latency": "latency, losses and CPU of the graph, beside two references",
+            "fidelity": "tracking error of each controller on every rig, grip and input",
+            "network": "energy, stability and error of two coupled hosts over networks",
+        }
+    },
+    help="Measure latency, CPU, losses and tracking error.",
+    examples=["haptic-accel bench latency rig:=ideal --rate 2000", "haptic-accel bench fidelity"],
+)
+TEXTURE = LazyGroup(
+    "texture",
+    {
+        "Verbs": {
+            "build": "build a model from recordings with speed, force and acceleration",
+            "import": "make a model of another program's file",
+            "show": "show a model's range and spectra",
+            "render": "write a model's acceleration as a sound file",
+        }
+    },
+    help="Build, import, show and render models of textures.",
+    examples=[
+        "haptic-accel texture build drag.csv --rate 10000 --out wood.yaml",
+        "haptic-accel texture render plywood --speed 80 --force 1 --out wood.wav",
+    ],
+)
+
+SECTIONS = {
+    "Graph": {
+        "teleop": "run the teleoperation graph",
+        "control": "change controller, surface or grip of a running graph",
+        "estop": "stop a running graph in an emergency, or release it",
+        "scope": "serve a page that shows a running graph",
+    },
+    "Devices": {
+        "calibrate": "measure gain and offset of an accelerometer by gravity",
+        "emulate": "emulate boards or arms to test the drivers without hardware",
+    },
+    "Recording and analysis": {
+        "record": "start, pause, split or stop the recording of a running graph",
+        "bag": "inspect and repair bags",
+        "replay": "play a bag again, with any controller",
+        "analyze": "write the paper's tables and plots from bags",
+        "experiment": "run the paper's experiment and report Table II",
+    },
+    "Design": {
+        "identify": "fit the handle's model with the paper's sweep",
+        "design": "predict error, force and margins of a controller",
+    },
+    "Surfaces": {
+        "texture": "build, import, show and render models of textures",
+    },
+    "Machine": {
+        "keys": "make certificates for two hosts",
+        "bench": "measure latency, CPU, losses and tracking error",
+        "doctor": "find causes of timing jitter on this machine and suggest fixes",
+    },
+}
+"""Summaries of the verbs by heading."""
+
+command_line = LazyGroup(
+    "haptic-accel",
+    SECTIONS,
+    groups=[BAG, EMULATE, BENCH, TEXTURE],
+    help="Haptic teleoperation with acceleration feedback: feel what a remote tool touches.",
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "max_content_width": 100,
+        "show_default": True,
+    },
+    examples=[
+        "haptic-accel teleop controller:=dynamic surface:=text",
+        "haptic-accel experiment --lockstep",
+        "haptic-accel VERB --help",
+    ],
+)
+click.version_option(__version__, message="%(prog)s %(version)s")(command_line)

@@ -1,0 +1,82 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Lines for a terminal: what it would obey is escaped, wherever it comes from."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from fuzzing import fuzz
+from haptic_accel.cli.output import printable_output
+from haptic_accel.cli.tables import print_table
+from haptic_accel.core.parameters import ParameterError, printable
+from verbs import status_of
+
+HOSTILE = "\x1b]0;title\x07\x1b[2J\x9b31m\u202egnp.exe\u2066\r\udcff"
+ESCAPED = r"\x1b]0;title\x07\x1b[2J\x9b31m\u202egnp.exe\u2066\r\udcff"
+
+
+def test_what_a_terminal_would_obey_is_escaped() -> None:
+    assert printable(HOSTILE) == ESCAPED
+    assert printable("m/s² ± 1 µs, 日本 \\n") == "m/s² ± 1 µs, 日本 \\n"
+    assert printable("a\nb\tc") == r"a\nb\tc"
+    assert printable("a\nb\tc", "\n") == "a\nb\\tc"
+    assert str(ParameterError(f"{HOSTILE}\n: must be text")) == rf"{ESCAPED}\n: must be text"
+
+
+@fuzz
+@given(st.text())
+def test_any_text_becomes_printable_and_stays_what_it_is(text: str) -> None:
+    assert printable(text).isprintable()
+    assert printable(printable(text)) == printable(text)
+
+
+def test_prints_are_escaped_until_the_end_of_a_command() -> None:
+    written = io.StringIO()
+    with redirect_stdout(written):
+        before = sys.stdout
+        with printable_output(), printable_output():
+            assert sys.stdout is before
+            print(HOSTILE, "µ", end="\n\tindented\n", flush=True)
+        print("\x1b[0m", end="")
+    assert written.getvalue() == f"{ESCAPED} µ\n\tindented\n\x1b[0m"
+
+
+def test_a_table_has_colours_of_its_own_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    written = io.StringIO()
+    with redirect_stdout(written), printable_output():
+        print_table(["name"], [[HOSTILE], ["[bold]/a[/]"], ["[/]"]])
+        Console(force_terminal=True).print("[bold]red[/bold]")
+    text = written.getvalue()
+    assert ESCAPED in text
+    assert "[bold]/a[/]" in text
+    assert "\x1b[1mred" in text
+    assert HOSTILE not in text
+
+
+def test_names_in_files_are_escaped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # the figure is named as the texture
+    content = {"name": HOSTILE, "sample_rate": 1000.0, "b": [1.0], "a": [1.0]}
+    (tmp_path / "f.json").write_text(json.dumps(content))
+    model = tmp_path / "f.npz"
+    assert status_of("texture", "import", tmp_path / "f.json", "--out", model) == 0
+    capsys.readouterr()
+    assert status_of("texture", "show", model) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(ESCAPED.replace(r"\udcff", "?: order "))
+    assert said.replace("\n", "").isprintable()
