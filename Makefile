@@ -33,6 +33,8 @@ endif
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH PYTHONHOME PYTHONPATH
 unexport RMW_IMPLEMENTATION ROS_DISTRO ROS_PYTHON_VERSION ROS_VERSION
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+# Nodes and tests would be compiled anew in each of the many processes that the tests start.
+unexport PYTHONDONTWRITEBYTECODE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 # If not told which Python to take, look further than python3.
@@ -72,8 +74,7 @@ venv: $(RUNTIME) ## create .venv with everything that runs, .venv/bin/haptic-acc
 
 .PHONY: demo
 demo: $(RUNTIME) ## run the paper's experiment through the live ROS 2 graph
-	@$(BIN)/haptic-accel experiment --controllers none,constant,dynamic,adaptive \
-	    composed:=true $(ARGS)
+	@$(BIN)/haptic-accel experiment --controllers none,constant,dynamic,adaptive $(ARGS)
 
 .PHONY: test
 test: $(DEV) ## run the test suite: what needs no graph on all cores, then one graph at a time

@@ -72,7 +72,8 @@ setup(
     # Templates are read as files.
     zip_safe=False,
     python_requires=">=3.10",
-    # The lower bounds are the versions of Ubuntu 24.04, the platform of ROS 2 Jazzy.
+    # The lower bounds are the versions of Ubuntu 24.04, the platform of ROS 2 Jazzy. Upper bounds:
+    # CONTRIBUTING.md, "Dependencies".
     install_requires=[
         "numpy>=1.26",
         "scipy>=1.11",
@@ -88,23 +89,23 @@ setup(
         "backports.zstd>=1.0; python_version<'3.14'",
         "lz4>=4.0.2",
         "pandas>=2.1",
-        "aiohttp>=3.9",
+        "aiohttp>=3.9,<4",
     ],
     extras_require={
         "ros-jazzy": ros_wheels("jazzy"),
         "ros-kilted": ros_wheels("kilted"),
-        # ST-SIM and SPQI in reports; no rosdep key.
-        "perceptual": ["vibromaf>=0.0.8"],
+        # ST-SIM in reports; no rosdep key.
+        "perceptual": ["vibromaf>=0.0.8,<0.1"],
         # Handle and tool on serial lines; cobs has no rosdep key.
         "serial": ["pyserial>=3.5", "cobs>=1.2"],
         # Arms on a CAN bus; pyserial is for adapters that speak slcan.
         "can": ["python-can>=4.3", "pyserial>=3.5"],
         # A voice coil behind a sound card; needs PortAudio, which only apt has: libportaudio2.
         "audio": ["sounddevice>=0.4.6"],
-        # Virtual scenes that move; version 4 is not out.
+        # Virtual scenes that move.
         "mujoco": ["mujoco>=3.3,<4"],
         # Meshes in virtual scenes; no rosdep key.
-        "mesh": ["trimesh>=4.5", "rtree>=1.0.1"],
+        "mesh": ["trimesh>=4.5,<6", "rtree>=1.0.1"],
         # Two hosts by transport:=zenoh; eclipse-zenoh has no rosdep key. 1.10: datagrams of QUIC.
         "zenoh": ["eclipse-zenoh>=1.10", "cryptography>=41"],
         "test": TEST,

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,28 +14,36 @@ from pathlib import Path
 
 import click
 
-from haptic_accel.cli.main import run
-from haptic_accel.cli.options import Verb, json_option, words
-from haptic_accel.cli.output import save
-from haptic_accel.core.process import DONE
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments
-from haptic_accel.graph.lockstep import lockstep_trial
+from haptic_accel.core.process import BLAS_THREADS, DONE
+
+# As in a verb, before numpy is loaded: one core, as stated.
+for variable in BLAS_THREADS:
+    os.environ.setdefault(variable, "1")
+
+from haptic_accel.cli.main import run  # noqa: E402
+from haptic_accel.cli.options import Verb, json_option, words  # noqa: E402
+from haptic_accel.cli.output import save  # noqa: E402
+from haptic_accel.graph.arguments import GraphArguments, parse_arguments  # noqa: E402
+from haptic_accel.graph.lockstep import lockstep_trial  # noqa: E402
 
 
 @click.command(cls=Verb)
 @words(GraphArguments)
 @click.option("--rate", type=float, default=1000.0, help="Sampling rate, Hz.")
 @click.option("--seconds", type=float, default=10.0, help="Length of the trial, s.")
+@click.option("--runs", type=click.IntRange(1), default=3, help="Runs; the fastest counts.")
 @json_option
 def lockstep_speed(
-    words: Sequence[str], *, rate: float, seconds: float, json_file: Path | None
+    words: Sequence[str], *, rate: float, seconds: float, runs: int, json_file: Path | None
 ) -> int:
-    """Run one trial in lockstep on one core, and print its duration."""
+    """Run one trial in lockstep on one core several times, and print the shortest duration."""
     arguments = replace(parse_arguments(words), rate=rate, duration=seconds)
     lockstep_trial(replace(arguments, duration=10 / rate))  # imports and tables are loaded once
-    start = time.perf_counter()
-    trial = lockstep_trial(arguments)
-    wall = time.perf_counter() - start
+    wall = math.inf
+    for _ in range(runs):
+        start = time.perf_counter()
+        trial = lockstep_trial(arguments)
+        wall = min(wall, time.perf_counter() - start)
     results = {
         "rate_hz": rate,
         "simulated_seconds": trial.seconds,
@@ -42,7 +52,7 @@ def lockstep_speed(
     }
     print(
         f"{arguments.rig} rig, {trial.surface}, {trial.controller}: {trial.seconds:g} s at"
-        f" {rate:g} Hz in {wall:.2f} s, {results['times_real_time']:.1f} times real time"
+        f" {rate:g} Hz in {wall:.2f} s at best, {results['times_real_time']:.1f} times real time"
     )
     save(results, json_file)
     return DONE

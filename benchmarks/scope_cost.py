@@ -24,11 +24,12 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.bags.delivery import AGE_OF, LABELS, durations, read_delivery
-from haptic_accel.cli.bench import Metrics, Usage
+from haptic_accel.cli.bench import Usage
 from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
 from haptic_accel.cli.running import run_to_end, stop_on_signal
+from haptic_accel.cli.tables import Row
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
@@ -141,7 +142,7 @@ def scope_cost(
     """
     arguments = _arguments(words, seconds, rounds)
     shown = replace(arguments, scope=True, scope_port=0)
-    runs: dict[str, list[Metrics]] = {"without": [], "with": []}
+    runs: dict[str, list[Row]] = {"without": [], "with": []}
     with stop_on_signal() as stop:
         for index in range(rounds):
             for name, given in (("without", arguments), ("with", shown)):
@@ -163,7 +164,7 @@ def _arguments(words: Sequence[str], seconds: float, rounds: int) -> GraphArgume
     return replace(parse_arguments(words), duration=seconds)
 
 
-def _measured(arguments: GraphArguments, browser: str, stop: Stop) -> Metrics:
+def _measured(arguments: GraphArguments, browser: str, stop: Stop) -> Row:
     """Run one graph, with a client if it has a scope; return its metrics."""
     with tempfile.TemporaryDirectory() as folder, ExitStack() as closing:
         given = replace(arguments, bag=str(Path(folder) / "bag"))
@@ -181,7 +182,7 @@ def _measured(arguments: GraphArguments, browser: str, stop: Stop) -> Metrics:
         supervisor.on_line = take_line
         run_to_end(supervisor, stop)
         master = read_delivery(Path(given.bag), given.rate).nodes["master_device"]
-    metrics: Metrics = {
+    metrics: Row = {
         "age_us": durations(master, f"{AGE_OF} age"),
         "deadlines_missed": int(master[f"{AGE_OF} deadlines missed"]),
         "cpu_cores": usage.cpu_cores,
@@ -199,7 +200,7 @@ def _sent(client: Client | Browser) -> dict[str, float]:
     }
 
 
-def _table(runs: dict[str, list[Metrics]], seconds: float) -> Table:
+def _table(runs: dict[str, list[Row]], seconds: float) -> Table:
     rounds = len(runs["with"])
     table = Table(title=f"age of the force where it is applied, us; {rounds} x {seconds:g} s each")
     for heading in ("scope", *LABELS, "cores, all", "scope alone"):
@@ -216,13 +217,13 @@ def _table(runs: dict[str, list[Metrics]], seconds: float) -> Table:
     return table
 
 
-def _cells(runs: Sequence[Metrics]) -> list[str]:
+def _cells(runs: Sequence[Row]) -> list[str]:
     ages = [f"{fmean(run['age_us'][label] for run in runs):.0f}" for label in LABELS]
     cores = [_cores(runs, name) for name in ("total", SCOPE)]
     return [*ages, *cores]
 
 
-def _cores(runs: Sequence[Metrics], name: str) -> str:
+def _cores(runs: Sequence[Row], name: str) -> str:
     known: list[Any] = [run["cpu_cores"][name] for run in runs if name in run["cpu_cores"]]
     return f"{fmean(known):.3f}" if known else "-"
 

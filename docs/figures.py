@@ -22,6 +22,7 @@ from unittest.mock import patch
 import numpy as np
 from matplotlib.figure import Figure
 
+from haptic_accel.analysis.plots import BLACK, BLUE, GREEN, VERMILION
 from haptic_accel.cli.fidelity import texture
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
@@ -36,8 +37,21 @@ from haptic_accel.graph.lockstep import lockstep_trial
 
 FOLDER = Path(__file__).parent / "figures"
 
-DRAWN = ("none", "dynamic", "inverse", "adaptive")
-"""Controllers of the figure of bounds, as far as they were measured."""
+DRAWN = {
+    "none": (BLACK, "_"),
+    "dynamic": (VERMILION, "^"),
+    "inverse": (BLUE, "x"),
+    "adaptive": (GREEN, "o"),
+}
+"""Controllers of the figure of bounds, as far as they were measured, with colour and marker."""
+
+FIRST: dict[str, Any] = {"color": BLUE, "ls": "-"}
+SECOND: dict[str, Any] = {"color": VERMILION, "ls": "--"}
+"""Lines that differ in colour and dashes, for every colour vision and for print."""
+
+ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False}
+ABOVE |= {"fontsize": "small", "borderaxespad": 0.2}
+"""Place of a legend above its panel, where it covers no data."""
 
 GOAL = (1.3, 2.0)
 """Factor and points above the limited bound within which a controller should stay."""
@@ -58,7 +72,7 @@ NETWORK = ChannelParameters(delay=0.02, jitter=0.01, loss=0.05)
 BLACKOUTS = (1.7, 1.78), (2.0, 2.5)
 """Start and end of those blackouts, s: one that is concealed, and one that frees the arms."""
 
-SHOWN = 1.6, 2.9
+SHOWN = 1.6, 3.6
 """Part that is drawn, s."""
 
 
@@ -72,17 +86,20 @@ def bounds(rows: Sequence[dict[str, Any]]) -> Figure:
     }
     line = np.geomspace(0.1, 100.0, 100)
     for axes, (name, label) in zip(panels, names.items(), strict=True):
-        for controller in DRAWN:
+        for controller, (color, marker) in DRAWN.items():
             found = [row for row in rows if row["controller"] == controller]
             errors = [row["nrmse_percent"] for row in found]
             if found:
-                axes.plot([row[name] for row in found], errors, ".", alpha=0.6, label=controller)
+                look: dict[str, Any] = {"color": color, "marker": marker, "ls": "", "ms": 5}
+                look |= {"markerfacecolor": "none", "alpha": 0.7, "label": controller}
+                axes.plot([row[name] for row in found], errors, **look)
         axes.plot(line, line, "k-", lw=0.8, label="the bound itself")
         axes.set(xscale="log", yscale="log", xlabel=label)
         axes.grid(alpha=0.3)
     panels[0].plot(line, GOAL[0] * line + GOAL[1], "k--", lw=0.8, label="1.3 x bound + 2")
     panels[0].set(ylabel="error of the handle (%)")
-    panels[0].legend()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=6, frameon=False)
     return figure
 
 
@@ -129,27 +146,27 @@ def excursion() -> Figure:
         free_run = runs["without"]
         inner = slice(0, np.searchsorted(free_run.time, free_run.time[-1] - AFTER))
         peak = free_run.time[np.argmax(np.abs(free_run.travel[inner]))]
-        for label, drawn in runs.items():
+        for (label, drawn), style in zip(runs.items(), (FIRST, SECOND), strict=True):
             part = (drawn.time >= peak - BEFORE) & (drawn.time <= peak + AFTER)
             time = drawn.time[part] - peak
             words = f"{label} excursion control, {drawn.nrmse:.1f} %"
-            above.plot(time, drawn.travel[part], label=words)
-            below.plot(time, drawn.error[part])
-        above.hlines([-free, free], -BEFORE, AFTER, colors="k", linestyles="--", lw=0.8)
-        above.set(title=name)
-        above.set(ylim=(-1.6 * free, 1.2 * free))
-        above.legend(loc="lower right", fontsize="small")
+            above.plot(time, drawn.travel[part], label=words, **style)
+            below.plot(time, drawn.error[part], **style)
+        above.hlines([-free, free], -BEFORE, AFTER, colors="k", linestyles=":", label="stops")
+        above.set_title(name, pad=52)
+        above.set(ylim=(-1.2 * free, 1.2 * free))
+        above.legend(**ABOVE)
         below.set(xlabel="time from the largest travel (s)")
         for axes in (above, below):
             axes.grid(alpha=0.3)
-    panels[0][0].set(ylabel="travel (mm); dashed: stops")
+    panels[0][0].set(ylabel="travel (mm)")
     panels[1][0].set(ylabel="error of the handle (m/s$^2$)")
     return figure
 
 
 def blackout() -> Figure:
     """Draw positions, forces, energy and vibration of two hosts through two blackouts."""
-    arguments = GraphArguments(rig="ideal", surface="text", duration=3.5)
+    arguments = GraphArguments(rig="ideal", surface="text", duration=4.0)
     trial = lockstep_trial(arguments, channel=NETWORK, blackouts=BLACKOUTS)
     crossing = trial.crossing
     assert crossing is not None
@@ -157,33 +174,37 @@ def blackout() -> Figure:
     panels = figure.subplots(4, 1, sharex=True)
     place, force, energy, felt = panels
     arms = topics.MASTER, topics.SLAVE
-    for side, label, account in zip(arms, ("master", "slave"), crossing.energy.T, strict=True):
+    names, styles = ("master", "slave"), (FIRST, SECOND)
+    for side, label, style, account in zip(arms, names, styles, crossing.energy.T, strict=True):
         moved = trial.arms[side.position.name] - trial.arms[side.position.name][0]
-        place.plot(trial.time, 1e3 * moved[:, 0], label=label)
+        place.plot(trial.time, 1e3 * moved[:, 0], label=label, **style)
         pull = trial.arms[side.arm_force.name]
-        force.plot(trial.time, np.linalg.norm(pull, axis=1), label=label, lw=0.8)
-        energy.plot(trial.time, 1e3 * account, label=f"account of the {label}", lw=0.8)
-    energy.plot(trial.time, 1e3 * _given(trial), "k", label="net energy given to both arms")
+        force.plot(trial.time, np.linalg.norm(pull, axis=1), label=label, lw=0.9, **style)
+        energy.plot(trial.time, 1e3 * account, label=f"account of the {label}", lw=0.9, **style)
+    energy.plot(
+        trial.time, 1e3 * _given(trial), "k", label="net energy given to both arms", lw=1.5
+    )
     energy.axhline(
         2e3 * PassiveParameters().energy,
         color="k",
-        ls="--",
-        lw=0.8,
+        ls=":",
+        lw=1.2,
         label="most that may be given",
     )
-    felt.plot(trial.time, trial.tool_acceleration, label="tool, when it is played", lw=0.8)
-    felt.plot(trial.time, crossing.played, label="played", lw=0.8)
+    felt.plot(
+        trial.time, trial.tool_acceleration, label="tool, when it is played", lw=1.6, **FIRST
+    )
+    felt.plot(trial.time, crossing.played, label="played", lw=0.8, color=VERMILION)
     place.set(ylabel="position (mm)")
     force.set(ylabel="motor force (N)")
     energy.set(ylabel="energy (mJ)")
     felt.set(ylabel="acceleration (m/s$^2$)", xlabel="time (s)")
     felt.set(xlim=SHOWN)
-    places = "lower right", "upper right", "lower left", "upper right"
-    for axes, legend in zip(panels, places, strict=True):
+    for axes in panels:
         for span in BLACKOUTS:
             axes.axvspan(*span, color="0.9")
         axes.grid(alpha=0.3)
-        axes.legend(loc=legend, fontsize="small", ncols=2)
+        axes.legend(**ABOVE, ncols=4)
     return figure
 
 

@@ -72,7 +72,7 @@ class QuietGraph:
             "led": False,
             "engaged": None,
             "stop": {"asked": False},
-            "actuator": {"age_us": None, "due": None, "missed": None},
+            "actuator": {"age_us": None, "due": None, "missed": None, "latest_us": None},
             "limits": {"force": 1.0, "travel": 1e-3, "assumed": True},
             **self.SHOWN,
         }

@@ -58,14 +58,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Set the number of cases of `fuzzing.fuzz`, before the tests that it decorates are read."""
     cases = config.getoption("--fuzz")
-    settings.register_profile(
-        "fuzz",
-        settings.get_profile("project"),
-        max_examples=cases or FUZZ_CASES,
-        derandomize=not cases,
-        # One folder or server serves all cases of a property.
-        suppress_health_check=[HealthCheck.function_scoped_fixture],
-    )
+    for name, usual in (("fuzz", FUZZ_CASES), ("fuzz few", FUZZ_CASES // 10)):
+        settings.register_profile(
+            name,
+            settings.get_profile("project"),
+            max_examples=cases or usual,
+            derandomize=not cases,
+            # One folder or server serves all cases of a property.
+            suppress_health_check=[HealthCheck.function_scoped_fixture],
+        )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -11,6 +11,7 @@ import os
 import random
 import re
 import resource
+import select
 import signal
 import subprocess
 import sys
@@ -59,6 +60,8 @@ class Command:
         self.lines: list[str] = []
         self._news = threading.Condition()
         self._ended = False
+        self._reads = threading.Event()
+        self._reads.set()
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
 
@@ -79,6 +82,24 @@ class Command:
         assert line, f"no line like {pattern!r} in:\n{self.text}"
         return line
 
+    @contextmanager
+    def unread(self) -> Iterator[None]:
+        """Read nothing that it writes meanwhile, and leave its pipe no room for a line."""
+        self._reads.clear()
+        pipe = os.open(f"/proc/{self.process.pid}/fd/1", os.O_WRONLY | os.O_NONBLOCK)
+        # What a reader that was waiting takes leaves room once more.
+        while select.select([], [pipe], [], 0.1)[1]:
+            with suppress(BlockingIOError):
+                os.write(pipe, b"full\n")
+        with suppress(BlockingIOError):
+            while True:
+                os.write(pipe, b"\n")
+        os.close(pipe)
+        try:
+            yield
+        finally:
+            self._reads.set()
+
     def end(self, number: signal.Signals | None = None, patience: float = PATIENCE) -> int:
         """Send a signal, if any, and return the exit status; wait for a time in s."""
         if number:
@@ -90,6 +111,7 @@ class Command:
     def _read(self) -> None:
         assert self.process.stdout
         for line in self.process.stdout:
+            self._reads.wait()
             with self._news:
                 self.lines.append(line.rstrip("\n"))
                 self._news.notify_all()
@@ -203,6 +225,22 @@ def nodes_of(domain: int) -> dict[str, int]:
         for word in words
         if word.startswith("haptic_accel.nodes.")
     }
+
+
+@contextmanager
+def sending(domain: int, topic: str, prepare: str = "") -> Iterator[subprocess.Popen[bytes]]:
+    """Let another process claim a signal."""
+    text = (
+        f"import signal; {prepare}from haptic_accel.graph.claims import claim_signal;"
+        f" claimed = claim_signal({domain}, {topic!r}); print(flush=True); signal.pause()"
+    )
+    with subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE) as process:
+        assert process.stdout
+        process.stdout.readline()
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def wait_until(condition: Callable[[], bool], what: str) -> None:

@@ -44,6 +44,7 @@ BELOW: dict[str, set[str]] = {
 RIG = "haptic_accel.core.rig"
 RIG_USERS = {
     *("haptic_accel.devices.simulated", "haptic_accel.core.trial"),
+    "haptic_accel.core.loop.device_side",
     *("haptic_accel.core.surfaces.virtual_rig", "haptic_accel.core.surfaces.tool"),
     "haptic_accel.materials.moving",
 }
@@ -56,7 +57,6 @@ ROS = {
 }
 ROS_USERS: dict[str, set[str]] = {
     # Commands that call services and publish on topics of a running graph.
-    "haptic_accel.cli.calling": ROS,
     "haptic_accel.cli.joining": {"rclpy"},
     "haptic_accel.cli.estop": {"rclpy", "std_msgs", "std_srvs"},
     # An arm of another node, loaded when it is opened.

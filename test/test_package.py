@@ -6,16 +6,21 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import os
 import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from importlib.metadata import PathDistribution
+from operator import itemgetter
 from pathlib import Path
 
 import pytest
+from catkin_pkg.changelog import get_changelog_from_path
 from catkin_pkg.package import Package, parse_package
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 
 from haptic_accel import __version__
 from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
@@ -174,9 +179,64 @@ def test_manifest_tells_colcon_and_the_build_farm_what_it_is(manifest: Package) 
 
 def test_versions_agree(installation: Installation, manifest: Package) -> None:
     (metadata,) = installation.code.parent.glob("haptic_accel-*-info")
-    newest = re.search(r"^(\d\S*) \(.*\)\n-+$", (SOURCE / "CHANGELOG.rst").read_text(), re.M)
-    assert newest is not None
-    assert PathDistribution(metadata).version == manifest.version == newest[1] == __version__
+    assert PathDistribution(metadata).version == manifest.version == __version__
+
+
+@pytest.mark.filterwarnings("ignore:nodes.Node.traverse")  # a call of catkin_pkg's own
+def test_release_tools_find_the_changes_of_each_version(manifest: Package) -> None:
+    """`catkin_prepare_release` and bloom read sections that are named by version and date."""
+    changes = get_changelog_from_path(SOURCE, manifest.name)
+    found = [(version, date) for version, date, _ in changes.foreach_version(reverse=True)]
+    headings = re.findall(r"^(\d\S*) \(", (SOURCE / "CHANGELOG.rst").read_text(), re.M)
+    assert [version for version, _ in found] == headings
+    assert found[0][0] == manifest.version
+    assert found == sorted(found, key=itemgetter(1), reverse=True)
+
+
+def requirements() -> dict[str, SpecifierSet]:
+    """Return the versions that setup.py allows of each package that users need, by name."""
+    called = next(
+        node
+        for node in ast.walk(ast.parse((SOURCE / "setup.py").read_text()))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
+    )
+    given = {word.arg: word.value for word in called.keywords}
+    extras = given["extras_require"]
+    assert isinstance(extras, ast.Dict)
+    of_users = [
+        value
+        for key, value in zip(extras.keys, extras.values, strict=True)
+        if isinstance(key, ast.Constant) and key.value != "dev" and isinstance(value, ast.List)
+    ]
+    lists = [ast.literal_eval(value) for value in (given["install_requires"], *of_users)]
+    found = [Requirement(words) for words in itertools.chain(*lists)]
+    return {requirement.name: requirement.specifier for requirement in found}
+
+
+def bounds(versions: SpecifierSet, operators: set[str]) -> list[str]:
+    return [each.version for each in versions if each.operator in operators]
+
+
+def test_every_dependency_has_the_bounds_of_the_policy() -> None:
+    """CONTRIBUTING.md: a lower bound each; an upper one for what broke before or is below 1."""
+    found = requirements()
+    assert [name for name, versions in found.items() if not bounds(versions, {">="})] == []
+    bounded = {name for name, versions in found.items() if bounds(versions, {"<"})}
+    assert bounded == {"aiohttp", "mujoco", "rosbags", "trimesh", "vibromaf"}
+    policy = (SOURCE / "CONTRIBUTING.md").read_text()
+    assert all(name in policy for name in bounded)
+
+
+def test_manifest_and_setup_bound_the_same_versions(manifest: Package) -> None:
+    stated = {each.name: each for each in manifest.exec_depends if each.version_lt}
+    assert set(stated) == {"python3-aiohttp"}
+    versions = requirements()["aiohttp"]
+    assert bounds(versions, {"<"}) == [stated["python3-aiohttp"].version_lt]
+    assert bounds(versions, {">="}) == [stated["python3-aiohttp"].version_gte]
+
+
+def test_manifest_names_its_authors(manifest: Package) -> None:
+    assert [author.name for author in manifest.authors] == ["haptic_accel maintainers"]
 
 
 def test_type_checkers_of_others_see_the_types(installation: Installation) -> None:
@@ -201,7 +261,7 @@ def test_the_graph_runs_without_rosbags() -> None:
     done = without_rosbags(
         f"import {nodes}; from haptic_accel.graph.processes import graph;"
         "from haptic_accel.graph.arguments import GraphArguments;"
-        "print(len(graph(GraphArguments(record=False))))"
+        "print(len(graph(GraphArguments(record=False, composed=False))))"
     )
     assert (done.stdout, done.stderr) == ("4\n", "")
 

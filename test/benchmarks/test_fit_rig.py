@@ -4,17 +4,20 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, replace
+from dataclasses import astuple, fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fit_rig import CONTROLLERS, HIGHEST, LOWEST, Unknowns, deviations, run
-from haptic_accel.cli.experiment import SURFACES
+from haptic_accel.cli.experiment import RIG_NOTES, SURFACES
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
+
+SOURCE = Path(__file__).resolve().parents[2]
 
 
 def paper() -> dict[tuple[str, str], list[Evaluation]]:
@@ -77,3 +80,16 @@ def test_every_condition_is_run_for_every_seed() -> None:
         found = run(HIGHEST, seeds=2, duration=1.0, pool=pool)
     assert set(found) == {(s, c) for s in SURFACES for c in CONTROLLERS}
     assert all(len(evaluations) == 2 for evaluations in found.values())
+
+
+def test_every_page_states_the_number_of_fitted_values() -> None:
+    surfaces = [SOURCE / f"config/surfaces/{name}.yaml" for name in SURFACES]
+    marked = sum(
+        path.read_text().count("; fitted;")
+        for path in (SOURCE / "config/rigs/paper.yaml", *surfaces)
+    )
+    assert marked == len(fields(Unknowns)) == 6
+    told = [
+        (SOURCE / name).read_text() for name in ("config/rigs/paper.yaml", "docs/virtual_rig.md")
+    ]
+    assert all("Six numbers" in text for text in [*told, RIG_NOTES["paper"]])

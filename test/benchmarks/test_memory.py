@@ -14,7 +14,7 @@ from running import Command, nodes_of
 BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "memory.py"
 
 Start = Callable[..., Command]
-NODES = {"master_device", "slave_device", "coupler", "compensator", "recorder"}
+NODES = {"composed", "recorder"}
 
 
 @pytest.mark.slow

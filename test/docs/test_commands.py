@@ -15,8 +15,8 @@ import click
 import pytest
 
 from bagging import of_trial, write_bag
+from haptic_accel.cli.commands import command_line
 from haptic_accel.cli.lazy import LazyGroup
-from haptic_accel.cli.main import command_line
 from haptic_accel.cli.options import Verb, Words
 from haptic_accel.core.parameters import Checked, schema
 from haptic_accel.core.topics import TOPICS
