@@ -277,8 +277,11 @@ class _Channel(ABC, Generic[Force]):
         }
 
     def _growth(self, now: float) -> float:
-        """Return the largest growth of the force since the last command, N."""
-        return self._slew * min(now - self._commanded, self._period)
+        """Return the largest growth of the force since the last command, N.
+
+        A tick's time may be before that of a request that was served meanwhile.
+        """
+        return self._slew * max(0.0, min(now - self._commanded, self._period))
 
     def _hold(self, now: float, force: Force) -> Force:
         """Hold a force from now on; return it."""

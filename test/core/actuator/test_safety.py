@@ -420,6 +420,16 @@ def test_a_handle_that_measures_nonsense_poisons_nothing(wrong: float | None) ->
     assert math.isfinite(bench.value("actuator force travel (mm)"))
 
 
+def test_no_force_grows_where_the_layer_was_enabled_after_the_time_of_the_tick() -> None:
+    bench = Bench(actuator__slew_rate=100.0, arm__slew_rate=100.0)
+    bench.layer.stop(bench.now + PERIOD / 2, True)
+    bench.layer.stop(bench.now + PERIOD / 2, False)
+    for force in (0.0, 1.0):
+        bench.push(force)
+        bench.pull((0.0, 0.0, force))
+        assert (bench.actuator, bench.arm) == (0.0, ZERO)
+
+
 def test_a_force_grows_no_faster_than_its_slew_rate_and_falls_at_once() -> None:
     bench = Bench(actuator__slew_rate=100.0, arm__slew_rate=100.0)
     assert bench.run([0.0, 1.0, 1.0]) == pytest.approx([0.0, 0.1, 0.2])
