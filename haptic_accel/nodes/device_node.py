@@ -27,6 +27,7 @@ from haptic_accel.nodes.crtk import Motions, OperatingState, Queries
 from haptic_accel.nodes.joint_states import JointStates
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from haptic_accel.nodes.scheduling import (
+    FORCES_TIME,
     ArrivalKeeper,
     RateKeeper,
     system_time,
@@ -83,7 +84,7 @@ class DeviceNode(ManagedNode):
         self._options_name = self._kind.PARAMETERS_OF or p.device
         self.device = self._build_device()
         self.safety = SafetyLayer(self.options[SAFETY], p.rate)
-        self._lead = wake_time()
+        self._lead = wake_time() + FORCES_TIME
         self.begin()
         self._sampling = False
         self._offset = 0
