@@ -32,8 +32,9 @@ _LONGEST_FILE = 1000
 class Authenticator:
     """Adds a tag to datagrams, by which the peer knows that they come from the other side.
 
-    The tag is keyed BLAKE2b (RFC 7693) of the whole datagram, made for the side that sends it: one
-    that is reflected to its sender is refused. Sessions and numbers, inside the datagram, are
+    The tag is keyed BLAKE2b (RFC 7693) of the whole datagram, made for the side that sends it and
+    for its graph's namespace: one that is reflected to its sender, or passed on to another graph
+    with the same key, is refused. Sessions and numbers, inside the datagram, are
     what keeps a recorded one from being admitted again: see `core.network.session`.
 
     Parameters
@@ -42,6 +43,8 @@ class Authenticator:
         Of `KEY_LENGTH`; empty for none, with which everybody can make tags.
     side : str
         Side of this host, from `ARMS`.
+    namespace : str
+        Namespace of the graphs on both hosts.
 
     Examples
     --------
@@ -50,11 +53,14 @@ class Authenticator:
     (b'felt', None)
     """
 
-    def __init__(self, key: bytes, side: str) -> None:
+    def __init__(self, key: bytes, side: str, namespace: str = "/") -> None:
         (other,) = set(ARMS) - {side}
+        salt = hashlib.blake2b(namespace.encode(), digest_size=hashlib.blake2b.SALT_SIZE).digest()
         # The key takes one of the two blocks to compress: it is taken in once.
         self._own, self._peer = (
-            hashlib.blake2b(key=key, digest_size=TAG_LENGTH, person=f"link from {each}".encode())
+            hashlib.blake2b(
+                key=key, digest_size=TAG_LENGTH, salt=salt, person=f"link from {each}".encode()
+            )
             for each in (side, other)
         )
 

@@ -137,7 +137,7 @@ def _run(signals: Signals) -> None:
     note = INSECURE if parameters.insecure else ""
     with closing(LocalEnd(LINK, own_domain(), namespace)) as local:
         if parameters.transport == UDP:
-            authenticator = Authenticator(key, parameters.side)
+            authenticator = Authenticator(key, parameters.side, namespace)
             carrier: Carrier = UdpCarrier(way, authenticator, hearing.refuse)
         else:
             if parameters.side == "slave":

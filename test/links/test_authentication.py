@@ -52,6 +52,16 @@ def test_no_other_datagram_has_the_tag(datagram: bytes, data: st.DataObject) -> 
     assert receiver.verified(data.draw(st.binary(max_size=400))) is None
 
 
+def test_one_key_serves_several_namespaces_apart() -> None:
+    left, right = (
+        [Authenticator(bytes(KEY_LENGTH), side, space) for side in ("master", "slave")]
+        for space in ("/left", "/right")
+    )
+    datagram = left[0].tagged(b"felt")
+    assert left[1].verified(datagram) == b"felt"
+    assert right[1].verified(datagram) is None
+
+
 def test_a_key_is_the_same_in_both_folders_and_none_is_written_over(tmp_path: Path) -> None:
     folders = [tmp_path / name for name in "ab"]
     for folder in folders:
