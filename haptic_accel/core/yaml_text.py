@@ -10,13 +10,9 @@ from typing import Any, ClassVar
 
 import yaml
 
-from haptic_accel.core.bounded_files import DEEPEST, LARGEST_TEXT
+from haptic_accel.core.bounded_files import DEEPEST, LARGEST_TEXT, MOST_VALUES
 from haptic_accel.core.decimals import read_decimal, read_whole
 from haptic_accel.core.parameters import one_line
-
-MOST_VALUES = 200_000
-"""Values, names and collections that are read, each of which takes a kilobyte and 10 us: a bag of
-ten thousand files has 150,000."""
 
 # With libyaml, where PyYAML has it, ten times as fast.
 _FASTEST: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -15,6 +15,7 @@ import pytest
 from haptic_accel.core.bounded_files import (
     DEEPEST,
     LARGEST_TEXT,
+    MOST_VALUES,
     located,
     opened,
     read_bytes,
@@ -68,6 +69,17 @@ def test_a_large_file_is_refused_unread(tmp_path: Path) -> None:
         read_bytes(path)
     with opened(path, 3_000_000_000) as file:
         assert file.read(3) == bytes(3)
+
+
+def test_json_is_read_up_to_a_number_of_values(tmp_path: Path) -> None:
+    path = tmp_path / "many.json"
+    for values in (MOST_VALUES - 1, MOST_VALUES):  # and the list itself
+        path.write_text(f"[{','.join('0' * values)}]")
+        if values < MOST_VALUES:
+            assert len(read_json(path)) == values
+            continue
+        with pytest.raises(ValueError, match=f"it has more than {MOST_VALUES} values"):
+            read_json(path)
 
 
 @pytest.mark.parametrize("levels", [DEEPEST, DEEPEST + 1, LARGEST_TEXT // 10])

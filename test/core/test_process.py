@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What processes of a graph say of a machine that is short of something."""
+"""Messages of processes on a machine that is short of something."""
 
 from __future__ import annotations
 

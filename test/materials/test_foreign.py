@@ -144,6 +144,7 @@ def test_the_texture_grows_with_speed_and_force_to_its_own_strength(tmp_path: Pa
     [
         ({"a": [1.0, -1.01]}, "a: must have its roots inside the unit circle"),
         ({"a": [0.0, 1.0]}, "a: must have its roots"),
+        ({"a": [5e-324, 1e9]}, "a: must have its roots"),
         ({"b": []}, "b: must be 1 to"),
         ({"b": [0.0]}, "b: .*not all 0"),
         ({"b": "x"}, "b = 'x': must be a list"),

@@ -76,8 +76,13 @@ def read_discrete_model(path: Path) -> DiscreteModel:
     rate, delay = content.at("rate_hz").number(), content.at("delay_samples")
     sections = content.at("sections")
     rows = sections.array()
-    if rows.ndim != 2 or rows.shape[1] != 6 or not np.isfinite(rows).all():
-        sections.wrong("must be rows of six numbers")
+    if (
+        rows.ndim != 2
+        or rows.shape[1] != 6
+        or not np.isfinite(rows).all()
+        or np.any(rows[:, 3] != 1)
+    ):
+        sections.wrong("must be rows of six numbers, the fourth of them 1")
     if not all(np.abs(np.roots(row[3:])).max(initial=0.0) < 1.0 for row in rows):
         sections.wrong("must be stable")
     return DiscreteModel(rows, rate, delay.checked(1, Specification("delay", "", 0)))

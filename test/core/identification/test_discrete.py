@@ -156,6 +156,11 @@ def test_a_model_is_read_back_from_the_figures_of_an_identification(tmp_path: Pa
             '{"discrete_model": {"sections": [[1,0,0,1,-2,0]], "rate_hz": 1, "delay_samples": 1}}',
             "stable",
         ),
+        (
+            '{"discrete_model": {"sections": [[1,0,0,1e-300,1e300,0]], "rate_hz": 1,'
+            ' "delay_samples": 1}}',
+            "the fourth of them 1",
+        ),
     ],
 )
 def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str, reason: str) -> None:
