@@ -334,7 +334,7 @@ def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list
         problems.append(
             "does not say how it was made: controller and surface are unknown, and defaults"
             f" stand for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the actuator; ros2 bag"
-            " convert leaves that out: analyse the bag that was converted"
+            " convert leaves that out: analyse the original bag"
         )
     corner, actuator = HIGH_PASS_FREQUENCY, ActuatorParameters()
     options: dict[str, Any] = {}

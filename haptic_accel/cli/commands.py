@@ -87,7 +87,7 @@ SECTIONS = {
         "texture": "build, import, show and render models of textures",
     },
     "Machine": {
-        "keys": "make certificates for two hosts",
+        "keys": "make keys for two hosts",
         "bench": "measure latency, CPU, losses and tracking error",
         "doctor": "find causes of timing jitter on this machine and suggest fixes",
     },

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a running graph loads: nothing, for that would stop its loop at the wrong moment."""
+"""Loading of modules and files by a running graph: none, as it would stop the loop."""
 
 from __future__ import annotations
 

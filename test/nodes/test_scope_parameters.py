@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the scope takes from parameter events and diagnostics, whoever sends them."""
+"""Parameter events and diagnostics that the scope takes, whoever sends them."""
 
 from __future__ import annotations
 

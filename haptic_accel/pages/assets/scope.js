@@ -695,7 +695,7 @@
   // ---- Age of what is shown ---------------------------------------------------------------
 
   let shownAt = performance.now(); // when the last state was shown
-  let lost = false; // no state came for too long: what is shown may be so no more
+  let lost = false; // no state came for too long: what is shown may be out of date
   let trouble = ""; // reason, if it is known
 
   function showAge() {
