@@ -10,7 +10,9 @@ import resource
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -26,8 +28,21 @@ _ENDED = (-signal.SIGXCPU, -signal.SIGKILL, -signal.SIGALRM)
 """Exit statuses of a process that was ended because of its time."""
 
 
+_refusal: ContextVar[str] = ContextVar("_refusal", default="")
+
+
 class OutOfBoundsError(Exception):
     """Work took more time or memory than it may, or faulted; the message is one line."""
+
+
+@contextmanager
+def without_bounded_work(reason: str) -> Iterator[None]:
+    """Refuse such work for a reason, where nothing may wait for it."""
+    token = _refusal.set(reason)
+    try:
+        yield
+    finally:
+        _refusal.reset(token)
 
 
 def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
@@ -44,10 +59,12 @@ def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
     Raises
     ------
     ParameterError
-        As `bounded`'s work.
+        As `bounded`'s work, or nothing may wait for it here.
     OutOfBoundsError
         It took longer, or more memory, than it may.
     """
+    if reason := _refusal.get():
+        raise ParameterError(reason)
     with TemporaryDirectory(prefix="haptic_accel-") as folder:
         try:
             done = subprocess.run(

@@ -8,11 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from haptic_accel.core.bounded_work import without_bounded_work
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import parameter
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
 from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.materials.scenes import read_scene
+
+TOO_LONG = "takes longer than a running graph can wait: must be named at its start"
+"""Reason to refuse, for a running tool, a scene that moves or has a mesh that is no grid yet."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,7 @@ class VirtualSlave(SimulatedDevice):
         Raises
         ------
         ParameterError
-            Its file is not usable.
+            Its file is not usable, or would hold up the device while it is examined.
         """
-        self._rig.change_scene(read_scene(Path(parameters.scene)))
+        with without_bounded_work(TOO_LONG):
+            self._rig.change_scene(read_scene(Path(parameters.scene)))

@@ -44,5 +44,32 @@ def test_a_wrong_scene_is_refused_and_the_old_one_stays(tmp_path: Path) -> None:
         VirtualSlave(VirtualSlaveParameters(), 1000.0, 0)
 
 
+@pytest.mark.parametrize(
+    ("library", "file", "content", "scene"),
+    [
+        ("mujoco", "world.xml", "<mujoco/>", "mujoco: world.xml"),
+        (
+            "trimesh",
+            "part.obj",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3",
+            "{materials: {a: {}}, objects: {b: {shape: mesh, file: part.obj, material: a}}}",
+        ),
+    ],
+)
+def test_a_running_device_does_not_wait_for_a_scene_to_be_examined(
+    tmp_path: Path, library: str, file: str, content: str, scene: str
+) -> None:
+    pytest.importorskip(library)
+    (tmp_path / file).write_text(content)
+    (tmp_path / "new.yaml").write_text(scene)
+    device = pressed()
+    before = device.contact_force
+    with pytest.raises(
+        ParameterError, match=r"new\.yaml:1: .*: takes longer than a running graph"
+    ):
+        device.change(VirtualSlaveParameters(scene=str(tmp_path / "new.yaml")))
+    assert device.contact_force == before
+
+
 def test_what_can_be_changed_is_among_the_parameters() -> None:
     assert set(VirtualSlave.CHANGEABLE) <= set(schema(VirtualSlaveParameters))
