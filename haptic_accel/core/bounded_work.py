@@ -105,7 +105,9 @@ def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
         resource.RLIMIT_CORE: 0,
     }
     for kind, limit in limits.items():
-        resource.setrlimit(kind, (limit, resource.getrlimit(kind)[1]))
+        hard = resource.getrlimit(kind)[1]
+        lowest = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        resource.setrlimit(kind, (lowest, hard))
     # Even where it waits, such as for the other end of a pipe.
     signal.setitimer(signal.ITIMER_REAL, seconds + PATIENCE)
     try:

@@ -11,9 +11,11 @@ from typing import Any
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
+from haptic_accel.core.parameters import printable
+
 
 class NodeLogger(RcutilsLogger):
-    """A logger that names who logs a line from the stack alone.
+    """A logger that names who logs a line from the stack alone, and escapes control characters.
 
     rclpy's own asks `inspect`: that resolves the paths of all loaded modules at the first line,
     25 to 120 ms, and reads every source file from which a line comes. Its filters (``once``) are
@@ -29,6 +31,6 @@ class NodeLogger(RcutilsLogger):
             frame = frame.f_back
         code = frame.f_code
         rclpy_implementation.rclpy_logging_rcutils_log(
-            severity, self.name, message, code.co_name, code.co_filename, frame.f_lineno
+            severity, self.name, printable(message), code.co_name, code.co_filename, frame.f_lineno
         )
         return True

@@ -15,7 +15,7 @@ log = NodeLogger("arm")
 os.stat = os.lstat = None  # nothing is asked of the file system
 
 def speak():
-    return log.info("cold"), log.warning("hot"), log.warn("too hot"), log.debug("silent")
+    return log.info("cold"), log.warning("hot"), log.warn("too\\x1b hot\\n"), log.debug("silent")
 
 print(speak())
 """
@@ -35,6 +35,6 @@ def test_a_line_names_who_logs_it_without_a_look_at_files(tmp_path: Path) -> Non
     assert done.stderr.splitlines() == [
         "arm INFO speak 8 cold",
         "arm WARN speak 8 hot",
-        "arm WARN speak 8 too hot",
+        r"arm WARN speak 8 too\x1b hot\n",
     ]
     assert done.stdout.split() == ["(True,", "True,", "True,", "False)"]
