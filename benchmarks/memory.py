@@ -30,8 +30,9 @@ from haptic_accel.graph.supervisor import Supervisor
 SAMPLE_PERIOD = 1.0
 """Interval between readings of the memory, s."""
 
-SETTLED = 0.1
-"""Fraction of the time after which the start-up is over and growth is counted."""
+SETTLED, START_UP = 0.1, 7.0
+"""Fraction of the time, and time in s or half of a shorter run, after which the start-up is over
+and growth is counted: the recorder's buffers have grown to their size by then."""
 
 MOST_GROWTH = 5.0
 """Largest growth of a process that is accepted, MiB."""
@@ -84,7 +85,9 @@ class Memory:
         ParameterError
             The run was too short for two readings after that.
         """
-        settled = [t for t in self.moments if t >= SETTLED * self.moments[-1]]
+        last = self.moments[-1]
+        begin = max(SETTLED * last, min(START_UP, last / 2))
+        settled = [t for t in self.moments if t >= begin]
         if len(settled) < 2:
             raise ParameterError("seconds: too few to see memory grow")
         first = len(self.moments) - len(settled)
@@ -147,7 +150,7 @@ def memory(words: Sequence[str], *, seconds: float, json_file: Path | None) -> i
 
 def _table(used: Memory, growth: dict[str, float], opened: dict[str, int]) -> Table:
     table = Table(title=f"resident memory over {used.moments[-1]:.0f} s, MiB")
-    for heading in ("", "at the end", "growth since a tenth of the time", "more open files"):
+    for heading in ("", "at the end", "growth after start-up", "more open files"):
         table.add_column(heading, justify="right" if heading else "left")
     for name, sizes in used.resident.items():
         table.add_row(name, f"{sizes[-1]:.1f}", f"{growth[name]:+.2f}", str(opened[name]))
