@@ -75,9 +75,12 @@ class Bundle:
             self._since = time
         self._parts += _ENTRY.pack(time, index, len(message)), message
         self._size += _ENTRY.size + len(message)
+        return self.overdue(time) or self._size > LARGEST_BUNDLE
+
+    def overdue(self, time: int) -> bool:
+        """Return whether the first message has waited for a bundle's period at a time, ns."""
         # A clock that is set back must not hold messages back.
-        waits = 0 <= time - self._since < BUNDLE_PERIOD * NANOSECONDS
-        return not waits or self._size > LARGEST_BUNDLE
+        return not 0 <= time - self._since < BUNDLE_PERIOD * NANOSECONDS
 
     def take(self) -> bytes:
         """Return the packed bundle, and begin another; nothing if there is no message."""

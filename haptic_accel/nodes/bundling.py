@@ -75,7 +75,7 @@ class BundleSender:
         self._name = publisher.topic_name
         self._publish: Any = publisher.handle.publish_raw
         self.listening: Callable[[], int] = publisher.handle.get_subscription_count
-        node.create_timer(FLUSH_PERIOD, self.flush)
+        node.create_timer(FLUSH_PERIOD, self._flush_rest)
 
     def listeners(self, node: Node) -> set[tuple[bytes, str]]:
         """Return the `owner` of each subscriber."""
@@ -90,6 +90,10 @@ class BundleSender:
         """Publish what was collected."""
         if data := self._bundle.take():
             self._publish(data)
+
+    def _flush_rest(self) -> None:
+        if self._bundle.overdue(time.time_ns()):
+            self.flush()
 
     def leave(self, node: Node) -> None:
         """Publish what was collected, before a node is destroyed."""

@@ -17,6 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from haptic_accel.core.cdr import (
     STAMP_BYTES,
     StampedVector,
+    pack_diagnostics,
     unpack_stamped_vector,
     unpack_stamped_vectors,
     unpack_stamps,
@@ -33,6 +34,7 @@ numbers = st.floats(allow_nan=False)
 vectors = st.tuples(numbers, numbers, numbers)
 stamps = st.integers(0, 2**31 * 10**9 - 1)
 frames = st.text(st.characters(codec="ascii", exclude_characters="\0"))
+texts = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]))
 one_of_each_type = st.sampled_from(
     list({topic.type: topic for topic in (*SIGNALS, MASTER_WORK)}.values())
 )
@@ -51,6 +53,21 @@ def arrays(messages: list[bytes]) -> tuple[list[int], list[list[float]], list[bo
         block, starts.astype(np.int64), ends.astype(np.int64)
     )
     return found.tolist(), values.tolist(), formed.tolist()
+
+
+@given(stamps, st.tuples(texts, texts, texts), st.dictionaries(texts, texts))
+def test_diagnostics_are_the_message_in_the_other_programs_bytes(
+    stamp: int, texts: tuple[str, str, str], values: dict[str, str]
+) -> None:
+    packed = pack_diagnostics(stamp, 1, *texts, values)
+    read = TYPES.deserialize_cdr(packed, "diagnostic_msgs/msg/DiagnosticArray")
+    sec, nanosec = divmod(stamp, 10**9)
+    assert (read.header.stamp.sec, read.header.stamp.nanosec) == (sec, nanosec)
+    (status,) = read.status
+    assert (status.level, status.name, status.message, status.hardware_id) == (1, *texts)
+    assert [(pair.key, pair.value) for pair in status.values] == list(values.items())
+    again = TYPES.serialize_cdr(read, "diagnostic_msgs/msg/DiagnosticArray")
+    assert bytes(again) == packed
 
 
 @given(topics, stamps, vectors)
