@@ -19,8 +19,7 @@ from haptic_accel.cli.tables import Column, Row, print_results
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import Vector
 from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.two_arms import ENGAGING, RATE, Instant, couple, free, press, stroke, wall
-from haptic_accel.core.two_hosts import TwoHosts
+from haptic_accel.core.two_arms import ENGAGING, RATE, Instant, TwoArms, free, press, stroke, wall
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
 
@@ -137,12 +136,12 @@ def _run(
     around: Callable[[Vector, Vector], Vector],
 ) -> list[Instant]:
     parameters = PassiveParameters(law=condition.law)
-    hosts = TwoHosts(parameters, condition.before or condition.network, RATE)
+    arms = TwoArms(parameters, condition.before or condition.network, path, around)
     found = []
-    for at in couple(hosts, path, around, DURATION):
+    for at in arms.move(DURATION):
         found.append(at)
         if len(found) == CHANGE_TIME * RATE:
-            for channel in hosts.channels:
+            for channel in arms.hosts.channels:
                 channel.parameters = condition.network
     return found
 
@@ -175,7 +174,7 @@ def random_energy(seed: int) -> float:
     )
     dark = ENGAGING + TRIAL_DURATION * chance.random()
     blackouts = [(dark, dark + 0.3 * chance.random())]
-    hosts = TwoHosts(parameters, some(), RATE, seed=seed, blackouts=blackouts)
+    network = some()
     swings = [(0.05 * chance.random() / f, 2 * math.pi * f) for f in (0.7, 2.0, 5.0)]
 
     def path(time: float) -> Vector:
@@ -183,11 +182,12 @@ def random_energy(seed: int) -> float:
         return x, y, z
 
     around = chance.choice([free, wall(chance.uniform(100, 5000), chance.uniform(-0.01, 0.0))])
+    arms = TwoArms(parameters, network, path, around, seed, blackouts)
     most = 0.0
-    for at in couple(hosts, path, around, ENGAGING + TRIAL_DURATION):
+    for at in arms.move(ENGAGING + TRIAL_DURATION):
         most = max(most, at.given)
         if chance.random() < CHANGES:
-            chance.choice(hosts.channels).parameters = some()
+            chance.choice(arms.hosts.channels).parameters = some()
     return most / (2 * parameters.energy)
 
 

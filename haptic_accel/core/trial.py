@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from haptic_accel.core.control.filters import (
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
-from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
 from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
@@ -35,10 +35,11 @@ from haptic_accel.core.identification.stops import LIMITED
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.loop.coupling import CouplingPart
-from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, rig_side
+from haptic_accel.core.loop.device_side import ACTUATOR, ARM, rig_side
+from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
 from haptic_accel.core.model import ZERO, FloatArray, HandleParameters
 from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.network.playout import TRUE, WAITING, Played
+from haptic_accel.core.network.playout import Played
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
@@ -48,7 +49,7 @@ from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
 from haptic_accel.core.topics import along_actuator
 from haptic_accel.core.track import ReplayRig, Track
-from haptic_accel.core.two_hosts import Crossed, TwoHosts
+from haptic_accel.core.two_hosts import TwoHosts
 
 DEFAULT_RATE = 1000.0
 """Samples per second of the paper's servo loop."""
@@ -322,28 +323,20 @@ def run_trial(
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
     crossings: list[Crossed] = []
-    arms = (
-        _OneHost(rig.coupled(rate, latency), rate)
-        if channel is None
-        else TwoHosts(rig.passive(law), channel, rate, latency, seed, blackouts)
-    )
     rigs = MasterRig(rig.master, rate, seed), slave
-    safety = rig.safety
-    samples = _samples(
-        rigs,
-        (
-            rig_side(rigs[0], safety[0], rate, latency),
-            rig_side(slave, safety[1], rate, latency, (ARM,)),
-        ),
-        arms,
-        Compensation(around, rate, controllers, latency=latency),
-        rate,
-        time.tolist(),
-        latency,
-        deque(grips),
-        warnings,
-        None if channel is None else crossings,
+    master_limits, slave_limits = rig.safety
+    sides = {
+        MASTER: rig_side(rigs[0], master_limits, rate, latency),
+        SLAVE: rig_side(slave, slave_limits, rate, latency, (ARM,)),
+    }
+    controlled = Compensation(around, rate, controllers, latency=latency)
+    part = CompensationPart(controlled, rate, latency)
+    hosts = (
+        HostLoop(sides, _coupling(rig, rate, latency), part)
+        if channel is None
+        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts)
     )
+    samples = _samples(rigs, hosts, controlled, time.tolist(), deque(grips), warnings, crossings)
     # Number by number: an array takes three times as long to read tuples of tuples.
     rows = np.fromiter(chain.from_iterable(samples), float).reshape(len(time), -1)
     tool, desired, handle, force = rows[:, :_SIGNALS].T.copy()
@@ -378,32 +371,20 @@ def _crossed(
     return Crossing(played, (count - places) / rate, kinds, energy), aligned
 
 
-class _OneHost:
-    """Both arms on one host, with nothing between them."""
+class Crossed(NamedTuple):
+    """Sample that was played at the master, its time in samples, and both accounts, J."""
 
-    def __init__(self, coupling: PositionPositionCoupling | PassivePair, rate: float) -> None:
-        self._part = CouplingPart(coupling, rate, longest=1)
-        self._engagement = Engagement(EngagementParameters(), now=0.0)
-        for arm in topics.ARMS:
-            self._engagement.arm_stopped(arm, False)
+    played: Played
+    position: float
+    energy: tuple[float, float]
 
-    def sample(self, time: float, handle: Motion, tool: Motion, acceleration: float) -> Crossed:
-        """Take a sample of both arms, and the tool's acceleration."""
-        self._part.put(0, handle)
-        self._part.put(1, tool)
-        if self._engagement.due(time):
-            for arm in topics.ARMS:
-                self._engagement.position_received(arm, time)
-            decision = self._engagement.step(time, listeners=1)
-            if decision.release:
-                self._part.disengage()
-            if decision.engage:
-                self._part.engage()
-        played = Played(acceleration, TRUE)
-        for caused in self._part.step():
-            if caused:
-                return Crossed(caused.on_master, caused.on_slave, played)
-        return Crossed(ZERO, ZERO, played)
+
+def _coupling(rig: RigParameters, rate: float, latency: int) -> CouplingPart:
+    """Return the coupling of both arms on one host, whose devices are not stopped."""
+    engagement = Engagement(EngagementParameters(), now=0.0)
+    for arm in topics.ARMS:
+        engagement.arm_stopped(arm, False)
+    return CouplingPart(rig.coupled(rate, latency), engagement, rate)
 
 
 _SIGNALS = 4
@@ -423,57 +404,33 @@ def _arms(slave: Rig) -> list[str]:
 
 def _samples(
     rigs: tuple[MasterRig, Rig],
-    sides: tuple[DeviceSide, DeviceSide],
-    arms: _OneHost | TwoHosts,
+    hosts: HostLoop | TwoHosts,
     compensation: Compensation,
-    rate: float,
     times: Sequence[float],
-    latency: int,
     grips: deque[GripChange],
     warnings: list[Warned],
-    crossings: list[Crossed] | None,
+    crossings: list[Crossed],
 ) -> Iterator[tuple[float, ...]]:
     """Yield the signals of each sample in the order of `Trial`, then the arms' vectors.
 
-    Adds to the warnings as the compensator's change, and to the crossings where they are wanted.
+    Adds to the warnings as the compensator's change, and to the crossings of two hosts.
     """
     master, slave = rigs
-    part = CompensationPart(compensation, rate, latency, longest=1)
-    period = round(NANOSECONDS / rate)
+    loops = [hosts] if isinstance(hosts, HostLoop) else list(hosts.loops.values())
     touching = slave if isinstance(slave, VirtualRig) else None
-    looked, words, lost = 0.0, "", 0
+    looked, words = 0.0, ""
     for tick, time in enumerate(times):
         if grips and grips[0][0] <= time:
             master.advance(time)
             master.change_grip(grips.popleft()[1])
-        for side in sides:
-            side.begin(tick)
-        (_, handle, master_work), (_, tool, slave_work) = (next(side.read()) for side in sides)
-        contact = touching.contact_force if touching else ()
-        stamp = round(tick * NANOSECONDS / rate)
-        crossed = arms.sample(
-            time,
-            Motion(stamp, handle.position, handle.velocity, sum(master_work)),
-            Motion(stamp, tool.position, tool.velocity, sum(slave_work)),
-            tool.acceleration,
-        )
-        on_master, on_slave, played = crossed[:3]
-        if crossings is not None:
-            crossings.append(crossed)
-        desired = force = 0.0
-        lost += 1
-        if played.kind != WAITING:
-            part.put_tool(stamp, played.value, lost - 1)
-            lost = 0
-        for caused in part.forces(stamp + (latency + 1) * period):
-            _, desired, force = caused
-        part.put_handle(stamp, handle.acceleration)
-        sides[0].command(ACTUATOR, stamp, along_actuator(force))
-        for side, pull in zip(sides, crossed[:2], strict=True):
-            if pull is not None:
-                side.command(ARM, stamp, pull)
-            side.apply()
-            side.watch()
+        hosts.step(tick)
+        (_, (_, handle, _)), (_, (_, tool, _)) = (each for loop in loops for each in loop.samples)
+        forces = {pull.arm: pull.force for loop in loops for pull in loop.pulls}
+        felt = loops[0].felt
+        _, desired, force = felt[-1] if felt else (0, 0.0, 0.0)
+        if isinstance(hosts, TwoHosts):
+            played = hosts.halves[MASTER].played
+            crossings.append(Crossed(played, hosts.position, hosts.energy))
         if time >= looked + LOOK:
             looked, (now, _) = time, compensation.status()
             if now != words:
@@ -481,9 +438,9 @@ def _samples(
                 warnings.append((time, words))
         yield (
             *(tool.acceleration, desired, handle.acceleration, force),
-            *(*handle.position, *handle.velocity, *(on_master or ZERO)),
-            *(*tool.position, *tool.velocity, *(on_slave or ZERO)),
-            *contact,
+            *(*handle.position, *handle.velocity, *forces.get(MASTER, ZERO)),
+            *(*tool.position, *tool.velocity, *forces.get(SLAVE, ZERO)),
+            *(touching.contact_force if touching else ()),
         )
 
 

@@ -6,14 +6,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from haptic_accel.core.actuator.safety import SafetyParameters
-from haptic_accel.core.coupling.pairing import Motion
+from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.loop.device_side import ARM, rig_side
 from haptic_accel.core.model import ZERO, Sample, Vector
-from haptic_accel.core.sampling import LATENCY, NANOSECONDS
+from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.sampling import LATENCY
+from haptic_accel.core.topics import ARMS
 from haptic_accel.core.two_hosts import TwoHosts
 
 RATE = 1000.0
@@ -152,42 +154,54 @@ class Instant:
     given: float
 
 
-def couple(
-    hosts: TwoHosts, path: Path, around_slave: Around, duration: float
-) -> Iterator[Instant]:
-    """Yield sample by sample how two arms move that two hosts couple.
-
-    The arms' safety layers have their default limits, which no law's default forces reach.
+class TwoArms:
+    """Two arms that two hosts couple, with default limits that no law's default forces reach.
 
     Parameters
     ----------
-    hosts : TwoHosts
-        At `RATE` and `LATENCY`.
+    parameters : PassiveParameters
+    network : ChannelParameters
+        Channels of both directions, at `RATE` and `LATENCY`.
     path : callable
         Place of the hand at the master, which begins after `ENGAGING`.
     around_slave : callable
         Surface or scene that the slave meets.
-    duration : float
-        s.
+    seed, blackouts
+        As for `TwoHosts`.
+
+    Attributes
+    ----------
+    hosts : TwoHosts
     """
-    hand = Hand(path)
-    sides = [
-        rig_side(PointMass(around), SafetyParameters(), RATE, LATENCY, [ARM])
-        for around in (hand, around_slave)
-    ]
-    for tick in range(round(duration * RATE)):
-        stamp = round(tick * NANOSECONDS / RATE)
-        for side in sides:
-            side.begin(tick)
-        master, slave = (
-            Motion(stamp, *arm[:2], sum(work)) for side in sides for _, arm, work in side.read()
-        )
-        given = (master.work or 0.0) + (slave.work or 0.0)
-        yield Instant(master.position, slave.position, math.hypot(*slave.velocity), given)
-        forces = hosts.sample(tick / RATE, master, slave)[:2]
-        hand.lead(max(0.0, tick / RATE - ENGAGING))
-        for side, force in zip(sides, forces, strict=True):
-            if force is not None:
-                side.command(ARM, stamp, force)
-            side.apply()
-            side.watch()
+
+    def __init__(
+        self,
+        parameters: PassiveParameters,
+        network: ChannelParameters,
+        path: Path,
+        around_slave: Around,
+        seed: int = 0,
+        blackouts: Sequence[tuple[float, float]] = (),
+    ) -> None:
+        self._hand = Hand(path)
+        surroundings: tuple[Around, Around] = (self._hand, around_slave)
+        sides = {
+            arm: rig_side(PointMass(around), SafetyParameters(), RATE, LATENCY, [ARM])
+            for arm, around in zip(ARMS, surroundings, strict=True)
+        }
+        self.hosts = TwoHosts(parameters, network, sides, seed=seed, blackouts=blackouts)
+
+    def move(self, duration: float) -> Iterator[Instant]:
+        """Yield sample by sample how the arms move for a time in s."""
+        for tick in range(round(duration * RATE)):
+            self.hosts.step(tick)
+            (_, master), (_, slave) = (
+                sample for loop in self.hosts.loops.values() for sample in loop.samples
+            )
+            yield Instant(
+                master.sample.position,
+                slave.sample.position,
+                math.hypot(*slave.sample.velocity),
+                sum(master.work) + sum(slave.work),
+            )
+            self._hand.lead(max(0.0, tick / RATE - ENGAGING))

@@ -15,11 +15,12 @@ from operator import attrgetter
 from pathlib import Path
 
 from haptic_accel.core.actuator.safety import SafetyLayer, SafetyParameters
-from haptic_accel.core.coupling.pairing import Motion
+from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.device_side import ARM, DeviceSide
-from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.loop.wiring import HostLoop
+from haptic_accel.core.topics import ARMS
 from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, Identity
 from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG, Faults
@@ -214,8 +215,12 @@ class CoupledArms:
         coupling: PositionPositionCoupling,
     ) -> None:
         self._boards = boards
-        self._sides = [_side(device) for device in devices]
-        self._part = CouplingPart(coupling, 1 / STEP, longest=1)
+        sides = dict(zip(ARMS, map(_side, devices), strict=True))
+        engagement = Engagement(EngagementParameters(), now=0.0)
+        for arm in ARMS:
+            engagement.arm_stopped(arm, False)
+        self._part = CouplingPart(coupling, engagement, 1 / STEP)
+        self._loop = HostLoop(sides, self._part, decide=self._couple)
         self._tick = 0
         self.coupled = False
 
@@ -230,25 +235,15 @@ class CoupledArms:
 
     def step(self) -> None:
         """Exchange the forces of the arms."""
-        tick = self._tick
+        self._loop.step(self._tick)
         self._tick += 1
-        stamp = round(tick * STEP * NANOSECONDS)
-        for index, side in enumerate(self._sides):
-            side.begin(tick)
-            for _, arm, _ in side.read():
-                self._part.put(index, Motion(stamp, arm.position, arm.velocity))
+
+    def _couple(self, now: float) -> None:
+        """Couple the arms, once and for all, when both boards are sampled."""
         if not self.coupled and all(board.rate for board in self._boards):
-            self.coupled = True
-            self._part.engage()
-            for board in self._boards:
+            self.coupled = self._part.look(now, listeners=1).engage
+            for board in self._boards if self.coupled else ():
                 board.faults.begin()
-        for caused in self._part.step():
-            if caused:
-                for side, force in zip(self._sides, caused[2:], strict=True):
-                    side.command(ARM, stamp, force)
-        for side in self._sides:
-            side.apply()
-            side.watch()
 
 
 def _side(device: SimulatedDevice) -> DeviceSide:

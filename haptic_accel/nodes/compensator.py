@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-import math
 import time
+from collections.abc import Iterable
 from typing import Any
 
 # Loaded now, so that it is there when other nodes see this one: designing a filter needs it.
@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from haptic_accel.core import topics
 from haptic_accel.core.control.compensation import PLANT, Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.loop.compensation import CompensationPart
+from haptic_accel.core.loop.compensation import Caused, CompensationPart
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.nodes.interface import GraphNode
@@ -45,7 +45,7 @@ class Compensator(GraphNode):
         )
         if doubt := self.options[PLANT].doubt:
             self.get_logger().warning(f"plant: {doubt}; then run identify again")
-        self._part = CompensationPart(
+        self.part = CompensationPart(
             self._compensation, p.rate, p.latency, round(CATCH_UP * p.rate)
         )
         self._handles = self.samples(topics.HANDLE_ACCELERATION, p.rate)
@@ -60,17 +60,18 @@ class Compensator(GraphNode):
         came = False
         for stamp, acceleration in self._tools.take():
             came = True
-            lost = self._tools.succession.skipped
-            self._part.put_tool(stamp, acceleration[ACTUATOR_AXIS], lost)
-        if self._part.waiting:
+            self.part.put_tool(stamp, acceleration[ACTUATOR_AXIS])
+        if self.part.waiting:
             for stamp, acceleration in self._handles.take():
-                self._part.put_handle(stamp, acceleration[ACTUATOR_AXIS])
-            for stamp, desired, force in self._part.forces(time.time_ns()):
-                self._send_force(stamp, along_actuator(force))
-                self._send_desired(stamp, along_actuator(desired))
-        if self._tools.fed and not self._part.waiting:  # by a node here, whose tick wakes it
-            return math.inf
-        return self._arrivals.looked(found=came and not self._part.waiting)
+                self.part.put_handle(stamp, acceleration[ACTUATOR_AXIS])
+            self.publish(self.part.forces(time.time_ns()), offset=0)
+        return self._arrivals.looked(found=came and not self.part.waiting)
+
+    def publish(self, felt: Iterable[Caused], offset: int) -> None:
+        """Publish forces, whose stamps are by an offset in ns behind system time."""
+        for stamp, desired, force in felt:
+            self._send_force(stamp + offset, along_actuator(force))
+            self._send_desired(stamp + offset, along_actuator(desired))
 
     def close(self) -> None:
         """Leave the actuator without force."""
@@ -78,7 +79,7 @@ class Compensator(GraphNode):
 
     def start_anew(self) -> None:
         """Forget the samples that wait."""
-        self._part.clear()
+        self.part.clear()
 
     def change(self, values: dict[str, Any]) -> None:
         """Switch the controller, or stop or resume adaptation."""
@@ -90,13 +91,12 @@ class Compensator(GraphNode):
     def status(self) -> tuple[str, dict[str, str]]:
         """Return counts of lost, limited and refused samples, and the controller's values."""
         warning, values = self._compensation.status()
-        tool = self._tools.succession
         return warning, {
-            "samples": str(self._part.samples),
-            "lost": str(tool.lost),
-            "bridged": str(self._part.bridged),
-            "without the handle's sample": str(self._part.without),
-            "out of order": str(tool.stale),
+            "samples": str(self.part.samples),
+            "lost": str(self.part.lost),
+            "bridged": str(self.part.bridged),
+            "without the handle's sample": str(self.part.without),
+            "out of order": str(self._tools.succession.stale),
             **values,
         }
 

@@ -9,18 +9,28 @@ ends all. The recorder stays apart, so that writing delays no force.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.coupler import Coupler
+from haptic_accel.nodes.loop_runner import LoopRunner
 from haptic_accel.nodes.master_device import MasterDevice
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.slave_device import SlaveDevice
+
+
+def join(nodes: Sequence[Any]) -> LoopRunner:
+    """Return the loop of the nodes, in the order of `main`."""
+    master, slave, coupler, compensator = nodes
+    return LoopRunner((master, slave), coupler, compensator)
 
 
 def main() -> None:
     """Run the nodes."""
     # The order of lockstep: both arms are sampled first, the one that is held before the other;
     # what they cause is due at the next tick.
-    run("composed", MasterDevice, SlaveDevice, Coupler, Compensator)
+    run("composed", MasterDevice, SlaveDevice, Coupler, Compensator, join=join)
 
 
 if __name__ == "__main__":

@@ -6,10 +6,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-from haptic_accel.core.coupling.engagement import Decision, Engagement
+from haptic_accel.core.coupling.engagement import Engagement
 from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
 from haptic_accel.core.coupling.position_position import (
     FADE_TIME,
@@ -17,10 +18,11 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.loop.coupling import CouplingPart
+from haptic_accel.core.loop.wiring import Pull, Tool
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.topics import ARMS
 from haptic_accel.graph.node_parameters import PASSIVE
-from haptic_accel.nodes.coupling_node import ARM_TOPICS, MASTER, SLAVE, CouplingNode, Motions
+from haptic_accel.nodes.coupling_node import ARM_TOPICS, CouplingNode, Motions
 from haptic_accel.nodes.scheduling import CATCH_UP, run
 
 
@@ -33,7 +35,8 @@ class Coupler(CouplingNode):
         self._passive = PassivePair(p, rate, p.latency) if p.coupling == PASSIVE else None
         self._coupling = self._passive or PositionPositionCoupling(p)
         self._changed = False
-        self._part = CouplingPart(self._coupling, rate, round(CATCH_UP * rate))
+        longest = round(CATCH_UP * rate)
+        self.part: CouplingPart = CouplingPart(self._coupling, self.engagement, rate, longest)
         self._motions = {
             arm: Motions(
                 self.samples(signals.position, rate),
@@ -47,18 +50,13 @@ class Coupler(CouplingNode):
     def _damped(self) -> bool:
         return bool(self._passive or self.parameters.damping > 0)
 
-    @property
-    def fed(self) -> bool:
-        """True while both arms are sampled in this process."""
-        return all(motions.fed for motions in self._motions.values())
-
     def build_engagement(self, now: float) -> Engagement:
         """Return the engagement of both arms."""
         return Engagement(self.parameters, now)
 
     def start_anew(self) -> None:
         """Forget the samples that wait."""
-        self._part.clear()
+        self.part.clear()
         for motions in self._motions.values():
             motions.clear()
 
@@ -77,8 +75,8 @@ class Coupler(CouplingNode):
     def status(self) -> tuple[str, dict[str, str]]:
         """Return whether the arms are coupled, and the accounts of energy."""
         values = {
-            "engaged": str(self._part.engaged).lower(),
-            "positions held": str(self._part.held),
+            "engaged": str(self.part.engaged).lower(),
+            "positions held": str(self.part.held),
         }
         for arm, half in zip(ARMS, self._passive.halves, strict=True) if self._passive else ():
             values |= {
@@ -89,31 +87,23 @@ class Coupler(CouplingNode):
 
     def couple(self) -> bool:
         """Send the forces of every tick whose samples are there; return if none is incomplete."""
-        coupled = False
-        for index, motions in enumerate(self._motions.values()):
+        came = False
+        for arm, motions in self._motions.items():
             for motion in motions.take():
-                self.engagement.position_received(ARMS[index], time.monotonic())
-                self._part.put(index, motion)
-        for caused in self._part.step():
-            coupled = True
-            if caused:
-                self.forces[MASTER].send(caused.slave.stamp, caused.on_master)
-                self.forces[SLAVE].send(caused.master.stamp, caused.on_slave)
-        return coupled and not self._part.waiting
+                came = True
+                self.part.put(arm, motion, time.monotonic())
+        self.publish((), self.part.pulls(), offset=0)
+        return came and not self.part.waiting
 
-    def decide(self, now: float) -> Decision:
-        """Couple the arms with the next samples of both, or uncouple them."""
-        decision = self.engagement.step(now, self.listeners)
-        if decision.release:
-            self._part.disengage()
-        if decision.engage:
-            self._part.engage()
-        return decision
+    def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
+        """Publish forces; the samples of the tool are the slave device's."""
+        for arm, stamp, force in pulls:
+            self.forces[arm].send(stamp + offset, force)
 
     def prepare(self) -> None:
         """Begin to turn the gains into new ones; a damper waits for velocities."""
         velocities = [motions.velocity for motions in self._motions.values()]
-        flowing = all(each and each.flowing for each in velocities)
+        flowing = self.sides or all(each and each.flowing for each in velocities)
         if self._changed and (flowing or not self._damped):
             self._changed = False
             self._coupling.change(self.parameters, round(FADE_TIME * self.parameters.rate))

@@ -8,13 +8,17 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from std_srvs.srv import SetBool
 
 from haptic_accel.core import topics
-from haptic_accel.core.coupling.engagement import Decision, Engagement
+from haptic_accel.core.coupling.engagement import Engagement
 from haptic_accel.core.coupling.pairing import Motion
+from haptic_accel.core.loop.coupling import CouplingPart
+from haptic_accel.core.loop.device_side import DeviceSide
+from haptic_accel.core.loop.half_coupling import HalfCouplingPart
+from haptic_accel.core.loop.wiring import Pull, Tool, release
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.nodes.interface import GraphNode, Inbox, Samples
 from haptic_accel.nodes.scheduling import ArrivalKeeper
@@ -111,11 +115,6 @@ class Motions:
             yield Motion(stamp, position, velocity, work)
 
     @property
-    def fed(self) -> bool:
-        """True while the positions are sent in this process."""
-        return self._arriving.fed
-
-    @property
     def waiting(self) -> bool:
         """True while a position waits for what is joined with it."""
         return bool(self._positions)
@@ -138,7 +137,17 @@ class CouplingNode(GraphNode):
     ----------
     changeable : collection of str
         As for `GraphNode`.
+
+    Attributes
+    ----------
+    part : Coupling
+        Set by a subclass.
+    sides : mapping of str to DeviceSide
+        Devices that share the loop of this process; none if it has none. Then the loop takes their
+        samples and forces through the part, and calls `exchange`, `step` and `publish`.
     """
+
+    part: CouplingPart | HalfCouplingPart
 
     task = "coupling"
 
@@ -148,6 +157,7 @@ class CouplingNode(GraphNode):
         super().__init__("coupler", changeable)
         self.engagement = self.build_engagement(time.monotonic())
         self.forces = {arm: self.sender(ARM_TOPICS[arm].arm_force) for arm in self.engagement.arms}
+        self.sides: Mapping[str, DeviceSide] = {}
         self._arrivals = ArrivalKeeper(self.parameters.rate)
         self._aside = False
         # Until the first message only: each costs the compensator a little.
@@ -167,14 +177,19 @@ class CouplingNode(GraphNode):
     def couple(self) -> bool:
         """Send the forces of every sample that is complete; return if none waits."""
 
-    @property
-    @abstractmethod
-    def fed(self) -> bool:
-        """True while all arms of this host are sampled in this process."""
+    def exchange(self, now: float, offset: int) -> None:
+        """Exchange packets with the peer before a tick at a time in s; nothing without a peer.
+
+        Parameters
+        ----------
+        now : float
+        offset : int
+            System time minus steady time, ns.
+        """
 
     @abstractmethod
-    def decide(self, now: float) -> Decision:
-        """Couple or uncouple the arms, as the engagement decides at a time in s."""
+    def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
+        """Publish what the loop of this process did; arguments as for `exchange`."""
 
     def prepare(self) -> None:
         """Do what is due before each decision to engage."""
@@ -183,27 +198,23 @@ class CouplingNode(GraphNode):
         """Leave the arms without force."""
         self._let_go()
 
-    def report(self) -> None:
-        """Publish the diagnostics, and whether all is stopped."""
+    def repeat_states(self) -> None:
+        """Publish whether all is stopped."""
         self._stop.tell()
-        super().report()
 
     def work(self) -> float:
         """Follow the emergency stop, engage or release, and couple the samples that came."""
         if (now := time.monotonic()) >= self._stop_due:
             self._stop_due = now + LOOK_PERIOD
-            self._follow_stop()
+            self.follow_stop()
         if self.engagement.due(now):
             self.step()
-        complete = self.couple()
-        if self.fed:  # by a node of this process, whose tick wakes it
-            return self._stop_due
-        return self._arrivals.looked(found=complete)
+        return self._arrivals.looked(found=self.couple())
 
     def stop_forces(self) -> None:
         """Stop all, and let the arms go."""
         self.engagement.stop.stop()
-        self._follow_stop()
+        self.follow_stop()
 
     def missing(self) -> str:
         """Return what engaging waits for, or what has gone; empty when all is there."""
@@ -216,15 +227,18 @@ class CouplingNode(GraphNode):
 
     def step(self) -> None:
         """Engage, release, or end, as things are now."""
-        self.couple()
+        if not self.sides:
+            self.couple()
         self._step_aside(self.engagement.aside(time.monotonic()))
         self.prepare()
-        if self._first_force and self._first_force.take_vectors():
-            self._first_force.leave()
-            self._first_force = None
-            self.engagement.force_received()
-            return  # that took a while: engaging waits for the next call
-        decision = self.decide(time.monotonic())
+        if self._first_force:
+            if self._first_force.take_vectors():
+                self.engagement.force_received()
+            if self.engagement.compensated:
+                self._first_force.leave()
+                self._first_force = None
+                return  # that took a while: engaging waits for the next call
+        decision = self.part.look(time.monotonic(), self.listeners)
         if decision.release:
             self._let_go()
         if decision.warning:
@@ -235,6 +249,7 @@ class CouplingNode(GraphNode):
             self.finish(f"duration of {self.parameters.duration:g} s is over")
 
     def _let_go(self) -> None:
+        release(self.sides, time.monotonic())
         now = time.time_ns()
         for force in () if self._aside else self.forces.values():
             force.send(now, ZERO)
@@ -246,7 +261,7 @@ class CouplingNode(GraphNode):
             for force in self.forces.values():
                 force.withdraw() if aside else force.offer()
 
-    def _follow_stop(self) -> None:
+    def follow_stop(self) -> None:
         """Act at once where the emergency stop has changed, whoever asked for it."""
         for arm, inbox in self._arm_stops.items():
             for stopped in self.states(inbox):

@@ -17,23 +17,17 @@ from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
 from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, Taken
-from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ArmTopics, along_actuator
-from haptic_accel.devices import Device, DeviceError, Sample
+from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY
 from haptic_accel.nodes.crtk import Motions, OperatingState, Queries
 from haptic_accel.nodes.joint_states import JointStates
+from haptic_accel.nodes.loop_runner import LoopRunner
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
-from haptic_accel.nodes.scheduling import (
-    FORCES_TIME,
-    ArrivalKeeper,
-    RateKeeper,
-    system_time,
-    wake_time,
-)
-from haptic_accel.nodes.stopping import LOOK_PERIOD, StopWords
+from haptic_accel.nodes.scheduling import RateKeeper
+from haptic_accel.nodes.stopping import StopWords
 
 MANY_MISSED = 0.01
 """Share of missed deadlines between two reports above which diagnostics warn."""
@@ -64,7 +58,19 @@ class DeviceNode(ManagedNode):
     devices : dict
         Device classes by name.
     arm : ArmTopics
+
+    Attributes
+    ----------
+    arm : str
+    side : DeviceSide
+        Its part of the loop.
+    offset : int
+        System time minus steady time at the last tick, ns.
+    rate_keeper : RateKeeper
+        Ticks of its loop.
     """
+
+    rate_keeper: RateKeeper
 
     task = "sampling"
 
@@ -84,18 +90,13 @@ class DeviceNode(ManagedNode):
         self._options_name = self._kind.PARAMETERS_OF or p.device
         self.device = self._build_device()
         self.safety = SafetyLayer(self.options[SAFETY], p.rate)
-        self._lead = wake_time() + FORCES_TIME
-        self.begin()
-        self._sampling = False
-        self._offset = 0
-        self._wake = steady_now()
-        self._read_now: list[tuple[int, Taken, Vector | None]] = []
-        self._follows = self._used = self._starting = self._warned = self._settled = False
+        self.arm = arm.position.source
+        self.offset = 0
+        self._used = self._starting = self._warned = self._settled = False
         self._failure: Exception | None = None
         self._reported_unread = 0
         self._reported_deadlines = 0, 0
         self._stop = EmergencyStop(steady_now())
-        self._stop_due = 0.0
         self._acceleration, self._position, self._velocity = (
             # What makes the felt force goes first.
             self.sender(topic)
@@ -114,7 +115,7 @@ class DeviceNode(ManagedNode):
         self._points = self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.POINTED else None
         self._queries = Queries(self, arm)
         self._motions = Motions(self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm)
-        self._side = DeviceSide(
+        self.side = DeviceSide(
             self.device,
             self.safety,
             p.rate,
@@ -123,7 +124,11 @@ class DeviceNode(ManagedNode):
             kinds=tuple(self._inboxes),
             ahead=(ACTUATOR,) if self.device.AHEAD else (),
             servo=self._motions.servo,
+            receive=self._receive,
         )
+        self.side.sampling = False
+        self._runner = LoopRunner([self])
+        self.begin()
         self._operating = OperatingState(self, arm, self.safety, self._fault, self._arm_again)
         self._stop_words = StopWords(self)
         self._coupler_stops = self.inbox(topics.COUPLER_STOPPED)
@@ -145,9 +150,7 @@ class DeviceNode(ManagedNode):
                 self.get_logger().info(self.device.remark)
             if self.device.unguarded:
                 self.get_logger().warning(self.device.unguarded)
-            self.begin()
-            self._side.start(self.device)
-            self._sampling = True
+            self.side.start(self.device)
         except Exception as error:  # rclpy would keep it to itself
             self._failure = error
             if not self._starting:  # otherwise the process ends with this line
@@ -165,7 +168,7 @@ class DeviceNode(ManagedNode):
         """Take all forces off, and allow none."""
         self.safety.enable(steady_now(), False)
         try:
-            self._side.take_off()
+            self.side.take_off()
         except (DeviceError, OSError) as error:
             self.get_logger().error(f"{error}: device closed")
             return Outcome.ERROR
@@ -208,17 +211,16 @@ class DeviceNode(ManagedNode):
 
     def say_farewell(self) -> None:
         """Log the missed deadlines, and publish the last diagnostics."""
-        due, missed = self._side.deadlines
+        due, missed = self.side.deadlines
         if due:
             self.get_logger().info(
                 f"{missed} of {due} forces missed their deadline;"
-                f" the latest came {1e3 * self._side.longest:.1f} ms after it"
+                f" the latest came {1e3 * self.side.longest:.1f} ms after it"
             )
         super().say_farewell()
 
-    def report(self) -> None:
-        """Publish the diagnostics, and the states of device and arm."""
-        super().report()
+    def repeat_states(self) -> None:
+        """Publish the states of device and arm."""
         self._operating.report(again=True)
         if self._settled:
             self._publish_stopped(Bool(data=self.safety.stopped))
@@ -232,10 +234,10 @@ class DeviceNode(ManagedNode):
             "ticks": str(keeper.ticks),
             "late ticks": str(keeper.late),
             "missed ticks": str(keeper.missed),
-            "ticks without a sample": str(self._side.unread),
+            "ticks without a sample": str(self.side.unread),
             "positions refused": str(self._motions.refused),
             **keeper.lateness.status("tick lateness"),
-            **self._side.status(),
+            **self.side.status(),
             **self.safety.status(),
         }
         counts = {name: str(count) for name, count in self.device.status().items()}
@@ -243,8 +245,8 @@ class DeviceNode(ManagedNode):
 
     def _warning(self) -> str:
         """Return current problems, and those since the last report."""
-        stall = self.rate_keeper.take_longest_gap()
-        unread = self._side.unread
+        stall = self.rate_keeper.take_longest_gap(self.arm)
+        unread = self.side.unread
         new, self._reported_unread = unread - self._reported_unread, unread
         warnings = [
             *self.safety.warnings(),
@@ -257,7 +259,7 @@ class DeviceNode(ManagedNode):
 
     def _missed_deadlines(self) -> str:
         """Return a warning if too many forces came late since the last report."""
-        counts, before = self._side.deadlines, self._reported_deadlines
+        counts, before = self.side.deadlines, self._reported_deadlines
         due, missed = (now - then for now, then in zip(counts, before, strict=True))
         self._reported_deadlines = counts
         if missed <= MANY_MISSED * due or due < self.parameters.rate / 2:
@@ -293,7 +295,7 @@ class DeviceNode(ManagedNode):
     def _release(self) -> None:
         """Stop sampling, and leave the device without force."""
         self.safety.enable(steady_now(), False)
-        self._sampling = False
+        self.side.sampling = False
         self._close_device()
 
     def _close_device(self) -> None:
@@ -302,7 +304,7 @@ class DeviceNode(ManagedNode):
         except (DeviceError, OSError) as error:
             self.get_logger().error(f"{self.parameters.device} device: {error}")
 
-    def _fail(self, error: Exception) -> None:
+    def fail(self, error: Exception) -> None:
         """Close a device that failed: no force, no samples, until configured again."""
         name = self.get_fully_qualified_name()
         self.get_logger().error(
@@ -318,123 +320,31 @@ class DeviceNode(ManagedNode):
     # The tick
 
     def begin(self) -> None:
-        """Let the next tick be one from now on: those that passed before are not missed."""
-        self.rate_keeper = RateKeeper(self.parameters.rate, lead=self._lead)
-        self._arrivals = ArrivalKeeper(self.parameters.rate)
+        """Let the next tick be one from now on."""
+        self._runner.begin()
 
     def work(self) -> float:
-        """Serve a tick whose time has come, or what the last one still needs.
-
-        The call after that publishes the samples: the forces of other nodes in this process, which
-        are due at the same time, go first.
-        """
-        if self._follows:
-            self._follows = False
-            self._follow_up()
-        else:
-            self._wake = self._serve_due()
-        if self._follows:
-            return steady_now()
-        # Not before the tick is served, which it would delay.
-        if (now := steady_now()) >= self._stop_due:
-            self._stop_due = now + LOOK_PERIOD
-            self._follow_stop()
-        return self._wake
-
-    def _serve_due(self) -> float:
-        """Serve what is due; return the steady time of the next call, s."""
-        if not self._settled:
-            self._settle()
-        if not self._sampling:
-            return steady_now() + NEWS_PERIOD
-        tick = self.rate_keeper.due()
-        try:
-            if tick is not None:
-                self._serve(tick)
-            elif not (self._side.complete and self._fed):
-                self._look_again()
-        except (DeviceError, OSError) as error:
-            self._fail(error)
-        if self.device.ended:
-            self._publish_read()
-            self.finish(f"{self.parameters.device} device has ended")
-        following = self.rate_keeper.next
-        if not self._side.complete:
-            return min(self._arrivals.looked(found=False), following)
-        if tick is None:
-            self._arrivals.looked(found=True)
-        return following
-
-    def _serve(self, tick: int) -> None:
-        """Take the sample of a tick, and apply the forces that are due."""
-        moment = self.rate_keeper.time(tick)
-        self._offset = system_time(moment) - moment
-        self._side.begin(tick)
-        self._read()
-        if not self._early:
-            self._receive()
-        self._side.apply()
-        self._hand_over()
-        self._follows = True
-
-    def _look_again(self) -> None:
-        """Take samples and forces that were not there at their tick."""
-        self._read()
-        self._receive()
-        self._side.apply_late()
-        self._hand_over()
-        self._follows = bool(self._read_now)
-
-    def _follow_up(self) -> None:
-        """Do what can wait until all devices of this process have served their tick."""
-        try:
-            if self._sampling:
-                self._side.watch()
-            self._publish_read()
-            if self._early and self._sampling:
-                self._receive()
-        except (DeviceError, OSError) as error:
-            self._fail(error)
+        """Serve a tick whose time has come, in a process without a loop for several nodes."""
+        return self._runner.work()
 
     @property
-    def _early(self) -> bool:
-        """True while commands are there before the tick at which they are due."""
-        return self._fed and self.parameters.latency > 0
-
-    @property
-    def _fed(self) -> bool:
-        """True while all commands come from nodes of this process, which follow after the tick."""
+    def fed(self) -> bool:
+        """True while all commands come from the loop of this process."""
         return all(inbox.fed for inbox in self._inboxes.values())
 
-    def _read(self) -> None:
-        """Take the samples that are there, to be published after the forces that are due."""
-        for taken in self._side.read():
-            stamp = self.rate_keeper.time(taken.tick) + self._offset
-            contact = self.device.contact_force if self._contact_asked else None
-            self._read_now.append((stamp, taken, contact))
-
-    def _hand_over(self) -> None:
-        """Give the samples read last to the nodes of this process, which follow now."""
-        for stamp, (_, sample, work), _ in self._read_now:
-            self._acceleration.hand_over(stamp, along_actuator(sample.acceleration))
-            self._position.hand_over(stamp, sample.position)
-            self._velocity.hand_over(stamp, sample.velocity)
-            self._work_sender.hand_over(stamp, work)
-
-    def _publish_read(self) -> None:
-        """Publish the samples read last, after the forces that were due at the same time."""
-        for stamp, (_, sample, work), contact in self._read_now:
-            self._publish(sample, stamp)
-            if self._work_asked:
-                self._work_sender.publish(stamp, work)
-            if self._contact_sender and contact is not None:
+    def publish(self, taken: Taken) -> None:
+        """Publish a sample."""
+        tick, sample, work = taken
+        stamp = self.rate_keeper.time(tick) + self.offset
+        self._acceleration.send(stamp, along_actuator(sample.acceleration))
+        self._position.send(stamp, sample.position)
+        self._velocity.send(stamp, sample.velocity)
+        if self._work_asked:
+            self._work_sender.send(stamp, work)
+        if self._contact_sender and self._contact_asked:
+            contact = self.device.contact_force
+            if contact is not None:
                 self._contact_sender.send(stamp, contact)
-        self._read_now.clear()
-
-    def _publish(self, sample: Sample, stamp: int) -> None:
-        self._acceleration.publish(stamp, along_actuator(sample.acceleration))
-        self._position.publish(stamp, sample.position)
-        self._velocity.publish(stamp, sample.velocity)
         self._joint_states.take(stamp, sample.position)
         if self._queries.asked:
             self._queries.publish(
@@ -445,15 +355,22 @@ class DeviceNode(ManagedNode):
                 self.device.joints,
             )
 
+    def end_with_device(self) -> None:
+        """End the node where its device has ended."""
+        if self.device.ended:
+            self.finish(f"{self.parameters.device} device has ended")
+
     def _receive(self) -> None:
-        """Take the commands that have come."""
-        newest = self._side.newest
+        """Take the commands that came from elsewhere."""
+        newest = self.side.newest
         if self._motions.expected and newest and self._motions.take(newest.position):
-            self._side.free()
+            self.side.free()
         if self._points:
             for _, position in self._points.take_vectors():
                 self.device.point(position)
         for kind, inbox in self._inboxes.items():
+            if inbox.fed:
+                continue
             taken = inbox.take_vectors()
             # After they are taken: who sent any of them is found by now.
             if inbox.senders != self._senders[kind]:
@@ -461,7 +378,7 @@ class DeviceNode(ManagedNode):
             if self._senders[kind] > 1:
                 continue
             for stamp, force in taken:
-                self._side.command(kind, (stamp or self._unstamped(kind)) - self._offset, force)
+                self.side.command(kind, (stamp or self._unstamped(kind)) - self.offset, force)
 
     def _note_rivals(self, kind: str) -> None:
         """Refuse commands while several publishers send them, those that wait included."""
@@ -470,12 +387,12 @@ class DeviceNode(ManagedNode):
         rivals = self.rivals(*inboxes)
         self.safety.note_rivals(kind.replace("_", " "), rivals)
         if rivals:
-            self._side.refuse(kind)
+            self.side.refuse(kind)
 
     def _unstamped(self, kind: str) -> int:
         """Return the stamp for a force without one: that of now, or none, for it to be refused."""
         if kind == ARM and self.options[SAFETY].arm.zero_stamp:
-            return self.rate_keeper.time(self._side.tick) + self._offset
+            return self.rate_keeper.time(self.side.tick) + self.offset
         return 0
 
     def _settle(self) -> None:
@@ -485,8 +402,10 @@ class DeviceNode(ManagedNode):
             self.safety.enable(steady_now(), self.state == ACTIVE)
             self.report()
 
-    def _follow_stop(self) -> None:
+    def follow_stop(self) -> None:
         """Stop where anybody says so; what withdraws a stop releases nothing."""
+        if not self._settled:
+            self._settle()
         now = steady_now()
         for word in self._stop_words.take():
             self._stop.heard(word, now)
@@ -501,9 +420,9 @@ class DeviceNode(ManagedNode):
         known = self.safety.stopped
         if self.state != UNCONFIGURED:
             try:
-                self._side.take_off()
+                self.side.take_off()
             except (DeviceError, OSError) as error:
-                self._fail(error)
+                self.fail(error)
         self._publish_stopped(Bool(data=True))
         if not known:
             self.safety.stop(steady_now(), True)
@@ -518,7 +437,7 @@ class DeviceNode(ManagedNode):
             self.stop_forces()
             response.success, response.message = True, "stopped"
             return response
-        self._follow_stop()  # what was said before this was asked for
+        self.follow_stop()  # what was said before this was asked for
         refusal = self._stop.release(steady_now(), self._stop_words.publishers())
         if not refusal:
             if self.safety.stopped:
@@ -544,7 +463,7 @@ class DeviceNode(ManagedNode):
 
     def _fault(self) -> str:
         """Return what is wrong with the device, empty for nothing."""
-        return str(self._failure or (self._sampling and self.device.problem) or "")
+        return str(self._failure or (self.side.sampling and self.device.problem) or "")
 
     def _log_news(self) -> None:
         """Log news of the safety layer, each once; look who sends commands and who asks."""

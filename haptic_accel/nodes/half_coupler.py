@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterable
 
 from haptic_accel.core import topics
 from haptic_accel.core.arm_end import ArmEnd
-from haptic_accel.core.coupling.engagement import Decision
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.loop.half_coupling import HalfCouplingPart
+from haptic_accel.core.loop.wiring import Pull, Tool
 from haptic_accel.core.network.playout import KINDS, WAITING
 from haptic_accel.core.network.session import random_session
 from haptic_accel.core.sampling import NANOSECONDS
@@ -41,7 +42,7 @@ class HalfCoupler(CouplingNode):
         p = self.parameters
         topics_here = ARM_TOPICS[p.side]
         end = ArmEnd(p.side, p, p.rate, p.latency, random_session())
-        self._part = HalfCouplingPart(end, self._here, p.timeout)
+        self.part: HalfCouplingPart = HalfCouplingPart(end, self._here, p.timeout)
         self._end, self._endpoint = end, end.endpoint
         self._local = LocalEnd(
             COUPLER, self.context.get_domain_id(), self.get_namespace().rstrip("/")
@@ -63,11 +64,6 @@ class HalfCoupler(CouplingNode):
         else:
             self._send_tool = self.sender(topics.TOOL_ACCELERATION).send
             self._ticks = RateKeeper(p.rate, lead=wake_time())
-
-    @property
-    def fed(self) -> bool:
-        """True while the arm is sampled in this process."""
-        return self._motions.fed
 
     def build_engagement(self, now: float) -> HalfEngagement:
         """Return the engagement of this host's arm."""
@@ -108,15 +104,28 @@ class HalfCoupler(CouplingNode):
 
     def work(self) -> float:
         """Exchange packets, play what is due, and couple the samples that came."""
-        self._part.receive(self._local.take(), time.monotonic(), time.time_ns())
+        self._receive()
         if self._here.due(time.monotonic()):
             self.step()
         following = self._play()
         if time.monotonic() >= self._look_due:
             self._look_due = super().work()
-        if data := self._part.packet(time.monotonic(), time.time_ns()):
-            self._local.send(data)
+        self._reply()
         return min(self._look_due, following)
+
+    def exchange(self, now: float, offset: int) -> None:
+        """Answer with what the tick before has caused, and take what came since."""
+        self._reply()
+        self.part.offset = offset
+        self._receive()
+
+    def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
+        """Publish what was played, and forces, each with the peer's position."""
+        for tool in tools:
+            self._send_tool(tool.stamp + offset, along_actuator(tool.acceleration))
+        for arm, stamp, force in pulls:
+            self.forces[arm].send(stamp + offset, force)
+            self._send_peer_position(stamp + offset, self._end.set_point[0])
 
     def step(self) -> None:
         """Engage, release, or end, as things are now; say what is wrong with the peer."""
@@ -131,19 +140,20 @@ class HalfCoupler(CouplingNode):
         """Send the force of every sample that is complete; return if none waits."""
         if self._tools:
             for stamp, acceleration in self._tools.take():
-                self._part.put_tool(stamp, acceleration[ACTUATOR_AXIS])
-        coupled = False
+                self.part.put_tool(Tool(stamp, acceleration[ACTUATOR_AXIS]))
+        came = False
         for motion in self._motions.take():
-            coupled = True
-            force = self._part.put(motion, time.monotonic())
-            if force is not None:
-                self.forces[self._here.arms[0]].send(motion.stamp, force)
-                self._send_peer_position(motion.stamp, self._end.set_point[0])
-        return coupled and not self._motions.waiting
+            came = True
+            self.part.put(self.parameters.side, motion, time.monotonic())
+        self.publish((), self.part.pulls(), offset=0)
+        return came and not self._motions.waiting
 
-    def decide(self, now: float) -> Decision:
-        """Couple the arm where it is, or uncouple it."""
-        return self._part.look(now, self.listeners)
+    def _receive(self) -> None:
+        self.part.receive(self._local.take(), time.monotonic(), time.time_ns())
+
+    def _reply(self) -> None:
+        if data := self.part.packet(time.monotonic(), time.time_ns()):
+            self._local.send(data)
 
     def _play(self) -> float:
         """Play the tool's sample of each tick that has come; return the time of the next, s."""
@@ -151,11 +161,9 @@ class HalfCoupler(CouplingNode):
             return math.inf
         while (tick := self._ticks.due()) is not None:
             # Its own time: ticks that are served late, several in a row, keep the pace.
-            now = self._ticks.time(tick) / NANOSECONDS
-            played = self._part.play(now)
-            if played.kind != WAITING:
-                stamp = system_time(self._ticks.time(tick))
-                self._send_tool(stamp, along_actuator(played.value))
+            moment = self._ticks.time(tick)
+            self.part.begin(moment / NANOSECONDS, system_time(moment))
+            self.publish(self.part.tools(), (), offset=0)
         return self._ticks.next
 
 

@@ -10,7 +10,7 @@ import math
 import socket
 import sys
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -18,7 +18,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -38,7 +37,12 @@ from rclpy.timer import Timer
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.waitable import Waitable
 
-from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
+from haptic_accel.core.cdr import (
+    StampedVector,
+    pack_diagnostics,
+    unpack_stamped_vector,
+    unpack_state,
+)
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import (
@@ -64,7 +68,7 @@ from haptic_accel.graph.node_parameters import (
 from haptic_accel.nodes.bundling import BUNDLES_KEPT, BundleSender, join, owner, participant
 from haptic_accel.nodes.callbacks import CallbackGuard
 from haptic_accel.nodes.scheduling import SupervisedNode, scheduling_class
-from haptic_accel.nodes.wires import WIRES, Queue, Wire
+from haptic_accel.nodes.wires import WIRES, Wire
 
 DIAGNOSTICS_PERIOD = 1.0
 """Interval between diagnostics, s."""
@@ -97,9 +101,9 @@ Value = TypeVar("Value")
 
 
 class Sender:
-    """Sends one signal of a node: to nodes of the same process as it is, to others as messages.
+    """Sends one signal of a node to other processes, by itself while it has a subscriber.
 
-    It is published by itself while it has a subscriber.
+    The loop of this process passes it on to the nodes that share it.
 
     Parameters
     ----------
@@ -134,16 +138,6 @@ class Sender:
 
     def send(self, stamp: int, vector: Vector) -> None:
         """Send a vector with a stamp, system time in ns."""
-        self.hand_over(stamp, vector)
-        self.publish(stamp, vector)
-
-    def hand_over(self, stamp: int, vector: Vector) -> None:
-        """Send to the nodes of this process only; `publish` must follow."""
-        for queue in self._wire.queues:
-            queue.append((stamp, vector))
-
-    def publish(self, stamp: int, vector: Vector) -> None:
-        """Send to the nodes of other processes only."""
         # To ask takes 0.3 us, where a message takes ten times as long.
         subscribed, bundles = self._subscribed(), self._bundles
         bundled = bundles and bundles.listening()
@@ -164,7 +158,7 @@ class Sender:
         bundled = int(self._bundles.listening()) if self._bundles else 0
         if subscribed and bundled:
             subscribed = self._found_beside(subscribed, bundled)
-        return len(self._wire.queues) + subscribed + bundled
+        return self._wire.listeners + subscribed + bundled
 
     def _found_beside(self, subscribed: int, bundled: int) -> int:
         """Return the number of subscribers that do not get the bundles, as looked up lately."""
@@ -203,8 +197,7 @@ class Publishers:
 class Inbox:
     """Messages of one topic that wait until they are taken, and wake no process.
 
-    A signal that is sent in the same process arrives without messages; then nothing that others
-    publish is taken.
+    None is taken of a signal that is sent in the same process, whoever else publishes it.
 
     Parameters
     ----------
@@ -226,7 +219,6 @@ class Inbox:
         self._depth = depth
         self.name = node.resolve_topic_name(topic.name)
         self.subscription: Subscription | None = None
-        self._queue: Queue | None = None
         self._counted, self._senders = -math.inf, 1
         self._wire = node.wire(topic)
         self._wire.join(self._connect)
@@ -239,7 +231,7 @@ class Inbox:
     @property
     def fed(self) -> bool:
         """True while the signal is sent in this process."""
-        return self._queue is not None
+        return self.subscription is None
 
     @property
     def senders(self) -> int:
@@ -266,26 +258,18 @@ class Inbox:
 
     def take_vectors(self) -> list[tuple[int, Vector]]:
         """Return stamps, system time in ns, and vectors of a signal."""
-        if self._queue is None:
-            return [vector for _, _, vector in self._unpacked(unpack_stamped_vector)]
-        taken = list(self._queue)
-        self._queue.clear()
-        return taken
+        return [vector for _, _, vector in self._unpacked(unpack_stamped_vector)]
 
     def take_states(self) -> list[bool]:
         """Return the values of a state."""
         return [state for _, _, state in self._unpacked(unpack_state)]
 
-    def _connect(self, here: bool) -> Queue | None:
-        """Take the signal from this process, or subscribe to it."""
-        if not here:
-            self._queue = None
-            if not self.subscription:
-                self._subscribe()
-        elif self._queue is None:
+    def _connect(self, here: bool) -> None:
+        """Leave the signal to the loop of this process, or subscribe to it."""
+        if here:
             self._unsubscribe()
-            self._queue = deque(maxlen=self._depth)
-        return self._queue
+        elif not self.subscription:
+            self._subscribe()
 
     def _subscribe(self) -> None:
         self.subscription = self._node.subscribe_raw(self._topic, _ignore, self._depth)
@@ -371,11 +355,6 @@ class Samples:
         self._first = True
         self.succession = Succession(rate)
 
-    @property
-    def fed(self) -> bool:
-        """True while the signal is sent in this process."""
-        return self._inbox.fed
-
     def take(self) -> Iterator[tuple[int, Vector]]:
         """Yield stamps, system time in ns, and vectors."""
         now, steady = time.time_ns(), time.monotonic_ns()
@@ -453,8 +432,11 @@ class GraphNode(SupervisedNode):
         }
         for service in super().services:
             service.callback = own.get(service.srv_type, service.callback)
-        self._publish_diagnostics = self.publisher(DIAGNOSTICS).publish
-        self.create_timer(DIAGNOSTICS_PERIOD, self.report)
+        # As `publish` does, which asks first what it got.
+        self._publish_diagnostics: Any = self.publisher(DIAGNOSTICS).handle.publish_raw
+        # Each in its turn: together they take longer than a period has left.
+        for part in (self.report_diagnostics, self.repeat_states):
+            self.create_timer(DIAGNOSTICS_PERIOD, part)
 
     def sender(self, topic: Topic) -> Sender:
         """Create the only sender of a signal on this machine.
@@ -713,6 +695,14 @@ class GraphNode(SupervisedNode):
         return "", {}
 
     def report(self) -> None:
+        """Publish the node's diagnostics, and what else is published once a second."""
+        self.report_diagnostics()
+        self.repeat_states()
+
+    def repeat_states(self) -> None:
+        """Publish states again, for whoever relies on hearing of them."""
+
+    def report_diagnostics(self) -> None:
         """Publish the node's diagnostics."""
         warning, values = self.status()
         contested = (f"{name}: {REFUSED} {who}" for name, who in self._rivals.items() if who)
@@ -723,16 +713,17 @@ class GraphNode(SupervisedNode):
         warning = ", ".join(filter(None, (warning, *contested, *counted)))
         counts = {key: str(count) for key, count in refused.items()}
         values = {"scheduling": scheduling_class(), **counts, **values}
-        status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
-            name=f"{self.get_fully_qualified_name().lstrip('/')}: {self.task}",
-            message=warning or "OK",
-            hardware_id=self.get_fully_qualified_name(),
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        name = self.get_fully_qualified_name()
+        self._publish_diagnostics(
+            pack_diagnostics(
+                time.time_ns(),
+                bool(warning),
+                f"{name.lstrip('/')}: {self.task}",
+                warning or "OK",
+                name,
+                values,
+            )
         )
-        array = DiagnosticArray(status=[status])
-        array.header.stamp = self.get_clock().now().to_msg()
-        self._publish_diagnostics(array)
 
     def _refusals(self) -> Counter[str]:
         """Return how many messages and requests were refused, by reason."""

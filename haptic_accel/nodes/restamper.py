@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from dataclasses import replace
 
 from std_msgs.msg import Bool
@@ -24,7 +25,6 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
 from haptic_accel.nodes.interface import GraphNode, Publishers, Sender
 from haptic_accel.nodes.scheduling import run, system_time
-from haptic_accel.nodes.wires import Queue
 
 LOOK_PERIOD = 0.1
 """Interval between looks for the other nodes until they are there, s."""
@@ -43,7 +43,7 @@ class Restamper(GraphNode):
         )
         self._lead = DurationHistogram()
         self._reported = self._forces = self._past_tick = 0
-        self._waiting: list[tuple[Sender, Queue]] = []
+        self._waiting: list[tuple[Sender, deque[tuple[int, Vector]]]] = []
         self._senders = [self._pass_on(topic) for topic in SLAVE_SIGNALS]
         # The coupler waits for a subscriber of the arm's force, and for the device's word that it
         # is not stopped; `haptic-accel estop` waits for its answer to an emergency stop.
@@ -79,9 +79,8 @@ class Restamper(GraphNode):
             "arm forces ignored": str(self._forces),
         }
 
-    def report(self) -> None:
-        """Publish the diagnostics, and whether there is an emergency stop."""
-        super().report()
+    def repeat_states(self) -> None:
+        """Publish whether there is an emergency stop."""
         self._publish_stopped(Bool(data=self._stopped))
 
     def _follow(self, stopped: bool) -> None:
@@ -92,7 +91,7 @@ class Restamper(GraphNode):
     def _pass_on(self, topic: Topic) -> Sender:
         """Publish a played signal as the slave's own; return its sender."""
         sender = self.sender(topic)
-        waiting = Queue()
+        waiting = deque[tuple[int, Vector]]()
         self._waiting.append((sender, waiting))
         counted = topic is topics.TOOL_ACCELERATION
 

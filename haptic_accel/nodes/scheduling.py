@@ -14,10 +14,11 @@ import signal
 import statistics
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from functools import partial
-from typing import Any, NoReturn
+from functools import cache, partial
+from typing import Any, NoReturn, Protocol
 
 import rclpy
 from rclpy.exceptions import InvalidParameterException
@@ -61,18 +62,24 @@ A deadline is needed at all because the events executor of the binary wheels, wh
 built for glibc 2.28, neither sleeps nor delivers when it waits without one.
 """
 
-SERVING_PERIOD = 10e-3
+SERVING_PERIOD = 20e-3
 """Interval between requests and timers served for each node that polls, s: one at a time, hence
-well below the period of the quickest timer, the coupler's. In between it sleeps, which takes half
-the processor time of waiting with the executor; serving takes 0.1 ms each time."""
+well below the period of the quickest timers, a tenth of a second. In between it sleeps, which
+takes half the processor time of waiting with the executor; serving takes 40 us even if nothing is
+there."""
 
-SERVING_TIME, LONGEST_UNSERVED = 0.2e-3, 4.0
-"""Time to the next work that is enough to serve before it, s: nine of ten servings take less, and
-a longer one makes a tick late. Interval after which it is served all the same, serving periods."""
+SERVING_TIME, LONGEST_UNSERVED = 0.45e-3, 4.0
+"""Time to the next work that is enough to serve before it, s: 99 of 100 servings take less, and a
+longer one makes a tick late. Interval after which it is served all the same, serving periods."""
 
-FORCES_TIME = 50e-6
-"""Time from the beginning of a device's tick until its forces are written, s: it begins so much
-ahead of the grid point at which they are due, as far as `LARGEST_LEAD` allows."""
+USUAL, FOLLOWING = 0.9, 0.1
+"""Share of the usual time to the next work that is enough, too: at high rates there never is
+`SERVING_TIME`. Share of the newest in the mean that is the usual one."""
+
+FORCES_TIME = 60e-6
+"""Time for each device of a process from the beginning of a tick until its forces are written, s:
+a tick begins so much ahead of the grid point at which they are due, as far as `LARGEST_LEAD`
+allows. Samples are taken as much earlier, so that nothing between them and forces changes."""
 
 FOUND_AT_ONCE = 0.9
 """Share of ticks whose messages are there at the first look."""
@@ -95,7 +102,7 @@ BEHIND = 0.3
 """Longest time from one tick in time to the next, s: a process that needs longer cannot hold the
 rate, and leaves out the grid points that wait rather than stay behind."""
 
-LARGEST_LEAD = 0.1
+LARGEST_LEAD = 0.2
 """Largest time that a tick may begin before its grid point, periods."""
 
 SHORT = 5_000
@@ -165,7 +172,7 @@ class RateKeeper:
         self._most, self._longest = (max(1, round(span * rate)) for span in (CATCH_UP, BEHIND))
         self._next = math.floor((clock() + self._lead) / self._period) + 1
         self._in_time = self._next - 1
-        self._longest_gap = 0.0
+        self._gaps: defaultdict[str, float] = defaultdict(float)
         self.ticks = self.late = self.missed = 0
         self.lateness = DurationHistogram()
 
@@ -197,14 +204,17 @@ class RateKeeper:
         lateness = now - tick * self._period
         self.lateness.add(lateness / NANOSECONDS)
         self.late += lateness > self._period / 2
-        self._longest_gap = max(self._longest_gap, now - self._next * self._period)
+        gap = now - self._next * self._period
+        for reader, longest in self._gaps.items():
+            if gap > longest:
+                self._gaps[reader] = gap
         self.ticks += 1
         self._next = tick + 1
         return tick
 
-    def take_longest_gap(self) -> float:
-        """Return the largest lateness of a tick since the last call, s."""
-        gap, self._longest_gap = self._longest_gap, 0.0
+    def take_longest_gap(self, reader: str) -> float:
+        """Return the largest lateness of a tick since a reader's last call, s; 0 at the first."""
+        gap, self._gaps[reader] = self._gaps[reader], 0.0
         return gap / NANOSECONDS
 
 
@@ -251,8 +261,9 @@ class ArrivalKeeper:
         return self._next
 
 
+@cache
 def wake_time() -> float:
-    """Measure the usual time to wake a sleeping thread on this machine, s."""
+    """Measure, once in a process, the usual time to wake a sleeping thread on this machine, s."""
     late = []
     for _ in range(SLEEPS):
         due = time.monotonic() + SLEEP
@@ -369,7 +380,26 @@ class Signals:
 Build = Callable[[], SupervisedNode]
 
 
-def run(name: str, *builds: Build, niceness: int = 0, priority: int = FORCE_PRIORITY) -> None:
+class Worker(Protocol):
+    """A node, or a loop of several."""
+
+    def begin(self) -> None:
+        """Get ready for the first `work`."""
+
+    def work(self) -> float:
+        """Do what is due by the clock; return the steady time of the next call, s."""
+
+
+Join = Callable[[Sequence[Any]], Worker]
+
+
+def run(
+    name: str,
+    *builds: Build,
+    join: Join | None = None,
+    niceness: int = 0,
+    priority: int = FORCE_PRIORITY,
+) -> None:
     """Run nodes until a signal, the end of their parent, or of one of them; then exit.
 
     Parameters
@@ -378,6 +408,8 @@ def run(name: str, *builds: Build, niceness: int = 0, priority: int = FORCE_PRIO
         Name in messages.
     builds : callables
         Functions that make the nodes, which share this process and its executor.
+    join : callable, optional
+        Returns the loop of the nodes, which works in place of each.
     niceness : int
         Niceness where real-time priority is not requested or not granted.
     priority : int
@@ -386,7 +418,7 @@ def run(name: str, *builds: Build, niceness: int = 0, priority: int = FORCE_PRIO
     # Before the middleware starts its threads, which inherit it.
     os.nice(niceness)
     os.environ.update(middleware_defaults(os.environ))
-    run_process(name, partial(_run, builds, priority))
+    run_process(name, partial(_run, builds, join, priority))
 
 
 def run_process(name: str, act: Callable[[Signals], None]) -> NoReturn:
@@ -424,7 +456,7 @@ def _status(name: str, act: Callable[[Signals], None], signals: Signals) -> int:
     return DONE
 
 
-def _run(builds: Sequence[Build], priority: int, signals: Signals) -> None:
+def _run(builds: Sequence[Build], join: Join | None, priority: int, signals: Signals) -> None:
     nodes: list[SupervisedNode] = []
     well = False
     # Now, and not in the loop, for what rclpy logs itself: see `NodeLogger`.
@@ -432,8 +464,9 @@ def _run(builds: Sequence[Build], priority: int, signals: Signals) -> None:
     try:
         try:
             take_arguments()
-            WIRES.joined = len(builds) > 1
+            WIRES.joined = join is not None
             nodes.extend(build() for build in builds)
+            workers = [join(nodes)] if join else nodes
         except RuntimeError as error:
             # rcl's errors have no public type; those of a command line all say what it is.
             if any(word in str(error) for word in ("ROS arguments", "param")):
@@ -441,7 +474,7 @@ def _run(builds: Sequence[Build], priority: int, signals: Signals) -> None:
             raise
         if priority:
             ask_for_realtime(priority)
-        _spin(nodes, signals)
+        _spin(nodes, workers, signals)
         well = True
     finally:
         close_nodes(nodes, well)
@@ -490,11 +523,12 @@ def close_nodes(nodes: Sequence[SupervisedNode], well: bool) -> None:
     rclpy.try_shutdown()
 
 
-def _spin(nodes: Sequence[SupervisedNode], signals: Signals) -> None:
+def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: Signals) -> None:
     executor = EventsExecutor()
     for node in nodes:
         executor.add_node(node)
     polls, served, slept = all(node.polls for node in nodes), 0.0, time.monotonic()
+    usual = SERVING_TIME
     serving_period = SERVING_PERIOD / len(nodes)
 
     def serve(seconds: float) -> None:
@@ -510,21 +544,21 @@ def _spin(nodes: Sequence[SupervisedNode], signals: Signals) -> None:
     gc.collect()
     gc.freeze()
     gc.disable()
-    for node in nodes:
-        node.begin()
+    for worker in workers:
+        worker.begin()
     try:
         while not (any([node.finished.done() for node in nodes]) or signals.ended()):
             if signals.take_stop():
                 for node in nodes:
                     node.stop_forces()
-            wake = min([node.work() for node in nodes])
+            wake = min([worker.work() for worker in workers])
             now = time.monotonic()
             pause = min(max(0.0, wake - now), LOOK_ROUND)
+            enough = pause > min(SERVING_TIME, USUAL * usual)
+            usual += FOLLOWING * (pause - usual)
             if not polls:
                 serve(pause)
-            elif now - served >= serving_period * (
-                1.0 if pause > SERVING_TIME else LONGEST_UNSERVED
-            ):
+            elif now - served >= serving_period * (1.0 if enough else LONGEST_UNSERVED):
                 served = now
                 serve(0.0)
             elif pause or now - slept >= LONGEST_BUSY:

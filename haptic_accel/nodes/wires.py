@@ -1,69 +1,59 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Signals between nodes that share a process: handed over as they are, without a message."""
+"""Signals between nodes that share a process: one loop passes them on, without a message."""
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Callable
-
-from haptic_accel.core.model import Vector
-
-Queue = deque[tuple[int, Vector]]
-"""Stamps, system time in ns, and vectors that wait until they are taken."""
 
 
 class Wire:
-    """One signal of this process, from its sender to those who take it here.
+    """One signal of this process: whether it is sent here, and by whom it is taken.
 
-    A receiver joins with a function that is told whether the signal is sent in this process: then
-    its samples are in the queue that the function returns, else they come as messages.
-
-    Attributes
-    ----------
-    queues : list of Queue
-        Queues of the receivers while the signal is sent here.
+    A receiver joins with a function that is told whether the signal is sent in this process: if
+    not, it comes as messages.
 
     Examples
     --------
-    >>> wire, queue = Wire(), Queue()
-    >>> wire.join(lambda here: queue if here else None)
-    >>> wire.queues
-    []
+    >>> wire, told = Wire(), []
+    >>> wire.join(told.append)
     >>> wire.offer()
-    >>> wire.queues
-    [deque([])]
+    >>> told, wire.listeners
+    ([False, True], 1)
     """
 
     def __init__(self) -> None:
-        self.queues: list[Queue] = []
-        self._receivers: list[Callable[[bool], Queue | None]] = []
+        self._receivers: list[Callable[[bool], object]] = []
         self._offered = False
 
-    def join(self, receiver: Callable[[bool], Queue | None]) -> None:
+    @property
+    def listeners(self) -> int:
+        """Number of receivers to which the signal is passed on here."""
+        return len(self._receivers) if self._offered else 0
+
+    def join(self, receiver: Callable[[bool], object]) -> None:
         """Add a receiver, and tell it whether the signal is sent here."""
         self._receivers.append(receiver)
-        self._connect()
+        receiver(self._offered)
 
-    def leave(self, receiver: Callable[[bool], Queue | None]) -> None:
+    def leave(self, receiver: Callable[[bool], object]) -> None:
         """Remove a receiver."""
         self._receivers.remove(receiver)
-        self._connect()
 
     def offer(self) -> None:
         """Let samples be sent here from now on."""
-        self._offered = True
-        self._connect()
+        self._tell(True)
 
     def withdraw(self) -> None:
         """Let samples come as messages again, from whoever sends them."""
-        self._offered = False
-        self._connect()
+        self._tell(False)
 
-    def _connect(self) -> None:
-        found = [receiver(self._offered) for receiver in self._receivers]
-        self.queues = [queue for queue in found if queue is not None]
+    def _tell(self, offered: bool) -> None:
+        self._offered = offered
+        for receiver in self._receivers:
+            receiver(offered)
 
 
 class Wires:

@@ -45,30 +45,31 @@ class CompensationPart:
     latency : int
         Samples from the one that causes a force to the tick at which the force is due.
     longest : int
-        Most samples of the handle that wait.
+        Most samples of the handle that wait: those of a tick and the one before, or more.
 
     Attributes
     ----------
-    samples, bridged, without : int
-        Samples of the tool that were received; that were lost and predicted; that were received
-        and used without the handle's sample.
+    samples, lost, bridged, without : int
+        Samples of the tool that were received; that were lost; of these, predicted; that were
+        received and used without the handle's sample.
     """
 
     def __init__(
-        self, compensation: Compensation, rate: float, latency: int, longest: int
+        self, compensation: Compensation, rate: float, latency: int, longest: int = 2
     ) -> None:
         self._compensation = compensation
         self._period = NANOSECONDS / rate
         self._longest_wait = (max(1, latency) - SENDING_TIME) * self._period
         self._longest_bridge = LONGEST_BRIDGE * rate
-        self._tool: deque[tuple[int, float, int]] = deque()
+        self._tool: deque[tuple[int, float]] = deque()
         self._handle: deque[tuple[int, float]] = deque(maxlen=longest)
+        self._last: int | None = None
         self._bridge = Bridge()
-        self.samples = self.bridged = self.without = 0
+        self.samples = self.lost = self.bridged = self.without = 0
 
-    def put_tool(self, stamp: int, acceleration: float, lost: int = 0) -> None:
-        """Take a sample of the tool, m/s^2, with its stamp in ns; so many before it were lost."""
-        self._tool.append((stamp, acceleration, lost))
+    def put_tool(self, stamp: int, acceleration: float) -> None:
+        """Take a sample of the tool, m/s^2, with its stamp in ns, in order."""
+        self._tool.append((stamp, acceleration))
 
     def put_handle(self, stamp: int, acceleration: float) -> None:
         """Take a sample of the handle."""
@@ -83,6 +84,7 @@ class CompensationPart:
         """Forget the samples that wait."""
         self._tool.clear()
         self._handle.clear()
+        self._last = None
 
     def forces(self, now: int) -> Iterator[Caused]:
         """Yield the forces of all samples that need not wait any longer.
@@ -95,12 +97,12 @@ class CompensationPart:
             Time by the clock of the stamps, ns.
         """
         while self._tool:
-            stamp, tool, lost = self._tool[0]
+            stamp, tool = self._tool[0]
             found, handle = self._before(stamp)
             if not found and now - stamp < self._longest_wait:
                 return
             self._tool.popleft()
-            self._fill(lost)
+            self._fill(stamp)
             self.without += handle is None and self.samples > 0  # the first has none before it
             self.samples += 1
             self._bridge.put(tool)
@@ -117,8 +119,11 @@ class CompensationPart:
         received, acceleration = self._handle[0]
         return True, acceleration if received < wanted + self._period / 2 else None
 
-    def _fill(self, lost: int) -> None:
+    def _fill(self, stamp: int) -> None:
         """Pass predictions of lost samples to the filters, which keep their place in time."""
+        last, self._last = self._last, stamp
+        lost = 0 if last is None else round((stamp - last) / self._period) - 1
+        self.lost += lost
         if 0 < lost <= self._longest_bridge:
             self.bridged += lost
             for predicted in self._bridge.predict(lost):

@@ -110,6 +110,8 @@ class DeviceSide:
         Kinds that the device takes before they are due.
     servo : PositionServo, optional
         Position control of the arm, in place of commands while it has a set-point.
+    receive : callable
+        Called before forces are applied, to give `command` those that come from elsewhere.
 
     Attributes
     ----------
@@ -122,6 +124,8 @@ class DeviceSide:
     newest : Sample or None
     unread : int
         Number of ticks without a sample.
+    sampling : bool
+        The device is open. To be set to false where it was closed.
 
     Raises
     ------
@@ -140,14 +144,15 @@ class DeviceSide:
         kinds: Collection[str] = (ARM, ACTUATOR),
         ahead: Collection[str] = (),
         servo: PositionServo | None = None,
+        receive: Callable[[], None] = lambda: None,
     ) -> None:
         self.device = device
-        self.safety, self._servo = safety, servo
-        self._rate, self._latency = rate, latency
-        self._clock = clock or self._time_of_tick
+        self.safety, self._servo, self.receive = safety, servo, receive
+        self.rate, self.latency, self.sampling = rate, latency, True
+        self.clock = clock or self._time_of_tick
         self.tick = self.unread = 0
         self._watched = -1
-        self._now = self._clock()
+        self._now = self.clock()
         self._allowed = {ARM: safety.arm_force, ACTUATOR: self._allowed_actuator_force}
         self.commands = {kind: Commands(latency, 1 / rate, ahead=kind in ahead) for kind in kinds}
         self._at_tick = [kind for kind, each in self.commands.items() if not each.ahead]
@@ -161,7 +166,7 @@ class DeviceSide:
 
     def start(self, device: Driven) -> None:
         """Begin anew with a device that has just been opened."""
-        self.device = device
+        self.device, self.sampling = device, True
         self._waiting.clear()
         self._work = ArmWork()
 
@@ -174,7 +179,7 @@ class DeviceSide:
         """Yield the samples that are there, in order; a lost one is counted."""
         while self._waiting:
             tick = self._waiting[0]
-            time = tick / self._rate
+            time = tick / self.rate
             sample = self.device.read(time)
             if sample is LATER:
                 if tick > self.tick - self._timeout:
@@ -193,8 +198,9 @@ class DeviceSide:
     @property
     def complete(self) -> bool:
         """No sample and no command of the last tick is still to come."""
+        # Lists, as generators take longer than all the rest, at each tick.
         return not self._waiting and not any(
-            each.is_missing(self.tick) for each in self.commands.values()
+            [each.is_missing(self.tick) for each in self.commands.values()]
         )
 
     # Forces
@@ -205,19 +211,19 @@ class DeviceSide:
         if kind == ARM and commands.forces.newest is None:
             # The arms engage: what was late while a graph came up says nothing of the run.
             self._count_anew()
-        sample = round(moment * self._rate / NANOSECONDS)
-        if abs(self._clock() - moment / NANOSECONDS) > MAX_AGE:
-            sample = self.tick - self._latency
+        sample = round(moment * self.rate / NANOSECONDS)
+        if abs(self.clock() - moment / NANOSECONDS) > MAX_AGE:
+            sample = self.tick - self.latency
             commands.forces.pass_on(round(moment), force)
         else:
             commands.forces.put(sample, round(moment), force)
             if kind == ARM and self._servo:
                 self._servo.set_point = None
         if commands.ahead:
-            due = sample + self._latency
+            due = sample + self.latency
             # One that is late already acts at once, and the device does not count it.
             commands.forces.past_tick += due <= self.tick
-            self._write_due(due / self._rate, due, [kind])
+            self._write_due(due / self.rate, due, [kind])
 
     def free(self) -> None:
         """Let a zero force of the arm take effect, as if the last sample had caused it."""
@@ -229,16 +235,16 @@ class DeviceSide:
 
     def apply(self) -> None:
         """Apply the forces that are due at the tick."""
-        self._write_due(self.tick / self._rate, self.tick, self._at_tick)
+        self._write_due(self.tick / self.rate, self.tick, self._at_tick)
 
     def watch(self) -> None:
         """End the forces that must end without a command; once a tick, after `apply`."""
         if self._watched == self.tick:
             return
         self._watched = self.tick
-        time = self.tick / self._rate
+        time = self.tick / self.rate
         acceleration, self._acceleration = self._acceleration, None
-        arm, actuator = self.safety.tick(self._advanced(time, self._clock()), acceleration)
+        arm, actuator = self.safety.tick(self._advanced(time, self.clock()), acceleration)
         if arm is not None:
             self._write(time, {ARM: arm})
         if actuator is not None:
@@ -246,11 +252,11 @@ class DeviceSide:
 
     def apply_late(self) -> None:
         """Apply the forces that came after the tick at which they were due."""
-        self._write_due(self._clock(), self.tick, self._at_tick)
+        self._write_due(self.clock(), self.tick, self._at_tick)
 
     def take_off(self) -> None:
         """Take all forces off."""
-        self._write(self._clock(), {ARM: ZERO, ACTUATOR: 0.0})
+        self._write(self.clock(), {ARM: ZERO, ACTUATOR: 0.0})
 
     # Counts
 
@@ -302,7 +308,7 @@ class DeviceSide:
 
     def _write_due(self, time: float, tick: int, kinds: Collection[str]) -> None:
         """Write the newest forces that are due at a tick, as the safety layer allows them."""
-        begun = self._clock()
+        begun = self.clock()
         now = self._advanced(time, begun)
         given: dict[str, Any] = {}
         moments: dict[str, int] = {}
@@ -317,7 +323,7 @@ class DeviceSide:
             if given:
                 self._write(time, given)
         finally:
-            done = self._clock()
+            done = self.clock()
             for kind in kinds:
                 self.commands[kind].forces.took_effect(done)
         for kind, moment in moments.items():
@@ -337,10 +343,10 @@ class DeviceSide:
         return self.safety.actuator_force(now, age, force[ACTUATOR_AXIS])
 
     def _time_of_tick(self) -> float:
-        return self.tick / self._rate
+        return self.tick / self.rate
 
     def _moment(self, tick: int) -> int:
-        return round(tick * NANOSECONDS / self._rate)
+        return round(tick * NANOSECONDS / self.rate)
 
 
 def rig_side(

@@ -4,22 +4,23 @@
 """Coupling of one arm with a peer's as a part of the loop: from its samples to its forces.
 
 Datagrams are exchanged with the peer's half, by whatever carries them. At a tick the order is:
-`receive`, `play`, `put` for each sample, `look` if the engagement is due, `packet`.
+`receive`, `begin`, `put` for each sample, `look` if the engagement is due, `packet`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Iterable, Iterator
 
 from haptic_accel.core.arm_end import ArmEnd
 from haptic_accel.core.coupling.engagement import Decision
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.coupling.pairing import Motion
-from haptic_accel.core.model import Vector
+from haptic_accel.core.loop.wiring import MASTER, Pull, Tool
 from haptic_accel.core.network import endpoint
 from haptic_accel.core.network.endpoint import State
-from haptic_accel.core.network.playout import Played
+from haptic_accel.core.network.playout import WAITING, Played
 
 
 class HalfCouplingPart:
@@ -39,12 +40,20 @@ class HalfCouplingPart:
     ----------
     end : ArmEnd
     engagement : HalfEngagement
+    offset : int
+        System time minus the time of stamps, ns.
+    played : Played
+        Sample of the peer's tool that was played last.
     """
 
     def __init__(self, end: ArmEnd, engagement: HalfEngagement, timeout: float) -> None:
         self.end, self.engagement = end, engagement
+        self.offset = 0
+        self.played = Played(0.0, WAITING)
         self._timeout = timeout
         self._motion: Motion | None = None
+        self._pulls: deque[Pull] = deque()
+        self._tools: deque[Tool] = deque()
         self._ready = False
 
     def receive(self, datagrams: Iterable[bytes], now: float, system: int) -> None:
@@ -54,34 +63,46 @@ class HalfCouplingPart:
                 self.engagement.peer_heard(packet, now)
         self.engagement.unusable = self.end.endpoint.session.unusable(now, self._timeout)
 
-    def play(self, now: float) -> Played:
-        """Return the peer's sample of a tick; playout begins anew after a silence."""
+    def begin(self, now: float, stamp: int) -> None:
+        """Play the peer's sample of a tick at the master; playout begins anew after a silence."""
+        if self.engagement.arms[0] != MASTER:
+            return
         playout = self.end.endpoint.playout
         if not self.end.endpoint.fresh(now, self._timeout):
             playout.clear()
-        return playout.take(now)
+        self.played = playout.take(now)
+        if self.played.kind != WAITING:
+            self._tools.append(Tool(stamp, self.played.value))
 
-    def put_tool(self, stamp: int, acceleration: float) -> None:
-        """Take a sample of the tool for the peer, m/s^2, with its stamp in ns."""
-        self.end.endpoint.sampled(stamp, acceleration)
+    def put_tool(self, tool: Tool) -> None:
+        """Take a sample of the tool for the peer."""
+        self.end.endpoint.sampled(tool.stamp + self.offset, tool.acceleration)
 
-    def put(self, motion: Motion, now: float) -> Vector | None:
-        """Take a sample of the arm; return the force that it causes, N, None while it is free.
+    def tools(self) -> Iterator[Tool]:
+        """Yield the samples that were played, each once."""
+        while self._tools:
+            yield self._tools.popleft()
 
-        One that is not finite counts as missing.
-        """
+    def put(self, arm: str, motion: Motion, now: float) -> None:
+        """Take a sample of the arm; one that is not finite counts as missing."""
         if not math.isfinite(sum(motion.position) + sum(motion.velocity)):
-            return None
-        self.engagement.position_received(self.engagement.arms[0], now)
+            return
+        self.engagement.position_received(arm, now)
         self._motion = motion
-        if not self.end.engaged:
-            return None
-        return self.end.force(motion.position, motion.velocity, now, motion.work)
+        if self.end.engaged:
+            force = self.end.force(motion.position, motion.velocity, now, motion.work)
+            self._pulls.append(Pull(arm, motion.stamp, force))
+
+    def pulls(self) -> Iterator[Pull]:
+        """Yield the forces that the samples cause, each once; none while the arm is free."""
+        while self._pulls:
+            yield self._pulls.popleft()
 
     def look(self, now: float, listeners: int) -> Decision:
         """Engage or release the arm as things are; arguments as for `Engagement.missing`."""
         decision = self.engagement.step(now, listeners)
         if decision.release:
+            self._pulls.clear()
             self.end.half.disengage()
         if decision.engage and self._motion:
             self.end.engage(self._motion.position)
@@ -92,5 +113,8 @@ class HalfCouplingPart:
         """Return the datagram that is due for the peer; None if none is."""
         here = self.engagement
         state = State(self._ready, here.engaged, here.stop.stopped, here.stop.began, here.count)
-        motion = endpoint.Motion(*self._motion[:3]) if self._motion else endpoint.Motion()
+        motion = endpoint.Motion()
+        if newest := self._motion:
+            stamp = newest.stamp + self.offset
+            motion = endpoint.Motion(stamp, newest.position, newest.velocity)
         return self.end.outgoing(state, motion, now, system)

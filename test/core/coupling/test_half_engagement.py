@@ -55,7 +55,7 @@ class Host:
     def sample(self, now: float, system: int) -> None:
         engagement = self.engagement
         engagement.arm_stopped(self.side, engagement.stop.stopped)
-        self.part.put(Motion(system, ZERO, ZERO), now)
+        self.part.put(self.side, Motion(system, ZERO, ZERO), now)
         if not engagement.due(now):
             return
         decision = self.part.look(now, 0)

@@ -49,10 +49,19 @@ def test_lost_samples_of_the_tool_are_predicted_unless_they_are_many(
     part: CompensationPart,
 ) -> None:
     part.put_tool(PERIOD, 1.0)
-    part.put_tool(5 * PERIOD, 1.0, lost=3)
-    part.put_tool(105 * PERIOD, 1.0, lost=99)
+    part.put_tool(5 * PERIOD, 1.0)
+    part.put_tool(105 * PERIOD, 1.0)
     assert len(stamps(part, 105 * PERIOD + LATE)) == 3
-    assert part.bridged == 3
+    assert (part.lost, part.bridged) == (102, 3)
+
+
+def test_of_the_samples_of_two_ticks_each_finds_its_own(part: CompensationPart) -> None:
+    for tick in (4, 5):
+        part.put_handle(tick * PERIOD, 0.5)
+    part.put_tool(5 * PERIOD, 1.0)
+    part.put_tool(6 * PERIOD, 1.0)
+    assert stamps(part, 6 * PERIOD) == [5 * PERIOD, 6 * PERIOD]
+    assert part.without == 0
 
 
 def test_what_waits_can_be_forgotten(part: CompensationPart) -> None:

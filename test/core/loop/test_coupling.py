@@ -5,56 +5,77 @@ from __future__ import annotations
 
 import pytest
 
+from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement, EngagementParameters
 from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
     PositionPositionCoupling,
 )
 from haptic_accel.core.loop.coupling import CouplingPart
+from haptic_accel.core.loop.wiring import MASTER, SLAVE, Pull, Tool
 from haptic_accel.core.model import ZERO
+from haptic_accel.core.sampling import RELEASED
 
 RATE = 1000.0
 PARAMETERS = CouplingParameters(k_m=100.0, k_sl=50.0, scale=1.0, damping=0.0)
 
 
-def motion(tick: int, height: float) -> Motion:
-    return Motion(tick * 1_000_000, (0.0, 0.0, height), ZERO)
-
-
 @pytest.fixture
 def part() -> CouplingPart:
-    return CouplingPart(PositionPositionCoupling(PARAMETERS), RATE, longest=10)
+    engagement = Engagement(EngagementParameters(), now=0.0)
+    for arm in (MASTER, SLAVE):
+        engagement.arm_stopped(arm, False)
+    return CouplingPart(PositionPositionCoupling(PARAMETERS), engagement, RATE, longest=10)
+
+
+def put(part: CouplingPart, tick: int, arm: str, height: float) -> None:
+    motion = Motion(tick * 1_000_000, (0.0, 0.0, height), ZERO)
+    part.put(arm, motion, tick / RATE)
 
 
 def test_arms_are_free_until_they_engage_where_they_are_then(part: CouplingPart) -> None:
-    for arm, height in enumerate((0.05, 0.2)):
-        part.put(arm, motion(1, height))
-    assert list(part.step()) == [None]
-    part.engage()
-    for arm, height in enumerate((0.05, 0.2)):
-        part.put(arm, motion(2, height))
-    for arm, height in enumerate((0.06, 0.2)):
-        part.put(arm, motion(3, height))
-    at_rest, moved = part.step()
-    assert at_rest
-    assert moved
-    assert (at_rest.on_master, at_rest.on_slave) == (ZERO, ZERO)
-    assert moved.on_master == pytest.approx((0.0, 0.0, -1.0))  # 100 N/m times 10 mm
-    assert moved.on_slave == pytest.approx((0.0, 0.0, 0.5))
+    put(part, 1, MASTER, 0.05)
+    put(part, 1, SLAVE, 0.2)
+    assert list(part.pulls()) == []
+    assert part.look(0.001, listeners=1).engage
+    for tick, height in ((2, 0.05), (3, 0.06)):
+        put(part, tick, MASTER, height)
+        put(part, tick, SLAVE, 0.2)
+    *at_rest, on_master, on_slave = part.pulls()
+    assert at_rest == [Pull(arm, 2_000_000, ZERO) for arm in (MASTER, SLAVE)]
+    assert (on_master.arm, on_master.stamp) == (MASTER, 3_000_000)
+    assert on_master.force == pytest.approx((0.0, 0.0, -1.0))  # 100 N/m times 10 mm
+    assert on_slave.force == pytest.approx((0.0, 0.0, 0.5))
 
 
 def test_a_sample_waits_for_that_of_the_other_arm(part: CouplingPart) -> None:
-    part.put(0, motion(1, 0.0))
-    assert list(part.step()) == []
+    put(part, 1, MASTER, 0.0)
+    put(part, 1, SLAVE, 0.0)
+    part.look(0.001, listeners=1)
+    list(part.pulls())
+    put(part, 2, MASTER, 0.0)
+    assert list(part.pulls()) == []
     assert part.waiting
-    part.put(1, motion(1, 0.0))
-    assert len(list(part.step())) == 1
+    put(part, 2, SLAVE, 0.0)
+    assert len(list(part.pulls())) == 2
     assert not part.waiting
 
 
-def test_arms_that_are_let_go_before_they_were_taken_stay_free(part: CouplingPart) -> None:
-    part.engage()
-    part.disengage()
-    for arm in (0, 1):
-        part.put(arm, motion(1, 0.0))
-    assert list(part.step()) == [None]
+def test_arms_are_free_again_when_one_falls_silent(part: CouplingPart) -> None:
+    put(part, 1, MASTER, 0.0)
+    put(part, 1, SLAVE, 0.0)
+    part.look(0.001, listeners=1)
+    list(part.pulls())
+    assert part.engaged
+    decision = part.look(0.001 + RELEASED + STEP_PERIOD, listeners=1)
+    assert decision.release
+    assert not part.engaged
+    put(part, 150, MASTER, 0.0)
+    put(part, 150, SLAVE, 0.0)
+    assert list(part.pulls()) == []
+
+
+def test_the_tools_samples_are_passed_on_once(part: CouplingPart) -> None:
+    part.put_tool(Tool(1_000_000, 0.5))
+    assert list(part.tools()) == [Tool(1_000_000, 0.5)]
+    assert list(part.tools()) == []

@@ -6,15 +6,18 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
+from haptic_accel.core.actuator.safety import SafetyParameters
 from haptic_accel.core.coupling.engagement import FREE_TIME, STEP_PERIOD
-from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.loop.device_side import ARM, rig_side
+from haptic_accel.core.loop.wiring import MASTER, SLAVE
+from haptic_accel.core.model import ZERO, Sample, Vector
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import TRUE, WAITING
-from haptic_accel.core.sampling import RELEASED
-from haptic_accel.core.two_hosts import Crossed, TwoHosts
+from haptic_accel.core.sampling import LATENCY, RELEASED
+from haptic_accel.core.two_hosts import TwoHosts
 
 RATE = 1000.0
 DELAY = 0.01
@@ -22,21 +25,68 @@ WAY = DELAY + STEP_PERIOD
 """Time in which what one host knows has an effect on the other, s."""
 
 
+class Puppet:
+    """A rig whose arm is where a test says, whatever pushes it."""
+
+    at: Vector = ZERO
+
+    def advance(self, time: float) -> None:
+        """Stay."""
+
+    def measure(self) -> Sample:
+        """Return where it is, at rest, with an acceleration of 1 m/s^2."""
+        return Sample(self.at, ZERO, 1.0)
+
+    def apply_arm_force(self, force: Vector) -> None:
+        """Stay."""
+
+    def apply_actuator_force(self, force: float) -> None:
+        """Stay."""
+
+    def release(self) -> None:
+        """Stay."""
+
+    def status(self) -> dict[str, int]:
+        """Return no counts."""
+        return {}
+
+
+class Crossed(NamedTuple):
+    """Forces that a tick caused, None for an arm without a command, and what it played."""
+
+    on_master: Vector | None
+    on_slave: Vector | None
+    kind: str
+
+
 class Run:
-    """Two halves, whose arms are where a test says."""
+    """Two hosts, whose arms are where a test says."""
 
     def __init__(self) -> None:
-        self.hosts = TwoHosts(PassiveParameters(), ChannelParameters(delay=DELAY), RATE)
-        self.master, self.slave = self.hosts.halves
-        self.at: Vector = ZERO
+        self.rigs = {arm: Puppet() for arm in (MASTER, SLAVE)}
+        sides = {
+            arm: rig_side(rig, SafetyParameters(), RATE, LATENCY, [ARM])
+            for arm, rig in self.rigs.items()
+        }
+        network = ChannelParameters(delay=DELAY)
+        self.hosts = TwoHosts(PassiveParameters(), network, sides)
+        self.master, self.slave = self.hosts.halves.values()
         self.tick = 0
+
+    def place(self, at: Vector) -> None:
+        for rig in self.rigs.values():
+            rig.at = at
 
     def run(self, seconds: float) -> list[Crossed]:
         """Return what came of the samples of a time."""
         found = []
         for _ in range(round(seconds * RATE)):
-            arm = Motion(0, self.at, ZERO)
-            found.append(self.hosts.sample(self.tick / RATE, arm, arm, acceleration=1.0))
+            self.hosts.step(self.tick)
+            forces = {
+                pull.arm: pull.force for loop in self.hosts.loops.values() for pull in loop.pulls
+            }
+            played = self.hosts.halves[MASTER].played
+            found.append(Crossed(forces.get(MASTER), forces.get(SLAVE), played.kind))
             self.tick += 1
         return found
 
@@ -80,7 +130,7 @@ def test_an_arm_that_is_released_is_told_so_once() -> None:
 
 def test_a_sample_that_is_not_finite_counts_as_missing() -> None:
     run = engaged_run()
-    run.at = (math.nan, 0.0, 0.0)
+    run.place((math.nan, 0.0, 0.0))
     assert {each.on_master for each in run.run(RELEASED / 2)} == {None}
     assert run.engaged == (True, True)
     run.run(RELEASED)
@@ -91,12 +141,12 @@ def test_after_a_silence_playout_begins_anew_and_arms_engage_after_resting() -> 
     run = engaged_run()
     for channel in run.hosts.channels:
         channel.parameters = ChannelParameters(loss=1.0)
-    kinds = [each.played.kind for each in run.run(2 * RELEASED)]
+    kinds = [each.kind for each in run.run(2 * RELEASED)]
     assert kinds[0] == TRUE
     assert kinds[-1] == WAITING
     for channel in run.hosts.channels:
         channel.parameters = ChannelParameters(delay=DELAY)
-    assert run.run(DELAY + 2 / RATE)[-1].played.kind == TRUE
+    assert run.run(DELAY + 2 / RATE)[-1].kind == TRUE
     assert run.engaged == (False, False)
     run.run(FREE_TIME + 2 * WAY)
     assert run.engaged == (True, True)
@@ -104,8 +154,8 @@ def test_after_a_silence_playout_begins_anew_and_arms_engage_after_resting() -> 
 
 def test_a_half_that_starts_again_is_engaged_with_anew() -> None:
     run = engaged_run()
-    run.hosts.restart(1, run.tick / RATE)
-    _, run.slave = run.hosts.halves
+    run.hosts.restart(SLAVE, run.tick / RATE)
+    run.slave = run.hosts.halves[SLAVE]
     run.run(RELEASED + 2 * WAY)
     assert run.engaged == (False, False)
     run.run(2 * FREE_TIME + 4 * WAY)

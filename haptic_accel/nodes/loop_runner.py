@@ -1,0 +1,206 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The loop of one host by the machine's clock, and the nodes that show what it does."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
+
+from haptic_accel.core.coupling.engagement import Engagement
+from haptic_accel.core.loop.compensation import Caused, CompensationPart
+from haptic_accel.core.loop.device_side import DeviceSide, Taken
+from haptic_accel.core.loop.wiring import Coupling, HostLoop, Pull, Tool
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.devices import DeviceError
+from haptic_accel.nodes.scheduling import (
+    FORCES_TIME,
+    ArrivalKeeper,
+    RateKeeper,
+    system_time,
+    wake_time,
+)
+from haptic_accel.nodes.stopping import LOOK_PERIOD
+
+IDLE_PERIOD = 0.1
+"""Interval between looks whether a device was opened, s."""
+
+
+class DeviceInLoop(Protocol):
+    """What a loop needs of a device node, see `DeviceNode`."""
+
+    arm: str
+    side: DeviceSide
+    offset: int
+    rate_keeper: RateKeeper
+
+    @property
+    def fed(self) -> bool:
+        """True while all commands come from the loop of this process."""
+
+    def publish(self, taken: Taken) -> None:
+        """Publish a sample."""
+
+    def fail(self, error: Exception) -> None:
+        """Close a device that failed."""
+
+    def end_with_device(self) -> None:
+        """End the node where its device has ended."""
+
+    def follow_stop(self) -> None:
+        """Follow the emergency stop."""
+
+
+class CouplerInLoop(Protocol):
+    """What a loop needs of a coupler, see `CouplingNode`."""
+
+    sides: Mapping[str, DeviceSide]
+
+    @property
+    def part(self) -> Coupling:
+        """Its part of the loop."""
+
+    @property
+    def engagement(self) -> Engagement:
+        """Decision when the arms are coupled."""
+
+    def exchange(self, now: float, offset: int) -> None:
+        """Exchange packets with the peer."""
+
+    def step(self) -> None:
+        """Engage or release, as things are now."""
+
+    def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
+        """Publish forces, and what was played."""
+
+    def follow_stop(self) -> None:
+        """Follow the emergency stop."""
+
+
+class CompensatorInLoop(Protocol):
+    """What a loop needs of a compensator, see `Compensator`."""
+
+    part: CompensationPart
+
+    def publish(self, felt: Iterable[Caused], offset: int) -> None:
+        """Publish forces of the actuator."""
+
+
+class LoopRunner:
+    """Steps a `HostLoop` on the machine's sampling grid, and lets the nodes publish afterwards.
+
+    In one process it holds all parts; where each node has its own, one of a device alone.
+
+    Parameters
+    ----------
+    devices : sequence of DeviceInLoop
+        In the order in which they are sampled.
+    coupler : CouplerInLoop, optional
+    compensator : CompensatorInLoop, optional
+    """
+
+    def __init__(
+        self,
+        devices: Sequence[DeviceInLoop],
+        coupler: CouplerInLoop | None = None,
+        compensator: CompensatorInLoop | None = None,
+    ) -> None:
+        self._devices = {device.arm: device for device in devices}
+        self._coupler, self._compensator = coupler, compensator
+        self._rate = devices[0].side.rate
+        self._loop = HostLoop(
+            {arm: device.side for arm, device in self._devices.items()},
+            coupler.part if coupler else None,
+            compensator.part if compensator else None,
+            decide=self._decide,
+            failures=(DeviceError, OSError),
+            failed=lambda arm, error: self._devices[arm].fail(error),
+        )
+        if coupler:
+            coupler.sides = self._loop.sides
+        self._look_due, self._offset = 0.0, 0
+
+    def begin(self) -> None:
+        """Let the next tick be one from now on: those that passed before are not missed."""
+        lead = wake_time() + FORCES_TIME * len(self._devices)
+        self._keeper = RateKeeper(self._rate, lead=lead)
+        self._arrivals = {arm: ArrivalKeeper(self._rate) for arm in self._devices}
+        self._idle = False
+        for device in self._devices.values():
+            device.rate_keeper = self._keeper
+
+    def work(self) -> float:
+        """Serve a tick whose time has come; return the steady time of the next call, s."""
+        if self._rests():
+            self._idle = True
+            self._look(time.monotonic())
+            return min(time.monotonic() + IDLE_PERIOD, self._look_due)
+        if self._idle:
+            self.begin()
+        following = self._serve_due()
+        # Not before the tick is served, which it would delay; with it where it is due soon.
+        if (now := time.monotonic()) >= self._look_due - self._keeper.period / 2:
+            self._look(now)
+        return min(following, self._look_due)
+
+    def _rests(self) -> bool:
+        """Return whether nothing happens at a tick."""
+        return self._coupler is None and not any(
+            device.side.sampling for device in self._devices.values()
+        )
+
+    def _serve_due(self) -> float:
+        """Serve what is due; return the steady time at which to go on, s."""
+        tick = self._keeper.due()
+        if tick is not None:
+            self._serve(tick)
+        elif not (self._loop.complete and all(each.fed for each in self._devices.values())):
+            self._loop.go_on()
+            self._publish()
+        wake = self._keeper.next
+        for arm, arrivals in self._arrivals.items():
+            side = self._loop.sides[arm]
+            complete = side.complete or not side.sampling
+            if not complete or tick is None:
+                look = arrivals.looked(found=complete)
+                if not complete:
+                    wake = min(wake, look)
+        return wake
+
+    def _serve(self, tick: int) -> None:
+        moment = self._keeper.time(tick)
+        self._offset = system_time(moment) - moment
+        for device in self._devices.values():
+            device.offset = self._offset
+        if self._coupler:
+            self._coupler.exchange(moment / NANOSECONDS, self._offset)
+        self._loop.step(tick)
+        self._publish()
+
+    def _publish(self) -> None:
+        """Publish what the last step did, after all forces that were due."""
+        loop, offset = self._loop, self._offset
+        if self._compensator:
+            self._compensator.publish(loop.felt, offset)
+        for arm, taken in loop.samples:
+            self._devices[arm].publish(taken)
+        if self._coupler:
+            self._coupler.publish(loop.tools, loop.pulls, offset)
+        for device in self._devices.values():
+            device.end_with_device()
+
+    def _look(self, now: float) -> None:
+        """Follow the emergency stop."""
+        self._look_due = now + LOOK_PERIOD
+        for device in self._devices.values():
+            device.follow_stop()
+        if self._coupler:
+            self._coupler.follow_stop()
+
+    def _decide(self, now: float) -> None:
+        assert self._coupler
+        if self._compensator and self._loop.felt:
+            self._coupler.engagement.force_received()
+        self._coupler.step()

@@ -1,0 +1,164 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The loop of one host with devices that keep what was asked of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyLayer, SafetyParameters
+from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement, EngagementParameters
+from haptic_accel.core.coupling.position_position import (
+    CouplingParameters,
+    PositionPositionCoupling,
+)
+from haptic_accel.core.loop.compensation import CompensationPart
+from haptic_accel.core.loop.coupling import CouplingPart
+from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
+from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
+from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
+from haptic_accel.core.sampling import RELEASED
+
+RATE = 1000.0
+K_M, K_SL = 100.0, 50.0
+TRAVEL = 1e-4
+"""Way of the slave from tick to tick, m."""
+
+
+class BrokenError(Exception):
+    """A device fails."""
+
+
+class Device:
+    """An arm that goes up by `travel` a tick, and keeps what was written to it with the tick."""
+
+    late = 0
+
+    def __init__(self, travel: float = 0.0) -> None:
+        self._travel = travel
+        self.arm: list[tuple[int, Vector]] = []
+        self.actuator: list[tuple[int, float]] = []
+        self.there = True
+        self.broken = False
+
+    def read(self, time: float) -> Reading:
+        if self.broken:
+            raise BrokenError
+        tick = round(time * RATE)
+        height = self._travel * tick
+        return Sample((0.0, 0.0, height), ZERO, float(tick)) if self.there else LATER
+
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+    ) -> None:
+        tick = round(time * RATE)
+        if arm_force is not None:
+            self.arm.append((tick, arm_force))
+        if actuator_force is not None:
+            self.actuator.append((tick, actuator_force))
+
+
+class Rig:
+    """Both devices in a loop."""
+
+    def __init__(self, latency: int = 1) -> None:
+        self.master, self.slave = Device(), Device(TRAVEL)
+        self.failed: list[str] = []
+        limits = MasterSafetyParameters(hardware=ActuatorParameters())
+        sides = {
+            MASTER: self._side(self.master, limits, latency, (ARM, ACTUATOR)),
+            SLAVE: self._side(self.slave, SafetyParameters(), latency, (ARM,)),
+        }
+        engagement = Engagement(EngagementParameters(), now=0.0)
+        for arm in sides:
+            engagement.arm_stopped(arm, False)
+        coupling = PositionPositionCoupling(
+            CouplingParameters(k_m=K_M, k_sl=K_SL, scale=1.0, damping=0.0)
+        )
+        compensation = Compensation(CompensationParameters(controller="constant"), RATE)
+        self.part = CouplingPart(coupling, engagement, RATE, longest=10)
+        self.compensation = CompensationPart(compensation, RATE, latency, longest=10)
+        self.loop = HostLoop(
+            sides,
+            self.part,
+            self.compensation,
+            failures=(BrokenError,),
+            failed=self._fail,
+        )
+
+    def steps(self, ticks: range) -> None:
+        for tick in ticks:
+            self.loop.step(tick)
+
+    def _fail(self, arm: str, error: Exception) -> None:
+        self.failed.append(arm)
+        self.loop.sides[arm].sampling = False
+
+    @staticmethod
+    def _side(
+        device: Device, limits: SafetyParameters, latency: int, kinds: tuple[str, ...]
+    ) -> DeviceSide:
+        safety = SafetyLayer(limits, RATE)
+        safety.enable(0.0, True)
+        return DeviceSide(device, safety, RATE, latency, kinds=kinds)
+
+
+@pytest.mark.parametrize("latency", [0, 1, 3])
+def test_a_force_takes_effect_so_many_ticks_after_its_sample(latency: int) -> None:
+    rig = Rig(latency)
+    rig.steps(range(10))
+    # Both engage at tick 0; at tick k the slave is k times its travel away from there.
+    expected = [(k + latency, (0.0, 0.0, K_M * TRAVEL * k)) for k in range(10 - latency)]
+    assert [tick for tick, _ in rig.master.arm] == [tick for tick, _ in expected]
+    for (_, force), (_, wanted) in zip(rig.master.arm, expected, strict=True):
+        assert force == pytest.approx(wanted)
+    last_tick, last_pull = rig.slave.arm[-1]
+    assert last_tick == 9
+    assert last_pull == pytest.approx((0.0, 0.0, -K_SL * TRAVEL * (9 - latency)))
+    assert [tick for tick, _ in rig.master.actuator] == list(range(latency, 10))
+
+
+def test_what_a_tick_did_can_be_seen_until_the_next() -> None:
+    rig = Rig()
+    rig.steps(range(3))
+    assert [(arm, taken.tick) for arm, taken in rig.loop.samples] == [(MASTER, 2), (SLAVE, 2)]
+    assert [pull.arm for pull in rig.loop.pulls] == [MASTER, SLAVE]
+    assert {pull.stamp for pull in rig.loop.pulls} == {2_000_000}
+    assert [tool.acceleration for tool in rig.loop.tools] == [2.0]
+    assert [caused.stamp for caused in rig.loop.felt] == [2_000_000]
+    rig.loop.go_on()
+    assert not any((rig.loop.samples, rig.loop.pulls, rig.loop.tools, rig.loop.felt))
+
+
+def test_a_sample_that_comes_later_causes_its_forces_then() -> None:
+    rig = Rig()
+    rig.steps(range(5))
+    rig.slave.there = False
+    rig.loop.step(5)
+    assert not rig.loop.complete
+    assert [arm for arm, _ in rig.loop.samples] == [MASTER]
+    assert not any((rig.loop.pulls, rig.loop.felt))
+    rig.slave.there = True
+    rig.loop.go_on()
+    assert rig.loop.complete
+    assert {pull.stamp for pull in rig.loop.pulls} == {5_000_000}
+    rig.loop.step(6)
+    assert rig.master.arm[-1] == (6, pytest.approx((0.0, 0.0, K_M * TRAVEL * 5)))
+    assert rig.compensation.without == 0
+
+
+def test_a_device_that_fails_ends_nothing_but_its_own_forces() -> None:
+    rig = Rig()
+    rig.steps(range(5))
+    rig.slave.broken = True
+    rig.steps(range(5, 10))
+    assert rig.failed == [SLAVE]
+    assert [(arm, taken.tick) for arm, taken in rig.loop.samples] == [(MASTER, 9)]
+    assert rig.slave.arm[-1][0] == 4
+    # The master is held by nobody, and let go.
+    rig.steps(range(10, 10 + round((RELEASED + STEP_PERIOD) * RATE) + 2))
+    assert not rig.part.engaged
+    assert rig.master.arm[-1][1] == ZERO
