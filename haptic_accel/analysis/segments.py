@@ -453,7 +453,11 @@ def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[
 def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, Condition]]:
     """Return the conditions of a bag and the start of each, ns; the first starts at 0."""
     conditions = [(0, known.condition)]
-    for change in sorted(recorded.changes, key=lambda change: change.received):
+    # A node declares the parameters of all its devices, of which the recorder may hear.
+    is_virtual = _mapping(recorded.facts.get("arguments")).get("slave") == VIRTUAL
+    unused = _SURFACE if is_virtual else SCENE
+    changes = (each for each in recorded.changes if not each.parameter.startswith(unused))
+    for change in sorted(changes, key=lambda change: change.received):
         before = conditions[-1][1]
         after = _changed(before, change, known)
         if after != before:

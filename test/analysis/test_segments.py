@@ -85,6 +85,25 @@ def test_a_scene_stands_for_the_surface(tmp_path: Path) -> None:
     assert [segment.condition.surface for segment in found.segments] == ["workshop", "mat"]
 
 
+@pytest.mark.parametrize(
+    ("slave", "scene", "surface"),
+    [("simulated", "", "plywood"), ("virtual", "/config/scenes/workshop.yaml", "workshop")],
+)
+def test_what_another_device_would_touch_is_no_condition(
+    tmp_path: Path, slave: str, scene: str, surface: str
+) -> None:
+    written = content(4.0)
+    written.facts["arguments"] |= {"slave": slave}
+    written.facts["parameters"]["slave_device"]["virtual.scene"] = scene
+    # A recorder that was there first hears of the parameters as they are declared.
+    declared = [("simulated.surface.name", "plywood"), ("virtual.scene", scene)]
+    if slave == "virtual":
+        declared.reverse()
+    changes = [(index / RATE, "slave_device", *each) for index, each in enumerate(declared)]
+    (segment,) = cut_of(tmp_path, replace(written, changes=changes)).segments
+    assert segment.condition.surface == surface
+
+
 def test_arms_that_let_go_end_a_segment(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(5.0), gap=(2.0, 3.0)))
     begins = [segment.begin for segment in found.segments]
