@@ -9,21 +9,12 @@ ends all. The recorder stays apart, so that writing delays no force.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.coupler import Coupler
-from haptic_accel.nodes.loop_runner import LoopRunner
+from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import MasterDevice
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.slave_device import SlaveDevice
-
-
-def join(nodes: Sequence[Any]) -> LoopRunner:
-    """Return the loop of the nodes, in the order of `main`."""
-    master, slave, coupler, compensator = nodes
-    return LoopRunner((master, slave), coupler, compensator)
 
 
 def main() -> None:

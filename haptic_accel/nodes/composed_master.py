@@ -8,20 +8,11 @@ The link stays apart: it is the only process that the network reaches.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.half_coupler import HalfCoupler
-from haptic_accel.nodes.loop_runner import LoopRunner
+from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import MasterDevice
 from haptic_accel.nodes.scheduling import run
-
-
-def join(nodes: Sequence[Any]) -> LoopRunner:
-    """Return the loop of the nodes, in the order of `main`."""
-    master, coupler, compensator = nodes
-    return LoopRunner((master,), coupler, compensator)
 
 
 def main() -> None:

@@ -8,19 +8,10 @@ The link stays apart: it is the only process that the network reaches.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 from haptic_accel.nodes.half_coupler import HalfCoupler
-from haptic_accel.nodes.loop_runner import LoopRunner
+from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.slave_device import SlaveDevice
-
-
-def join(nodes: Sequence[Any]) -> LoopRunner:
-    """Return the loop of the nodes, in the order of `main`."""
-    slave, coupler = nodes
-    return LoopRunner((slave,), coupler)
 
 
 def main() -> None:

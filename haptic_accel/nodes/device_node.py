@@ -24,7 +24,6 @@ from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY
 from haptic_accel.nodes.crtk import Motions, OperatingState, Queries
 from haptic_accel.nodes.joint_states import JointStates
-from haptic_accel.nodes.loop_runner import LoopRunner
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from haptic_accel.nodes.scheduling import RateKeeper
 from haptic_accel.nodes.stopping import StopWords
@@ -69,8 +68,6 @@ class DeviceNode(ManagedNode):
     rate_keeper : RateKeeper
         Ticks of its loop.
     """
-
-    rate_keeper: RateKeeper
 
     task = "sampling"
 
@@ -127,8 +124,7 @@ class DeviceNode(ManagedNode):
             receive=self._receive,
         )
         self.side.sampling = False
-        self._runner = LoopRunner([self])
-        self.begin()
+        self.rate_keeper = RateKeeper(p.rate)
         self._operating = OperatingState(self, arm, self.safety, self._fault, self._arm_again)
         self._stop_words = StopWords(self)
         self._coupler_stops = self.inbox(topics.COUPLER_STOPPED)
@@ -318,14 +314,6 @@ class DeviceNode(ManagedNode):
         self.report()
 
     # The tick
-
-    def begin(self) -> None:
-        """Let the next tick be one from now on."""
-        self._runner.begin()
-
-    def work(self) -> float:
-        """Serve a tick whose time has come, in a process without a loop for several nodes."""
-        return self._runner.work()
 
     @property
     def fed(self) -> bool:

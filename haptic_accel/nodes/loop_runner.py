@@ -6,13 +6,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
-from haptic_accel.core.coupling.engagement import Engagement
-from haptic_accel.core.loop.compensation import Caused, CompensationPart
-from haptic_accel.core.loop.device_side import DeviceSide, Taken
-from haptic_accel.core.loop.wiring import Coupling, HostLoop, Pull, Tool
+from haptic_accel.core.loop.wiring import HostLoop
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.scheduling import (
@@ -24,68 +21,21 @@ from haptic_accel.nodes.scheduling import (
 )
 from haptic_accel.nodes.stopping import LOOK_PERIOD
 
+if TYPE_CHECKING:  # a device alone starts without what a compensator loads
+    from haptic_accel.nodes.compensator import Compensator
+    from haptic_accel.nodes.coupling_node import CouplingNode
+    from haptic_accel.nodes.device_node import DeviceNode
+
 IDLE_PERIOD = 0.1
 """Interval between looks whether a device was opened, s."""
 
 
-class DeviceInLoop(Protocol):
-    """What a loop needs of a device node, see `DeviceNode`."""
-
-    arm: str
-    side: DeviceSide
-    offset: int
-    rate_keeper: RateKeeper
-
-    @property
-    def fed(self) -> bool:
-        """True while all commands come from the loop of this process."""
-
-    def publish(self, taken: Taken) -> None:
-        """Publish a sample."""
-
-    def fail(self, error: Exception) -> None:
-        """Close a device that failed."""
-
-    def end_with_device(self) -> None:
-        """End the node where its device has ended."""
-
-    def follow_stop(self) -> None:
-        """Follow the emergency stop."""
-
-
-class CouplerInLoop(Protocol):
-    """What a loop needs of a coupler, see `CouplingNode`."""
-
-    sides: Mapping[str, DeviceSide]
-
-    @property
-    def part(self) -> Coupling:
-        """Its part of the loop."""
-
-    @property
-    def engagement(self) -> Engagement:
-        """Decision when the arms are coupled."""
-
-    def exchange(self, now: float, offset: int) -> None:
-        """Exchange packets with the peer."""
-
-    def step(self) -> None:
-        """Engage or release, as things are now."""
-
-    def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
-        """Publish forces, and what was played."""
-
-    def follow_stop(self) -> None:
-        """Follow the emergency stop."""
-
-
-class CompensatorInLoop(Protocol):
-    """What a loop needs of a compensator, see `Compensator`."""
-
-    part: CompensationPart
-
-    def publish(self, felt: Iterable[Caused], offset: int) -> None:
-        """Publish forces of the actuator."""
+def join(nodes: Sequence[Any]) -> LoopRunner:
+    """Return the loop of nodes that share a process: devices in the order of sampling, others."""
+    devices = [node for node in nodes if hasattr(node, "side")]
+    coupler = next((node for node in nodes if hasattr(node, "sides")), None)
+    others = (node for node in nodes if node not in devices and node is not coupler)
+    return LoopRunner(devices, coupler, next(others, None))
 
 
 class LoopRunner:
@@ -95,17 +45,17 @@ class LoopRunner:
 
     Parameters
     ----------
-    devices : sequence of DeviceInLoop
+    devices : sequence of DeviceNode
         In the order in which they are sampled.
-    coupler : CouplerInLoop, optional
-    compensator : CompensatorInLoop, optional
+    coupler : CouplingNode, optional
+    compensator : Compensator, optional
     """
 
     def __init__(
         self,
-        devices: Sequence[DeviceInLoop],
-        coupler: CouplerInLoop | None = None,
-        compensator: CompensatorInLoop | None = None,
+        devices: Sequence[DeviceNode],
+        coupler: CouplingNode | None = None,
+        compensator: Compensator | None = None,
     ) -> None:
         self._devices = {device.arm: device for device in devices}
         self._coupler, self._compensator = coupler, compensator

@@ -9,6 +9,7 @@ from haptic_accel.core.topics import MASTER
 from haptic_accel.devices import MASTERS, Device
 from haptic_accel.devices.audio import AUDIO, AudioActuator
 from haptic_accel.nodes.device_node import DeviceNode
+from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import run
 
 
@@ -27,7 +28,7 @@ class MasterDevice(DeviceNode):
 
 def main() -> None:
     """Run the node."""
-    run("master_device", MasterDevice)
+    run("master_device", MasterDevice, join=join)
 
 
 if __name__ == "__main__":

@@ -464,7 +464,7 @@ def _run(builds: Sequence[Build], join: Join | None, priority: int, signals: Sig
     try:
         try:
             take_arguments()
-            WIRES.joined = join is not None
+            WIRES.joined = len(builds) > 1
             nodes.extend(build() for build in builds)
             workers = [join(nodes)] if join else nodes
         except RuntimeError as error:

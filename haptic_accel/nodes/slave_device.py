@@ -8,6 +8,7 @@ from __future__ import annotations
 from haptic_accel.core.topics import SLAVE
 from haptic_accel.devices import SLAVES
 from haptic_accel.nodes.device_node import DeviceNode
+from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import run
 
 
@@ -20,7 +21,7 @@ class SlaveDevice(DeviceNode):
 
 def main() -> None:
     """Run the node."""
-    run("slave_device", SlaveDevice)
+    run("slave_device", SlaveDevice, join=join)
 
 
 if __name__ == "__main__":

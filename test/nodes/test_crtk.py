@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Empty
 
 from haptic_accel.core import emergency_stop
+from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.slave_device import SlaveDevice
 from running import PATIENCE
 
@@ -33,6 +34,8 @@ class Client:
 
     def __init__(self) -> None:
         self.arm = SlaveDevice()
+        self.loop = join([self.arm])
+        self.loop.begin()
         self.node = rclpy.create_node("client")
         self.executor = SingleThreadedExecutor()
         for node in (self.arm, self.node):
@@ -46,7 +49,7 @@ class Client:
         while not condition():
             assert time.monotonic() < deadline, self._newest
             meanwhile()
-            while self.arm.work() <= time.monotonic():
+            while self.loop.work() <= time.monotonic():
                 pass
             self.executor.spin_once(timeout_sec=0.001)
 

@@ -31,6 +31,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import MASTERS, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.nodes.interface import GraphNode, message_type, quality
+from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import MasterDevice
 from haptic_accel.nodes.scheduling import system_time
 from running import PATIENCE
@@ -77,6 +78,8 @@ class Bench:
 
     def __init__(self) -> None:
         self.node = MasterDevice()
+        self.loop = join([self.node])
+        self.loop.begin()
         self.other = GraphNode("coupler")
         self.other.task = "commands"
         self.executor = SingleThreadedExecutor()
@@ -107,7 +110,7 @@ class Bench:
 
     def turn(self, seconds: float = 0.0) -> None:
         """Let both nodes do what is due."""
-        while self.node.work() <= time.monotonic():
+        while self.loop.work() <= time.monotonic():
             pass
         self.executor.spin_once(timeout_sec=seconds)
 
