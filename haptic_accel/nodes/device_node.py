@@ -316,9 +316,9 @@ class DeviceNode(ManagedNode):
     # The tick
 
     @property
-    def fed(self) -> bool:
-        """True while all commands come from the loop of this process."""
-        return all(inbox.fed for inbox in self._inboxes.values())
+    def received(self) -> int:
+        """Number of kinds of forces that come as messages, not from the loop of this process."""
+        return sum([not inbox.fed for inbox in self._inboxes.values()])
 
     def publish(self, taken: Taken) -> None:
         """Publish a sample."""

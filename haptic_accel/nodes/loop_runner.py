@@ -14,6 +14,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.scheduling import (
     FORCES_TIME,
+    RECEIVING_TIME,
     ArrivalKeeper,
     RateKeeper,
     system_time,
@@ -74,8 +75,8 @@ class LoopRunner:
 
     def begin(self) -> None:
         """Let the next tick be one from now on: those that passed before are not missed."""
-        lead = wake_time() + FORCES_TIME * len(self._devices)
-        self._keeper = RateKeeper(self._rate, lead=lead)
+        times = [FORCES_TIME + RECEIVING_TIME * each.received for each in self._devices.values()]
+        self._keeper = RateKeeper(self._rate, lead=wake_time() + sum(times))
         self._arrivals = {arm: ArrivalKeeper(self._rate) for arm in self._devices}
         self._idle = False
         for device in self._devices.values():
@@ -106,7 +107,9 @@ class LoopRunner:
         tick = self._keeper.due()
         if tick is not None:
             self._serve(tick)
-        elif not (self._loop.complete and all(each.fed for each in self._devices.values())):
+        elif not (
+            self._loop.complete and not any([each.received for each in self._devices.values()])
+        ):
             self._loop.go_on()
             self._publish()
         wake = self._keeper.next

@@ -76,10 +76,11 @@ USUAL, FOLLOWING = 0.9, 0.1
 """Share of the usual time to the next work that is enough, too: at high rates there never is
 `SERVING_TIME`. Share of the newest in the mean that is the usual one."""
 
-FORCES_TIME = 60e-6
-"""Time for each device of a process from the beginning of a tick until its forces are written, s:
-a tick begins so much ahead of the grid point at which they are due, as far as `LARGEST_LEAD`
-allows. Samples are taken as much earlier, so that nothing between them and forces changes."""
+FORCES_TIME, RECEIVING_TIME = 60e-6, 50e-6
+"""Time for each device of a process from the beginning of a tick until its forces are written, s,
+and further time for each kind of force that comes as messages: a tick begins so much ahead of the
+grid point at which they are due, as far as `LARGEST_LEAD` allows. Samples are taken as much
+earlier, so that nothing between them and forces changes."""
 
 FOUND_AT_ONCE = 0.9
 """Share of ticks whose messages are there at the first look."""
