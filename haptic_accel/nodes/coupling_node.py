@@ -144,7 +144,7 @@ class CouplingNode(GraphNode):
         Set by a subclass.
     sides : mapping of str to DeviceSide
         Devices that share the loop of this process; none if it has none. Then the loop takes their
-        samples and forces through the part, and calls `exchange`, `step` and `publish`.
+        samples and forces through the part, and calls `receive`, `step`, `reply` and `publish`.
     """
 
     part: CouplingPart | HalfCouplingPart
@@ -177,19 +177,21 @@ class CouplingNode(GraphNode):
     def couple(self) -> bool:
         """Send the forces of every sample that is complete; return if none waits."""
 
-    def exchange(self, now: float, offset: int) -> None:
-        """Exchange packets with the peer before a tick at a time in s; nothing without a peer.
+    def receive(self, offset: int) -> None:
+        """Take the peer's packets before a tick; nothing without a peer.
 
         Parameters
         ----------
-        now : float
         offset : int
-            System time minus steady time, ns.
+            System time minus the time of the loop's stamps, ns.
         """
+
+    def reply(self) -> None:
+        """Answer the peer with what a tick has caused; nothing without a peer."""
 
     @abstractmethod
     def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
-        """Publish what the loop of this process did; arguments as for `exchange`."""
+        """Publish what the loop of this process did; `offset` as for `receive`."""
 
     def prepare(self) -> None:
         """Do what is due before each decision to engage."""

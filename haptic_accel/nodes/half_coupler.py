@@ -104,20 +104,24 @@ class HalfCoupler(CouplingNode):
 
     def work(self) -> float:
         """Exchange packets, play what is due, and couple the samples that came."""
-        self._receive()
+        self.receive(offset=0)
         if self._here.due(time.monotonic()):
             self.step()
         following = self._play()
         if time.monotonic() >= self._look_due:
             self._look_due = super().work()
-        self._reply()
+        self.reply()
         return min(self._look_due, following)
 
-    def exchange(self, now: float, offset: int) -> None:
-        """Answer with what the tick before has caused, and take what came since."""
-        self._reply()
+    def receive(self, offset: int) -> None:
+        """Take the peer's packets that came."""
         self.part.offset = offset
-        self._receive()
+        self.part.receive(self._local.take(), time.monotonic(), time.time_ns())
+
+    def reply(self) -> None:
+        """Send the packet that is due for the peer, if one is."""
+        if data := self.part.packet(time.monotonic(), time.time_ns()):
+            self._local.send(data)
 
     def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
         """Publish what was played, and forces, each with the peer's position."""
@@ -147,13 +151,6 @@ class HalfCoupler(CouplingNode):
             self.part.put(self.parameters.side, motion, time.monotonic())
         self.publish((), self.part.pulls(), offset=0)
         return came and not self._motions.waiting
-
-    def _receive(self) -> None:
-        self.part.receive(self._local.take(), time.monotonic(), time.time_ns())
-
-    def _reply(self) -> None:
-        if data := self.part.packet(time.monotonic(), time.time_ns()):
-            self._local.send(data)
 
     def _play(self) -> float:
         """Play the tool's sample of each tick that has come; return the time of the next, s."""

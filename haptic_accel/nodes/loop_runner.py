@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.loop.wiring import HostLoop
-from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.scheduling import (
     FORCES_TIME,
@@ -111,7 +110,7 @@ class LoopRunner:
             self._loop.complete and not any([each.received for each in self._devices.values()])
         ):
             self._loop.go_on()
-            self._publish()
+            self._finish()
         wake = self._keeper.next
         for arm, arrivals in self._arrivals.items():
             side = self._loop.sides[arm]
@@ -128,13 +127,15 @@ class LoopRunner:
         for device in self._devices.values():
             device.offset = self._offset
         if self._coupler:
-            self._coupler.exchange(moment / NANOSECONDS, self._offset)
+            self._coupler.receive(self._offset)
         self._loop.step(tick)
-        self._publish()
+        self._finish()
 
-    def _publish(self) -> None:
-        """Publish what the last step did, after all forces that were due."""
+    def _finish(self) -> None:
+        """Send and publish what the last step did, after all forces that were due."""
         loop, offset = self._loop, self._offset
+        if self._coupler:
+            self._coupler.reply()
         if self._compensator:
             self._compensator.publish(loop.felt, offset)
         for arm, taken in loop.samples:
