@@ -67,10 +67,12 @@ def estimate_delay(
     Returns
     -------
     Delay
-        NaN where either signal is constant, their correlation is below `ALIKE` at all lags up to
-        the longest, or it is largest at the end of these.
+        NaN where either signal is constant or empty, their correlation is below `ALIKE` at all
+        lags up to the longest, or it is largest at the end of these.
     """
     nothing = Delay(math.nan, 0.0)
+    if not len(desired):
+        return nothing
     first, second = desired - np.mean(desired), actual - np.mean(actual)
     scale = float(np.linalg.norm(first)) * float(np.linalg.norm(second))
     farthest = min(math.ceil(longest * rate), len(first) - 2)

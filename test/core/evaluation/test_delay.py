@@ -69,6 +69,7 @@ def test_what_is_not_alike_has_no_delay() -> None:
     assert math.isnan(estimate_delay(noise(1), noise(2), RATE).seconds)
     assert math.isnan(estimate_delay(noise(1), np.zeros(2000), RATE).seconds)
     assert math.isnan(estimate_delay(np.ones(2000), noise(2), RATE).seconds)
+    assert math.isnan(estimate_delay(np.zeros(0), np.zeros(0), RATE).seconds)
 
 
 def test_a_delay_beyond_the_longest_is_not_told() -> None:
