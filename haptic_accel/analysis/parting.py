@@ -3,8 +3,8 @@
 
 """The first sample at which a live trial parts from the same trial in lockstep, and why.
 
-With simulated devices both give the same bits from engaging on, as long as every force comes
-before it is due and no sample is left out.
+With simulated devices, or a recorded slave, both give the same bits from engaging on, as long as
+every force comes before it is due and no sample is left out.
 """
 
 from __future__ import annotations
@@ -24,8 +24,14 @@ from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.sampling import NANOSECONDS, on_grid, places
-from haptic_accel.graph.arguments import GraphArguments, check_lockstep
-from haptic_accel.graph.lockstep import lockstep_trial
+from haptic_accel.graph.arguments import (
+    REPLAY,
+    SIMULATED,
+    VIRTUAL,
+    GraphArguments,
+    check_lockstep,
+)
+from haptic_accel.graph.lockstep import lockstep_trial, replayed_track
 
 COUNTED_BEFORE = "deadlines missed"
 """End of the name under which older devices counted what `PAST_TICK` counts."""
@@ -96,7 +102,8 @@ def find_parting(path: Path) -> Parting:
     Parameters
     ----------
     path : Path
-        Bag of a graph with simulated devices, which describes itself.
+        Bag of a graph with a simulated master and slave, or a recorded slave, which describes
+        itself.
 
     Raises
     ------
@@ -106,9 +113,12 @@ def find_parting(path: Path) -> Parting:
     bag = read_bag(path)
     arguments = _arguments(bag)
     start, length = _coupled(bag, arguments.rate)
-    trial = lockstep_trial(replace(arguments, duration=length / arguments.rate))
+    track = replayed_track(arguments) if arguments.slave == REPLAY else None
+    trial = lockstep_trial(replace(arguments, duration=length / arguments.rate), track=track)
+    length = min(length, len(trial.time))
     first, signals = length, []
-    for topic, values in trial_vectors(trial).items():
+    for topic, vectors in trial_vectors(trial).items():
+        values = vectors[:length]
         place = _first_difference(bag, topic.name, start, arguments.rate, values)
         if place < first:
             first, signals = place, [topic.name]
@@ -128,7 +138,10 @@ def _arguments(bag: Bag) -> GraphArguments:
         raise ParameterError(f"{bag.path}: does not state the arguments of its graph")
     arguments = GraphArguments(**{k: v for k, v in known.items() if k in schema(GraphArguments)})
     with located(bag.path):
-        check_lockstep(arguments, "to be compared with lockstep")
+        check_lockstep(arguments, "to be compared with lockstep", (SIMULATED, VIRTUAL, REPLAY))
+    if arguments.slave == REPLAY:  # found from another working directory, too
+        slave = bag.facts["parameters"]["slave_device"]
+        arguments = replace(arguments, replay=slave[f"{REPLAY}.file"])
     if arguments.latency == 0:
         raise ParameterError(f"{bag.path}: latency = 0: forces have no due time")
     return arguments

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from haptic_accel.bags.recording_options import RecordingOptions
@@ -223,15 +223,17 @@ class IdentifyArguments(SweepParameters, RecordingOptions, LaunchArguments):
         return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
 
 
-def check_lockstep(arguments: GraphArguments, where: str) -> None:
-    """Refuse a device that does not run in lockstep.
+def check_lockstep(
+    arguments: GraphArguments, where: str, slaves: Sequence[str] = (SIMULATED, VIRTUAL)
+) -> None:
+    """Refuse a device that does not run in lockstep, and slaves other than some.
 
     Raises
     ------
     ParameterError
         Naming the device, what is allowed, and where: the end of the sentence.
     """
-    for arm, allowed in (("master", [SIMULATED]), ("slave", [SIMULATED, VIRTUAL])):
+    for arm, allowed in (("master", [SIMULATED]), ("slave", slaves)):
         if (device := getattr(arguments, arm)) not in allowed:
             raise ParameterError(f"{arm} = {device!r}: must be {' or '.join(allowed)} {where}")
 

@@ -16,8 +16,11 @@ from haptic_accel.bags.facts import LOCKSTEP, PREFIX, RUN, custom_data
 from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.track import Track
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import SLAVE
+from haptic_accel.core.track import Track, played_at, quieted
 from haptic_accel.core.trial import GripChange, Trial, run_trial
+from haptic_accel.devices.playback import ReplayParameters, read_track
 from haptic_accel.devices.simulated import played, textured
 from haptic_accel.graph.arguments import SCENE, VIRTUAL, GraphArguments
 from haptic_accel.graph.node_parameters import PASSIVE, node_parameters
@@ -86,6 +89,26 @@ def lockstep_trial(
         law=law,
         blackouts=blackouts,
     )
+
+
+def replayed_track(arguments: GraphArguments) -> Track:
+    """Return what the device of ``slave:=replay`` plays, to the end of its rest.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, or is played in a loop.
+    """
+    if arguments.replay_loop:
+        raise ParameterError("replay_loop = true: must be false in lockstep")
+    parameters = ReplayParameters(
+        arguments.replay,
+        rate=arguments.recording_rate,
+        column=arguments.recording_column,
+        start=arguments.replay_start,
+    )
+    found = read_track(parameters, SLAVE, arguments.rate)
+    return quieted(played_at(found, arguments.rate, arguments.replay_speed))
 
 
 def record_trial(bag: Path, trial: Trial, arguments: GraphArguments, start: int) -> None:

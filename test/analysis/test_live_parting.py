@@ -55,7 +55,25 @@ def test_the_live_graph_gives_the_signals_of_lockstep_bit_for_bit(
         *(f"rig:={rig}", f"controller:={controller}", *words),
     )
     assert command.end() == 0, command.text
-    found = find_parting(tmp_path / "bag")
+    check_equal(tmp_path / "bag")
+
+
+def test_a_recorded_slave_gives_the_signals_of_lockstep_too(
+    haptic_accel: Callable[..., Command], tmp_path: Path
+) -> None:
+    timing = f"rate:={RATE}", f"latency:={LATENCY}"
+    for words in (
+        ("surface:=text", "duration:=4", "bag:=played"),
+        ("slave:=replay", "replay:=played", "rig:=ideal", "controller:=adaptive", "bag:=bag"),
+    ):
+        command = haptic_accel("teleop", *timing, *words)
+        assert command.end() == 0, command.text
+    check_equal(tmp_path / "bag")
+
+
+def check_equal(bag: Path) -> None:
+    """Check that a bag's signals are those of lockstep for `LEAST` samples."""
+    found = find_parting(bag)
     if found.first is not None and found.first < LEAST and PAST_TICK in found.sentence:
         raise MachineStoodStillError(found.sentence)
     assert found.samples > LEAST
