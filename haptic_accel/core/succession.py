@@ -29,14 +29,10 @@ class Succession:
 
     Attributes
     ----------
-    lost : int
-        Samples missing between those admitted.
     outdated : int
         Samples refused because their stamp differs from now by more than `MAX_AGE`.
     stale : int
         Samples refused because they were not newer than the last.
-    skipped : int
-        Samples missing just before the last one.
     jump : float
         Time by which a clock was set just before the last one, s; 0 if it was not.
 
@@ -45,8 +41,6 @@ class Succession:
     >>> succession = Succession(1000.0)
     >>> [succession.admits(at, at, at) for at in (1_000_000, 2_000_000, 2_000_000, 5_000_000)]
     [True, True, False, True]
-    >>> succession.skipped
-    2
     """
 
     def __init__(self, rate: float) -> None:
@@ -54,7 +48,7 @@ class Succession:
         self._last: int | None = None
         self._received = 0
         self._refused = self._row = 0
-        self.lost = self.outdated = self.stale = self.skipped = 0
+        self.outdated = self.stale = 0
         self.jump = 0.0
 
     def begin(self) -> None:
@@ -74,7 +68,7 @@ class Succession:
         if abs(now - stamp) > _MAX_AGE:
             self.outdated += 1
             return False
-        self.skipped, self.jump = 0, 0.0
+        self.jump = 0.0
         if self._last is not None and not self._follows(stamp - self._last, stamp, steady):
             self.stale += 1
             return False
@@ -93,8 +87,6 @@ class Succession:
             if self._row < IN_A_ROW:
                 return False
         elif jumped <= _MAX_AGE:
-            self.skipped = steps - 1
-            self.lost += self.skipped
             return True
         self.jump = jumped / NANOSECONDS
         return True

@@ -46,16 +46,13 @@ class Source:
         return self.admitted(self.system - delay)
 
 
-def test_samples_in_order_are_admitted_and_missing_ones_counted() -> None:
+def test_samples_in_order_are_admitted_also_where_some_are_missing() -> None:
     source = Source()
     assert all(source.run(5))
     source.steady += 3 * PERIOD
     source.system += 3 * PERIOD
     assert source.step()
-    succession = source.succession
-    assert (succession.lost, succession.skipped) == (3, 3)
     assert source.step()
-    assert (succession.lost, succession.skipped) == (3, 0)
     assert source.jumps == []
 
 
@@ -65,7 +62,6 @@ def test_a_silence_is_no_jump_of_a_clock() -> None:
     source.steady += 10**9
     source.system += 10**9
     assert source.step()
-    assert source.succession.lost == 1000
     assert source.jumps == []
 
 
@@ -74,8 +70,7 @@ def test_a_straggler_and_a_repeated_sample_are_refused() -> None:
     source.run(5)
     assert [source.admitted(source.system - n * PERIOD) for n in (0, 2, 1, 0, 0)] == [False] * 5
     assert source.step()
-    succession = source.succession
-    assert (succession.stale, succession.lost, source.jumps) == (5, 0, [])
+    assert (source.succession.stale, source.jumps) == (5, [])
 
 
 @pytest.mark.parametrize("off", [LIMIT + 1, -LIMIT - 1, HOUR, -HOUR])
@@ -85,7 +80,7 @@ def test_a_stamp_far_from_now_is_refused_and_shuts_out_no_other(off: int) -> Non
     assert not source.admitted(source.system + off)
     assert source.succession.outdated == 1
     assert all(source.run(5))
-    assert (source.succession.lost, source.jumps) == (0, [])
+    assert source.jumps == []
 
 
 @pytest.mark.parametrize("off", [HOUR, -HOUR])
@@ -114,7 +109,6 @@ def test_after_a_step_of_the_clock_few_samples_are_refused(step: int, delay: int
     source.system += step
     admitted = [source.step(delay) for _ in range(20)]
     assert all(admitted[IN_A_ROW:])
-    assert source.succession.lost <= LIMIT // PERIOD
     assert len(source.jumps) <= 1
     if step < -3 * PERIOD or step > LIMIT:
         (jump,) = source.jumps
@@ -145,4 +139,4 @@ def test_a_succession_that_begins_anew_knows_no_sample_before() -> None:
     assert refused(succession, [7 * PERIOD, 2 * PERIOD]) == 1
     succession.begin()
     assert refused(succession, [2 * PERIOD]) == 0
-    assert (succession.skipped, succession.jump) == (0, 0.0)
+    assert succession.jump == 0.0
