@@ -432,10 +432,11 @@ class GraphNode(SupervisedNode):
         }
         for service in super().services:
             service.callback = own.get(service.srv_type, service.callback)
+        self._gathered = b""
         # As `publish` does, which asks first what it got.
         self._publish_diagnostics: Any = self.publisher(DIAGNOSTICS).handle.publish_raw
         # Each in its turn: together they take longer than a period has left.
-        for part in (self.report_diagnostics, self.repeat_states):
+        for part in (self._gather_diagnostics, self._report_gathered, self.repeat_states):
             self.create_timer(DIAGNOSTICS_PERIOD, part)
 
     def sender(self, topic: Topic) -> Sender:
@@ -696,14 +697,20 @@ class GraphNode(SupervisedNode):
 
     def report(self) -> None:
         """Publish the node's diagnostics, and what else is published once a second."""
-        self.report_diagnostics()
+        self._gather_diagnostics()
+        self._report_gathered()
         self.repeat_states()
 
     def repeat_states(self) -> None:
         """Publish states again, for whoever relies on hearing of them."""
 
-    def report_diagnostics(self) -> None:
-        """Publish the node's diagnostics."""
+    def _report_gathered(self) -> None:
+        """Publish the diagnostics that were gathered, each once."""
+        if self._gathered:
+            self._publish_diagnostics(self._gathered)
+            self._gathered = b""
+
+    def _gather_diagnostics(self) -> None:
         warning, values = self.status()
         contested = (f"{name}: {REFUSED} {who}" for name, who in self._rivals.items() if who)
         refused = self._refusals()
@@ -714,15 +721,13 @@ class GraphNode(SupervisedNode):
         counts = {key: str(count) for key, count in refused.items()}
         values = {"scheduling": scheduling_class(), **counts, **values}
         name = self.get_fully_qualified_name()
-        self._publish_diagnostics(
-            pack_diagnostics(
-                time.time_ns(),
-                bool(warning),
-                f"{name.lstrip('/')}: {self.task}",
-                warning or "OK",
-                name,
-                values,
-            )
+        self._gathered = pack_diagnostics(
+            time.time_ns(),
+            bool(warning),
+            f"{name.lstrip('/')}: {self.task}",
+            warning or "OK",
+            name,
+            values,
         )
 
     def _refusals(self) -> Counter[str]:
