@@ -26,6 +26,9 @@ if TYPE_CHECKING:  # a device alone starts without what a compensator loads
     from haptic_accel.nodes.coupling_node import CouplingNode
     from haptic_accel.nodes.device_node import DeviceNode
 
+FAILURES = DeviceError, OSError
+"""Errors that close one device, and end nothing else."""
+
 IDLE_PERIOD = 0.1
 """Interval between looks whether a device was opened, s."""
 
@@ -65,7 +68,7 @@ class LoopRunner:
             coupler.part if coupler else None,
             compensator.part if compensator else None,
             decide=self._decide,
-            failures=(DeviceError, OSError),
+            failures=FAILURES,
             failed=lambda arm, error: self._devices[arm].fail(error),
         )
         if coupler:
@@ -139,7 +142,11 @@ class LoopRunner:
         if self._compensator:
             self._compensator.publish(loop.felt, offset)
         for arm, taken in loop.samples:
-            self._devices[arm].publish(taken)
+            device = self._devices[arm]
+            try:
+                device.publish(taken)
+            except FAILURES as error:  # of a driver that is asked for more than its sample
+                device.fail(error)
         if self._coupler:
             self._coupler.publish(loop.tools, loop.pulls, offset)
         for device in self._devices.values():
