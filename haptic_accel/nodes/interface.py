@@ -391,6 +391,8 @@ class GraphNode(SupervisedNode):
         The node's own parameters, checked.
     options : dict
         Parameters of its possible parts (devices, controllers), by name.
+    contested_in_loop : int
+        Number of samples that the loop of this process did not pass on, as others published them.
     unserved : set of Subscription
         Subscriptions that the executor leaves alone: their messages are taken when needed.
 
@@ -411,6 +413,7 @@ class GraphNode(SupervisedNode):
         self._followed: list[Samples] = []
         self._sole: dict[str, Inbox | Publishers] = {}
         self._rivals: dict[str, str] = {}
+        self.contested_in_loop = 0
         self._told: set[str] = set()
         self._refused_before: Counter[str] = Counter()
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -504,6 +507,11 @@ class GraphNode(SupervisedNode):
         )
         # A publisher that is matched already may not be listed yet.
         return found or (f"{max(senders)} publishers" if max(senders) > 1 else "")
+
+    @property
+    def contested(self) -> set[str]:
+        """Names of the topics whose samples are not taken, as several publish them."""
+        return {name for name, who in self._rivals.items() if who}
 
     def publishers(self, *topics: str) -> list[str]:
         """Return the full names of the nodes that publish to topics."""
@@ -740,7 +748,8 @@ class GraphNode(SupervisedNode):
         )
         if self._followed:
             counts["samples out of date"] = sum(s.succession.outdated for s in self._followed)
-            counts["samples of several senders"] = sum(s.contested for s in self._followed)
+            contested = self.contested_in_loop + sum(s.contested for s in self._followed)
+            counts["samples of several senders"] = contested
         return counts
 
     def _look_for_rivals(self) -> None:

@@ -153,12 +153,16 @@ class LoopRunner:
             device.end_with_device()
 
     def _look(self, now: float) -> None:
-        """Follow the emergency stop."""
+        """Follow the emergency stop; pass on no sample that others publish, too."""
         self._look_due = now + LOOK_PERIOD
         for device in self._devices.values():
             device.follow_stop()
         if self._coupler:
             self._coupler.follow_stop()
+        followers = [each for each in (self._coupler, self._compensator) if each]
+        self._loop.muted = set().union(*(each.contested for each in followers))
+        for each in followers:
+            each.contested_in_loop = self._loop.contested
 
     def _decide(self, now: float) -> None:
         assert self._coupler

@@ -62,7 +62,7 @@ class CompensationPart:
         self._longest_wait = (max(1, latency) - SENDING_TIME) * self._period
         self._longest_bridge = LONGEST_BRIDGE * rate
         self._tool: deque[tuple[int, float]] = deque()
-        self._handle: deque[tuple[int, float]] = deque(maxlen=longest)
+        self._handle: deque[tuple[int, float | None]] = deque(maxlen=longest)
         self._last: int | None = None
         self._bridge = Bridge()
         self.samples = self.lost = self.bridged = self.without = 0
@@ -71,8 +71,8 @@ class CompensationPart:
         """Take a sample of the tool, m/s^2, with its stamp in ns, in order."""
         self._tool.append((stamp, acceleration))
 
-    def put_handle(self, stamp: int, acceleration: float) -> None:
-        """Take a sample of the handle."""
+    def put_handle(self, stamp: int, acceleration: float | None) -> None:
+        """Take a sample of the handle; None for one that is lost."""
         self._handle.append((stamp, acceleration))
 
     @property

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple, Protocol
 
+from haptic_accel.core import topics
 from haptic_accel.core.coupling.engagement import Decision, Engagement
 from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.loop.compensation import Caused, CompensationPart
@@ -17,6 +18,12 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ARMS, along_actuator
 
 MASTER, SLAVE = ARMS
+
+_MOTIONS = {
+    arm: {each.position.name, each.velocity.name, each.work.name}
+    for arm, each in zip(ARMS, (topics.MASTER, topics.SLAVE), strict=True)
+}
+_HANDLE, _TOOL = topics.HANDLE_ACCELERATION.name, topics.TOOL_ACCELERATION.name
 
 
 class Pull(NamedTuple):
@@ -93,6 +100,10 @@ class HostLoop:
         Forces on arms that they caused.
     felt : list of Caused
         Forces of the actuator that they caused.
+    muted : set of str
+        Names of the topics of signals that are not to be passed on, as others publish them, too.
+    contested : int
+        Number of samples that were not passed on.
     """
 
     def __init__(
@@ -111,6 +122,8 @@ class HostLoop:
         one = next(iter(self.sides.values()))
         self._clock, self._rate = one.clock, one.rate
         self._at_once = one.latency == 0
+        self.muted: set[str] = set()
+        self.contested = 0
         self._forget()
 
     @property
@@ -183,15 +196,19 @@ class HostLoop:
         for arm, (tick, sample, work) in self.samples:
             stamp = self.stamp(tick)
             motion = Motion(stamp, sample.position, sample.velocity, sum(work))
-            coupling.put(arm, motion, now)
+            if self._passes(*_MOTIONS[arm]):
+                coupling.put(arm, motion, now)
             if arm == SLAVE:
-                coupling.put_tool(Tool(stamp, sample.acceleration))
+                if self._passes(_TOOL):
+                    coupling.put_tool(Tool(stamp, sample.acceleration))
             elif compensation:
-                compensation.put_handle(stamp, sample.acceleration)
+                handle = sample.acceleration if self._passes(_HANDLE) else None
+                compensation.put_handle(stamp, handle)
         if compensation:
             for tool in coupling.tools():
                 self.tools.append(tool)
-                compensation.put_tool(*tool)
+                if self._passes(_TOOL):
+                    compensation.put_tool(*tool)
             for caused in compensation.forces(round(now * NANOSECONDS)):
                 self.felt.append(caused)
                 force = along_actuator(caused.actuator_force)
@@ -201,6 +218,13 @@ class HostLoop:
         for pull in coupling.pulls():
             self.pulls.append(pull)
             self._command(pull.arm, ARM, pull.stamp, pull.force)
+
+    def _passes(self, *names: str) -> bool:
+        """Return whether a sample of signals is passed on; count one that is not."""
+        if not self.muted or self.muted.isdisjoint(names):
+            return True
+        self.contested += 1
+        return False
 
     def _command(self, arm: str, kind: str, stamp: int, force: Vector) -> None:
         side = self.sides[arm]

@@ -162,3 +162,34 @@ def test_a_device_that_fails_ends_nothing_but_its_own_forces() -> None:
     rig.steps(range(10, 10 + round((RELEASED + STEP_PERIOD) * RATE) + 2))
     assert not rig.part.engaged
     assert rig.master.arm[-1][1] == ZERO
+
+
+@pytest.mark.parametrize("name", ["master/measured_cp", "slave/work"])
+def test_without_an_arms_motion_both_are_let_go(name: str) -> None:
+    rig = Rig()
+    rig.steps(range(5))
+    rig.loop.muted = {name}
+    rig.steps(range(5, 5 + round((RELEASED + STEP_PERIOD) * RATE) + 2))
+    assert not rig.part.engaged
+    assert rig.master.arm[-1][1] == ZERO
+    assert rig.loop.contested > 0
+    assert rig.loop.felt, "the vibration does not depend on it"
+
+
+def test_without_the_tools_acceleration_no_force_is_felt() -> None:
+    rig = Rig()
+    rig.steps(range(5))
+    rig.loop.muted = {"slave/tool/acceleration"}
+    rig.steps(range(5, 20))
+    assert not rig.loop.felt
+    assert len(rig.loop.pulls) == 2
+    assert rig.master.actuator[-1][1] == 0.0
+
+
+def test_without_the_handles_acceleration_forces_are_in_time_all_the_same() -> None:
+    rig = Rig()
+    rig.steps(range(5))
+    rig.loop.muted = {"master/handle/acceleration"}
+    rig.steps(range(5, 20))
+    assert [tick for tick, _ in rig.master.actuator] == list(range(1, 20))
+    assert rig.compensation.without == 14
