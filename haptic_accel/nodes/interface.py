@@ -619,6 +619,10 @@ class GraphNode(SupervisedNode):
             self._bundles.leave(self)
             self._bundles = None
         super().destroy_node()
+        self.leave_signals()
+
+    def leave_signals(self) -> None:
+        """Let other nodes of this machine send the signals of this one."""
         for claimed in self._claims:
             claimed.close()
 
