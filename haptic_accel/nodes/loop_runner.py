@@ -29,9 +29,6 @@ if TYPE_CHECKING:  # a device alone starts without what a compensator loads
 FAILURES = DeviceError, OSError
 """Errors that close one device, and end nothing else."""
 
-IDLE_PERIOD = 0.1
-"""Interval between looks whether a device was opened, s."""
-
 
 def join(nodes: Sequence[Any]) -> LoopRunner:
     """Return the loop of nodes that share a process: devices in the order of sampling, others."""
@@ -89,7 +86,7 @@ class LoopRunner:
         if self._rests():
             self._idle = True
             self._look(time.monotonic())
-            return min(time.monotonic() + IDLE_PERIOD, self._look_due)
+            return self._look_due
         if self._idle:
             self.begin()
         following = self._serve_due()
@@ -109,9 +106,7 @@ class LoopRunner:
         tick = self._keeper.due()
         if tick is not None:
             self._serve(tick)
-        elif not (
-            self._loop.complete and not any([each.received for each in self._devices.values()])
-        ):
+        elif not self._loop.complete or any([each.received for each in self._devices.values()]):
             self._loop.go_on()
             self._finish()
         wake = self._keeper.next

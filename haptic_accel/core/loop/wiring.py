@@ -140,41 +140,36 @@ class HostLoop:
         self._forget()
         if self.coupling:
             self.coupling.begin(tick / self._rate, self.stamp(tick))
-        for arm, side in self.sides.items():
-            if side.sampling:
-                try:
-                    side.begin(tick)
-                    self._read(arm, side)
-                    if not self._at_once:
-                        side.apply()
-                except self._failures as error:
-                    self._failed(arm, error)
+        self._at_each(lambda arm, side: self._begin(arm, side, tick))
         self._cause()
-        for arm, side in self.sides.items():
-            if side.sampling:
-                try:
-                    if self._at_once:
-                        side.apply()
-                    side.watch()
-                except self._failures as error:
-                    self._failed(arm, error)
+        self._at_each(self._end)
 
     def go_on(self) -> None:
         """Take samples and forces that were not there at their tick."""
         self._forget()
-        for arm, side in self.sides.items():
-            if side.sampling:
-                try:
-                    self._read(arm, side)
-                except self._failures as error:
-                    self._failed(arm, error)
+        self._at_each(self._read)
         self._cause()
+        self._at_each(lambda arm, side: side.apply_late())
+
+    def _at_each(self, act: Callable[[str, DeviceSide], None]) -> None:
+        """Act on each device that is open; what fails concerns its arm only."""
         for arm, side in self.sides.items():
             if side.sampling:
                 try:
-                    side.apply_late()
+                    act(arm, side)
                 except self._failures as error:
                     self._failed(arm, error)
+
+    def _begin(self, arm: str, side: DeviceSide, tick: int) -> None:
+        side.begin(tick)
+        self._read(arm, side)
+        if not self._at_once:
+            side.apply()
+
+    def _end(self, arm: str, side: DeviceSide) -> None:
+        if self._at_once:
+            side.apply()
+        side.watch()
 
     def _forget(self) -> None:
         self.samples: list[tuple[str, Taken]] = []
