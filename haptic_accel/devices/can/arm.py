@@ -341,17 +341,18 @@ class DrivenArm:
         elif now - self._arming_since > self._p.start_timeout:
             self._disarm_for(missing)
         elif now - self._arming_sent > ARMING_PERIOD:
-            # An error that was cleared and is there again would only come a third time.
-            if any(axis.error and axis.reported > self._arming_since for axis in self._axes):
+            # An error that was cleared and is there again would only come a third time; a
+            # watchdog that expires shows a pause of this process, which need not come again.
+            errors = [self._fault(a) for a in self._axes if a.reported > self._arming_since]
+            if any(errors):
                 self._disarm_for(missing)
             else:
                 self._send_arming(now)
 
     def _continue_silence(self, now: float) -> None:
         """Go on to arm once every axis has released its motor by itself."""
-        watchdog = protocol.WATCHDOG_TIMER_EXPIRED[self._p.firmware]
         for axis in self._axes:
-            if axis.error & ~watchdog:
+            if self._fault(axis):
                 self._disarm_for(self._wrong(axis))
                 return
         held = [axis for axis in self._axes if axis.state == AxisState.CLOSED_LOOP_CONTROL]
@@ -374,11 +375,13 @@ class DrivenArm:
                 return wrong
         return ""
 
+    def _fault(self, axis: Axis) -> int:
+        """Return an axis' error without that of its watchdog, which expires when cut off."""
+        return axis.error & ~protocol.WATCHDOG_TIMER_EXPIRED[self._p.firmware]
+
     def _may_rearm(self, now: float) -> bool:
         """Return True if all lost reports are back, and arming without a request is allowed."""
-        # A watchdog error is no fault of an axis that was cut off.
-        harmless = 0, protocol.WATCHDOG_TIMER_EXPIRED[self._p.firmware]
-        back = (a.error in harmless and not self._overdue(a, now) for a in self._axes)
+        back = (not self._fault(a) and not self._overdue(a, now) for a in self._axes)
         return self._recovers and self._p.rearm == AUTO and all(back)
 
 

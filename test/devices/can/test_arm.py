@@ -152,6 +152,19 @@ def test_an_axis_that_does_not_obey_is_named(error: int, fault: str) -> None:
     assert tries == (1 if error else 3), "an error that stays is not cleared over and over"
 
 
+def test_a_watchdog_that_expires_while_an_axis_is_armed_is_cleared() -> None:
+    bench = Bench()
+    bench.go_on(0.01)
+    bench.obedient = False
+    bench.arm.arm(bench.now)
+    bench.errors[1] = WATCHDOG_TIMER_EXPIRED["0.6"]
+    bench.go_on(0.01)
+    bench.obedient = True
+    bench.go_on(0.3)
+    assert bench.arm.state is State.ARMED
+    assert bench.arm.status()["disarmed"] == 0
+
+
 def test_which_axes_are_missing_is_said() -> None:
     bench = Bench(joint2__node_id=9)
     bench.silent = {Command.HEARTBEAT}

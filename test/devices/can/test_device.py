@@ -32,7 +32,9 @@ from running import wait_until
 
 RATE = 200.0  # Hz
 
-# A test's machine may stall.
+WATCHDOG = 0.4
+"""Time-out of the drives' watchdogs while a device opens, s: a test's machine may stall."""
+
 PATIENT = {"heartbeat_timeout": 2.0, "estimates_timeout": 1.0, "start_timeout": 10.0}
 
 CHANNELS = itertools.count()
@@ -48,7 +50,7 @@ class Plugged:
             self.parameters,
             SimulatedSlave(SimulatedSlaveParameters(), RATE, 0),
             rate=RATE,
-            watchdog=0.1,
+            watchdog=WATCHDOG,
         )
         self.line = CanLine(port, [self.arm], RATE, Faults(faults, CAN_FAULTS, seconds))
         self.device = CanSlave(self.parameters, RATE, 0)
