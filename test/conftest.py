@@ -23,8 +23,10 @@ from running import (
     Command,
     MachineStoodStillError,
     StallWatch,
+    open_ports,
     reserved_domain,
     use_domain,
+    wait_until,
 )
 from verbs import status_of
 
@@ -151,6 +153,8 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     with reserved_domain() as number:
         use_domain(monkeypatch, number)
         yield number
+    # What a test leaves open in its own process would send in the domain of a later one.
+    wait_until(lambda: not any(open_ports(number)), f"nobody is left in ROS domain {number}")
 
 
 @pytest.fixture

@@ -104,7 +104,10 @@ class Command:
         """Send a signal, if any, and return the exit status; wait for a time in s."""
         if number:
             self.process.send_signal(number)
-        status = self.process.wait(patience)
+        try:
+            status = self.process.wait(patience)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f"still runs after {patience:g} s:\n{self.text}") from None
         self._reader.join(PATIENCE)
         return status
 
@@ -182,7 +185,8 @@ def reserved_domain() -> Iterator[int]:
     """Give a ROS domain that no other test on this machine has, also none of another suite.
 
     A lock on a file is released by the kernel however its owner ends. A domain in which
-    something runs without a lock is left alone. Nodes that are left at the end are killed.
+    something runs without a lock, or has left a port open, is left alone. Nodes that are left at
+    the end are killed.
     """
     folder = Path(tempfile.gettempdir()) / f"haptic_accel-domains-{os.getuid()}"
     folder.mkdir(exist_ok=True)
@@ -192,7 +196,7 @@ def reserved_domain() -> Iterator[int]:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 continue
-            if any(processes_of(number)):
+            if any(processes_of(number)) or any(open_ports(number)):
                 continue
             try:
                 yield number
@@ -202,6 +206,18 @@ def reserved_domain() -> Iterator[int]:
                         os.kill(pid, signal.SIGKILL)
             return
     raise AssertionError("no ROS domain is free")
+
+
+def open_ports(domain: int) -> Iterator[int]:
+    """Yield the UDP ports of a ROS domain that are open on this machine.
+
+    The RTPS standard (9.6.1.1) gives each domain a range of 250 ports from 7400 on.
+    """
+    ports = range(7400 + 250 * domain, 7400 + 250 * (domain + 1))
+    for line in Path("/proc/net/udp").read_text().splitlines()[1:]:
+        port = int(line.split()[1].rsplit(":", 1)[1], 16)
+        if port in ports:
+            yield port
 
 
 def processes_of(domain: int) -> Iterator[tuple[int, list[str]]]:

@@ -277,7 +277,7 @@ class DeviceNode(ManagedNode):
         """Configure and activate, or raise the reason why not."""
         self._starting = True
         if self.trigger_configure() != Outcome.SUCCESS:
-            self.leave_signals()  # nobody can destroy a node that was never made
+            self.destroy_node()  # nobody else can, of a node that was never made
             assert self._failure
             raise self._failure
         self._starting = False
