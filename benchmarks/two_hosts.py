@@ -44,7 +44,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.links.parameters import TRANSPORTS
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "support"))
 
 from wires import ADDRESSES, Wire, reason_against
 

@@ -30,7 +30,7 @@ from haptic_accel.core.topics import (
 )
 from haptic_accel.nodes.interface import quality
 from observing import Observer
-from running import Command, wait_until
+from running import BAG_PLAYER, Command, wait_until
 from verbs import refusal
 
 Start = Callable[..., Command]
@@ -310,7 +310,7 @@ def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_st
     observer.collect((MASTER_ARM_FORCE,), 100)  # the device counts anew at the arm's first force
     stop(graph)
     so_far, before = len(graph.lines), applied(observer)
-    player = start(Path(__file__).parents[1] / "bag_player.py", tmp_path / "bag", "all")
+    player = start(BAG_PLAYER, tmp_path / "bag", "all")
     assert player.end() == 0, player.text
     for topic in STOPPED:
         observer.wait_for_state(topic, True)
@@ -318,7 +318,7 @@ def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_st
     assert not any("engaged" in line or "stop released" in line for line in graph.lines[so_far:])
     engage(graph)
     so_far = len(graph.lines)
-    start(Path(__file__).parents[1] / "bag_player.py", tmp_path / "bag", "all")
+    start(BAG_PLAYER, tmp_path / "bag", "all")
     # Beside two senders of everything the arms are let go at once, and stopped all the same.
     graph.wait_for("slave_device]: emergency stop: no force", after=so_far)
     assert graph.end(signal.SIGINT) == 0, graph.text

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from bag_maker import write_bag
 from haptic_accel.core import topics
 from haptic_accel.core.control.compensation import Compensation

@@ -33,7 +33,7 @@ from haptic_accel.materials.folders import share_folder
 try:
     import launch_ros.actions  # noqa: F401
 except ImportError:
-    sys.path.insert(0, str(Path(__file__).parents[1] / "launch_double"))
+    sys.path.insert(0, str(Path(__file__).parents[1] / "support" / "launch_double"))
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, RegisterEventHandler, Shutdown

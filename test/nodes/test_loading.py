@@ -45,7 +45,7 @@ def test_a_running_graph_loads_nothing(
 ) -> None:
     folder = tmp_path / "loading"
     folder.mkdir()
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "loading"))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "support" / "loading"))
     monkeypatch.setenv("LOADING_FOLDER", str(folder))
     teleop = haptic_accel("teleop", f"composed:={composed}", "controller:=adaptive")
     engaged = teleop.wait_for("engaged")

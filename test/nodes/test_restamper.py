@@ -16,7 +16,7 @@ from bag_maker import NANOSECONDS, write_bag
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.topics import Topic
-from running import Command
+from running import BAG_PLAYER, Command
 
 Start = Callable[..., Command]
 
@@ -90,7 +90,7 @@ def test_the_device_and_played_topics_give_the_controller_the_same_input(
     by_topics = haptic_accel(*words, "source:=topics", "output:=topics")
     by_topics.wait_for("ros2 bag play .* --remap")
     by_topics.wait_for("ready: play")
-    player = start(Path(__file__).parents[1] / "bag_player.py", bag)
+    player = start(BAG_PLAYER, bag)
     assert player.end() == 0, player.text
     assert by_topics.end(signal.SIGINT) == 0, by_topics.text
 

@@ -17,6 +17,7 @@ import pytest
 from running import StallWatch, processes_of, reserved_domain, wait_until
 
 HERE = Path(__file__).parent
+TESTS = HERE.parent
 
 
 def test_a_domain_is_given_once_also_to_other_processes() -> None:
@@ -100,10 +101,10 @@ def test_what_fails_for_another_reason():
 def suite(folder: Path, *words: str, **values: object) -> subprocess.CompletedProcess[str]:
     """Run a small suite with this one's conftest and settings."""
     (folder / "test_small.py").write_text(SUITE.format(**values))
-    (folder / "conftest.py").write_text((HERE / "conftest.py").read_text())
-    settings = (HERE.parent / "pyproject.toml").read_text()
+    (folder / "conftest.py").write_text((TESTS / "conftest.py").read_text())
+    settings = (TESTS.parent / "pyproject.toml").read_text()
     (folder / "pyproject.toml").write_text(
-        settings.replace('pythonpath = ["test"', f'pythonpath = ["{HERE}"')
+        settings.replace('pythonpath = ["test/support"', f'pythonpath = ["{HERE}"')
     )
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *words, "test_small.py"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)

@@ -33,6 +33,9 @@ _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG = 1
 """From linux/prctl.h."""
 
+BAG_PLAYER = Path(__file__).with_name("bag_player.py")
+"""Program that publishes a bag as `ros2 bag play` does."""
+
 DOMAINS = range(1, 101)
 """ROS domains whose ports stay below those that Linux hands out."""
 
