@@ -1,20 +1,28 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Devices by name. A new one is a class in a file of its own and a line here."""
+"""Devices by name: those of this package, and those that other packages declare.
+
+A new one of this package is a class in a file of its own and a line here.
+"""
 
 from __future__ import annotations
 
+from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.can.device import CanMaster, CanSlave
 from haptic_accel.devices.combined import combined
 from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
 from haptic_accel.devices.interface import Device, DeviceError, Sample
+from haptic_accel.devices.outside import MASTERS_GROUP, SLAVES_GROUP, with_outside
 from haptic_accel.devices.playback import ReplayMaster, ReplaySlave
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
 from haptic_accel.devices.simulated import PointerMaster, SimulatedMaster, SimulatedSlave
 from haptic_accel.devices.virtual import VirtualSlave
 
-MASTERS: dict[str, type[Device]] = {
+RESERVED = (AUDIO, "safety", "servo_cp", "topics")
+"""Names that no device may have: other parts of a device node, and what `ros2 bag play` plays."""
+
+_MASTERS: dict[str, type[Device]] = {
     "simulated": SimulatedMaster,
     "pointer": PointerMaster,
     "replay": ReplayMaster,
@@ -24,7 +32,7 @@ MASTERS: dict[str, type[Device]] = {
     "crtk": CrtkMaster,
     "crtk_serial": combined(CrtkMaster, SerialMaster),
 }
-SLAVES: dict[str, type[Device]] = {
+_SLAVES: dict[str, type[Device]] = {
     "simulated": SimulatedSlave,
     "virtual": VirtualSlave,
     "replay": ReplaySlave,
@@ -35,4 +43,7 @@ SLAVES: dict[str, type[Device]] = {
     "crtk_serial": combined(CrtkSlave, SerialSlave),
 }
 
-__all__ = ["MASTERS", "SLAVES", "Device", "DeviceError", "Sample"]
+MASTERS = with_outside(_MASTERS, MASTERS_GROUP, RESERVED)
+SLAVES = with_outside(_SLAVES, SLAVES_GROUP, RESERVED)
+
+__all__ = ["MASTERS", "RESERVED", "SLAVES", "Device", "DeviceError", "Sample"]

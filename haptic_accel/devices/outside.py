@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Drivers that other installed packages declare by entry points."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, cast
+
+from haptic_accel.core.parameters import Checked, one_line, schema
+from haptic_accel.devices.interface import Device, DeviceError
+
+MASTERS_GROUP, SLAVES_GROUP = "haptic_accel.masters", "haptic_accel.slaves"
+"""Groups of entry points: drivers of the master's and of the slave's arm."""
+
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+"""Form of a driver's name, which is part of the names of its ROS parameters."""
+
+_LOG = logging.getLogger(__name__)
+
+
+def with_outside(
+    own: Mapping[str, type[Device]], group: str, reserved: Collection[str]
+) -> dict[str, type[Device]]:
+    """Return drivers by name: the own ones, then those that other packages declare in a group.
+
+    A driver that cannot be loaded has a class in its place that states the reason once it is
+    built, so that all others work. A name that is taken keeps its meaning, with a warning.
+
+    Parameters
+    ----------
+    own : mapping
+        Drivers of this package by name.
+    group : str
+        Group of entry points.
+    reserved : collection of str
+        Names that no driver may have, as they have another meaning in its place.
+    """
+    found = dict(own)
+    for each in entry_points(group=group):
+        package = each.dist.name if each.dist else "unknown"
+        if each.name in found or each.name in reserved or not NAME.fullmatch(each.name):
+            reason = "is taken" if NAME.fullmatch(each.name) else "must be like my_arm2"
+            _LOG.warning(
+                "driver %r of package %s: not used: its name %s", each.name, package, reason
+            )
+            continue
+        found[each.name] = _loaded(each, package)
+    return found
+
+
+def _loaded(entry: EntryPoint, package: str) -> type[Device]:
+    """Return the class of a driver, or one that states why there is none."""
+    try:
+        kind = entry.load()
+    except Exception as error:  # whatever a module of somebody else raises
+        return _unusable(f"package {package}: {type(error).__name__}: {one_line(error)}")
+    if not (isinstance(kind, type) and issubclass(kind, Device)):
+        return _unusable(f"package {package}: {entry.value}: must be a subclass of Device")
+    parameters = getattr(kind, "Parameters", None)
+    if not (isinstance(parameters, type) and issubclass(parameters, Checked)):
+        return _unusable(
+            f"package {package}: {entry.value}: Parameters must be a Checked dataclass"
+        )
+    try:
+        schema(parameters)
+        parameters()
+    except Exception as error:  # a field of a type that no parameter has, or without a default
+        return _unusable(f"package {package}: {entry.value}: Parameters: {one_line(error)}")
+    return kind
+
+
+@dataclass(frozen=True)
+class _NoParameters(Checked):
+    """No parameters."""
+
+
+def _unusable(reason: str) -> type[Device]:
+    """Return the class of a device that cannot be built, for a reason."""
+
+    def refuse(device: Device, parameters: Any, rate: float, seed: int) -> None:
+        raise DeviceError(reason)
+
+    kind: Any = type(
+        "UnusableDevice", (Device,), {"Parameters": _NoParameters, "__init__": refuse}
+    )
+    kind.__abstractmethods__ = frozenset()  # none of its methods is ever called
+    return cast(type[Device], kind)

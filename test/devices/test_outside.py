@@ -1,0 +1,146 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Drivers of other packages, installed as a package installer does it, used as a user does."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.bags.reading import read_bag
+from haptic_accel.core.process import module_command
+from haptic_accel.core.topics import HANDLE_ACCELERATION
+from haptic_accel.devices import RESERVED
+from haptic_accel.graph.arguments import PLAYED_TOPICS
+from haptic_accel.graph.node_parameters import NODES
+from running import Command
+
+DRIVER = """
+from dataclasses import dataclass
+from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.devices import Device, Sample
+
+@dataclass(frozen=True)
+class LabParameters(Checked):
+    bias: float = parameter(3.0, "acceleration of a handle at rest", unit="m/s^2")
+
+class LabMaster(Device):
+    Parameters = LabParameters
+
+    def __init__(self, parameters, rate, seed):
+        self._bias = parameters.bias
+
+    def open(self): ...
+
+    def read(self, time):
+        return Sample((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), self._bias)
+
+    def write(self, time, *, arm_force=None, actuator_force=None): ...
+
+    def close(self): ...
+
+class Wrong: ...
+
+class WithoutParameters(LabMaster):
+    Parameters = dict
+"""
+
+Install = Callable[..., None]
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Install a package: ``install(DRIVER NAME, OBJECT)``, or of another name or group."""
+    site = tmp_path / "site"
+    site.mkdir()
+    (site / "lab_arm.py").write_text(DRIVER)
+    path = os.pathsep.join(filter(None, (str(site), os.environ.get("PYTHONPATH", ""))))
+    monkeypatch.setenv("PYTHONPATH", path)
+
+    def installed(
+        name: str, target: str, package: str = "lab_arm", group: str = "haptic_accel.masters"
+    ) -> None:
+        folder = site / f"{package}-1.0.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+        (folder / "entry_points.txt").write_text(f"[{group}]\n{name} = {target}\n")
+
+    return installed
+
+
+def run(*words: str) -> tuple[int, str]:
+    command = [sys.executable, *module_command("haptic_accel.cli.main")[1:], *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_a_driver_is_offered_where_its_arm_is(install: Install) -> None:
+    install("lab", "lab_arm:LabMaster")
+    status, text = run("teleop", "--help")
+    assert status == 0
+    master, slave = text.partition("slave device, or")[::2]
+    assert "crtk_serial, lab" in " ".join(master.split())
+    assert "lab," not in slave
+    status, text = run("teleop", "slave:=lab")
+    assert status == 2
+    assert "slave = 'lab': must be one of" in text
+
+
+def test_a_driver_runs_with_its_parameters(
+    install: Install, haptic_accel: Callable[..., Command], tmp_path: Path
+) -> None:
+    install("lab", "lab_arm:LabMaster")
+    (tmp_path / "lab.yaml").write_text("master_device: {ros__parameters: {lab.bias: 7.0}}")
+    words = "master:=lab", "params_file:=lab.yaml", "rate:=200.0", "duration:=0.5", "bag:=bag"
+    graph = haptic_accel("teleop", *words)
+    assert graph.end() == 0, graph.text
+    recorded = read_bag(tmp_path / "bag").signals[HANDLE_ACCELERATION.name].values
+    assert recorded[-1].tolist() == [0.0, 0.0, 7.0]
+
+
+@pytest.mark.parametrize(
+    ("target", "reason"),
+    [
+        ("no_such:Arm", "ModuleNotFoundError: No module named 'no_such'"),
+        ("lab_arm:Missing", "AttributeError: module 'lab_arm' has no attribute 'Missing'"),
+        ("lab_arm:Wrong", "lab_arm:Wrong: must be a subclass of Device"),
+        ("lab_arm:WithoutParameters", "lab_arm:WithoutParameters: Parameters must be a Checked"),
+    ],
+)
+def test_a_broken_driver_is_named_where_it_is_asked_for(
+    install: Install, target: str, reason: str
+) -> None:
+    install("lab", target)
+    status, text = run("teleop", "master:=lab")
+    assert status == 2
+    (line,) = text.strip().splitlines()
+    assert f"master = 'lab': package lab_arm: {reason}" in line
+    status, text = run("teleop", "master:=simulated", "rate:=0")
+    assert "rate = 0" in text, "the others work"
+
+
+@pytest.mark.parametrize("name", ["serial", "safety", "My-Arm"])
+def test_a_name_that_cannot_be_used_is_told(install: Install, name: str) -> None:
+    install(name, "lab_arm:LabMaster")
+    status, text = run("teleop", "--help")
+    assert status == 0
+    assert f"driver '{name}' of package lab_arm: not used: its name" in text
+
+
+def test_the_first_of_two_packages_has_the_name(install: Install) -> None:
+    install("lab", "lab_arm:LabMaster")
+    install("lab", "lab_arm:Wrong", package="other_arm")
+    _, text = run("teleop", "--help")
+    assert "not used: its name is taken" in text
+
+
+def test_no_other_part_of_a_node_can_be_hidden() -> None:
+    parts = {part for node in ("master_device", "slave_device") for part in NODES[node][1]}
+    assert {"audio", "safety", "servo_cp"} <= parts
+    assert {"audio", "safety", "servo_cp", PLAYED_TOPICS} == set(RESERVED)
