@@ -41,6 +41,14 @@ BELOW: dict[str, set[str]] = {
 }
 """The folders that each folder of the package may import, besides itself."""
 
+APART = {
+    "handle": {"control", "identification", "rig"},
+    "control": {"identification", "rig"},
+    "identification": {"control", "rig"},
+    "rig": {"control", "identification"},
+}
+"""Rooms of the core, and those that each must not know: what they share is in `core/handle`."""
+
 RIG = "haptic_accel.core.rig"
 RIG_USERS = {
     *("haptic_accel.devices.simulated", "haptic_accel.core.trial"),
@@ -176,6 +184,13 @@ def test_every_folder_has_its_rule() -> None:
 
 def test_imports_point_down() -> None:
     assert sorted(broken() - KNOWN) == []
+
+
+@pytest.mark.parametrize("name", APART)
+def test_rooms_of_the_core_stay_apart(name: str) -> None:
+    known = {to for by, to in inside() if within(by, f"haptic_accel.core.{name}")}
+    others = [f"haptic_accel.core.{other}" for other in APART[name]]
+    assert not [module for module in known for other in others if within(module, other)]
 
 
 def closes_a_circle(pair: Import) -> bool:

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from haptic_accel.analysis.identification_plots import coherence_plot, model_plot, sweep_plot
 from haptic_accel.analysis.plots import DASH, number
-from haptic_accel.core.identification.discrete import DiscreteModel
+from haptic_accel.core.handle.discrete import DiscreteModel
 from haptic_accel.core.identification.evaluation import UNEXPLAINED, Identification
 from haptic_accel.core.identification.fit import HandleFit
 from haptic_accel.core.identification.sweep import SweepParameters

@@ -22,7 +22,7 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import FADING, LISTENING, PLANT
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_passed
-from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, BoolArray, sampling_rate

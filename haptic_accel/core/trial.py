@@ -23,7 +23,6 @@ from haptic_accel.core.control.filters import (
     without_hand_motion,
 )
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
-from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
 from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
 from haptic_accel.core.coupling.position_position import (
@@ -31,6 +30,7 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.identification.stops import LIMITED
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
 from haptic_accel.core.loop.compensation import CompensationPart

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from scipy.io import wavfile
 
 from fuzzing import accepted, fuzz_few, in_child, measured, mutated
-from haptic_accel.core.identification.discrete import read_discrete_model
+from haptic_accel.core.handle.discrete import read_discrete_model
 from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.materials.foreign import import_texture
 from haptic_accel.materials.mesh_baking import baked

@@ -20,7 +20,7 @@ from haptic_accel.core.control.filters import (
     check_corner,
     high_pass,
 )
-from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ApproximateModel
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.sampling import LATENCY

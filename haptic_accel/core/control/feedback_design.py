@@ -37,8 +37,9 @@ from haptic_accel.core.control.inversion.design import (
     Goal,
     nearest,
 )
-from haptic_accel.core.control.inversion.plant import Plant, grid_for
 from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY
+from haptic_accel.core.handle.grid import grid_for
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 

@@ -13,8 +13,8 @@ from operator import sub, truediv
 
 import numpy as np
 
-from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.control.paired_window import PairedWindow
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import Checked, parameter
 

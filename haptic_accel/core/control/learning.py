@@ -19,9 +19,9 @@ from haptic_accel.core.control.inversion.design import (
     travel_cost,
 )
 from haptic_accel.core.control.inversion.family import InverseFamily
-from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.control.inversion.toeplitz import improved
 from haptic_accel.core.control.response_estimation import ResponseEstimator
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 
 MEMORY = 2.0

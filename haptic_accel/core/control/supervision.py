@@ -11,8 +11,9 @@ import numpy as np
 
 from haptic_accel.core.control.feedback_design import MODEL_MEMORY, GripRange
 from haptic_accel.core.control.inversion.convolution import SampleConvolution
-from haptic_accel.core.control.inversion.plant import Plant, grid_for
 from haptic_accel.core.control.response_estimation import ResponseEstimator
+from haptic_accel.core.handle.grid import grid_for
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.sampling import BoolArray
 

@@ -12,8 +12,9 @@ from statistics import fmean
 
 import numpy as np
 
-from haptic_accel.core.identification.approximate import approximate_model
-from haptic_accel.core.identification.discrete import DiscreteModel, identify_discrete
+from haptic_accel.core.handle.approximate import approximate_model
+from haptic_accel.core.handle.discrete import DiscreteModel
+from haptic_accel.core.identification.discrete import identify_discrete
 from haptic_accel.core.identification.estimate import (
     FrequencyResponse,
     check_recording,

@@ -14,14 +14,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from haptic_accel.core.handle.response import ACCELEROMETER_CORNER, RIGID, sampled_response
 from haptic_accel.core.identification.estimate import Band, FrequencyResponse
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 
 # scipy.optimize and scipy.linalg take a while to import: only a fit waits for them.
-
-ACCELEROMETER_CORNER = 500.0
-"""Corner of the accelerometer's first-order low-pass, Hz (paper: ADXL320J)."""
 
 DEFAULT_FREE = ("b_s", "m_h", "k_u", "b_u", "delay")
 """Fitted parameters. Mass and spring of the actuator can be measured on the bench."""
@@ -34,9 +32,6 @@ EARLIEST_DELAY = -0.001
 
 MOUNT = ("mount_frequency", "mount_damping")
 """Further parameters that can be fitted: the mode of the accelerometer's mount."""
-
-RIGID = MountParameters()
-"""A mount without a mode."""
 
 FRICTION = ("friction", "slip_velocity", "friction_lag")
 """Parameters of dry friction, which no response shows: they are fitted to the motion."""
@@ -257,96 +252,6 @@ def fit_handle(
     start = Point(known or HandleParameters(), mount, delay, low_pass_frequency, Friction())
     _check(start, free)
     return _Problem(responses, start, tuple(free)).solve()
-
-
-def sampled_response(
-    handle: HandleParameters,
-    frequency: npt.ArrayLike,
-    rate: float,
-    delay: float = 0.0,
-    low_pass_frequency: float = ACCELEROMETER_CORNER,
-    mount: MountParameters = RIGID,
-) -> ComplexArray:
-    """Return the response of sampled acceleration to actuator force, behind delay and low-pass.
-
-    The force is held from one sample to the next. The response is exact for what is sampled:
-    sin(x)/x and half a sample of delay, and all aliases, which at 1 kHz behind a 500 Hz
-    first-order low-pass make up 14 % at 200 Hz.
-
-    Parameters
-    ----------
-    handle : HandleParameters
-    frequency : array_like, shape (n,)
-        Hz, above 0 and below half the rate.
-    rate : float
-        Samples per second.
-    delay : float
-        Delay beside that of the hold, s.
-    low_pass_frequency : float
-        Corner of the accelerometer's first-order low-pass, Hz.
-    mount : MountParameters
-        Mount of the accelerometer.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Complex, m/s^2 per N.
-    """
-    frequency = np.asarray(frequency, dtype=np.float64)
-    a, b = mechanics(handle, low_pass_frequency, mount)
-    late = math.ceil(delay * rate)  # whole samples until the force is first seen
-    over, step = held(a, b, 1.0 / rate)
-    # A force held from sample m acts from then plus the delay: at each later sample what remains
-    # of the last period is added to what the earlier ones left.
-    over_rest, step_rest = held(a, b, late / rate - delay)
-    z = np.exp(2j * np.pi * frequency / rate)
-    # x[n+1] = over x[n] + step u[n], by solving (z - over) x = step for all z at once.
-    states = len(b)
-    resolvent = z[:, None, None] * np.eye(states) - over
-    state = np.linalg.solve(resolvent, np.broadcast_to(step, (len(z), states))[..., None])
-    seen = state[..., 0] @ over_rest[-1] + step_rest[-1]
-    return np.asarray(seen * z**-late)
-
-
-def mechanics(
-    handle: HandleParameters, corner: float, mount: MountParameters
-) -> tuple[FloatArray, FloatArray]:
-    """Return A and B of eq. (1) and (2) with the hand at rest; the last state is the output.
-
-    States: actuator's position and velocity, handle's, mount's if it is not rigid, acceleration
-    behind the low-pass.
-    """
-    h = handle
-    states = 7 if mount.frequency else 5
-    a, b = np.zeros((states, states)), np.zeros(states)
-    a[0, 1] = a[2, 3] = 1.0
-    bearing, grip = np.zeros(states), np.zeros(states)
-    bearing[:4] = h.k_s, h.b_s, -h.k_s, -h.b_s
-    grip[2:4] = h.k_u, h.b_u
-    a[1], a[3] = -bearing / h.m_a, (bearing - grip) / h.m_h
-    b[1], b[3] = -1.0 / h.m_a, 1.0 / h.m_h
-    sensed = 3
-    if mount.frequency:
-        omega = 2 * np.pi * mount.frequency
-        damping = 2 * mount.damping * omega
-        a[4, 5] = 1.0
-        a[5, 2:6] = omega**2, damping, -(omega**2), -damping
-        sensed = 5
-    omega = 2 * np.pi * corner
-    a[-1], b[-1] = omega * a[sensed], omega * b[sensed]
-    a[-1, -1] = -omega
-    return a, b
-
-
-def held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
-    """Return the factors of the state, and of an input held over it, after a time in s."""
-    from scipy.linalg import expm
-
-    states = len(b)
-    exponent = np.zeros((states + 1, states + 1))
-    exponent[:states, :states], exponent[:states, states] = a * time, b * time
-    transition = np.asarray(expm(exponent), dtype=np.float64)
-    return transition[:states, :states], transition[:states, states]
 
 
 class _Problem:

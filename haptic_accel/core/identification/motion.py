@@ -15,14 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from haptic_accel.core.handle.mechanics import axial_mechanics, zero_order_hold
 from haptic_accel.core.identification.estimate import smoothed
 from haptic_accel.core.identification.fit import (
     FRICTION,
     Coordinates,
     HandleFit,
     Point,
-    held,
-    mechanics,
 )
 from haptic_accel.core.identification.sweep import (
     DROPPED_REPEATS,
@@ -169,8 +168,8 @@ def _stepping(point: Point, time: float) -> tuple[FloatArray, FloatArray]:
     ndarray, shape (states + 1, states + 1)
     ndarray, shape (states,)
     """
-    a, b = mechanics(point.handle, point.low_pass_frequency, point.mount)
-    free, push = held(a, b, time)
+    a, b = axial_mechanics(point.handle, point.mount, point.low_pass_frequency)
+    free, push = zero_order_hold(a, b, time)
     bearing = point.bearing
     slip = np.zeros(len(b))
     slip[1], slip[3] = 1.0, -1.0
@@ -200,8 +199,8 @@ def _seen(point: Point, before: FloatArray, rate: float) -> FloatArray:
     late = math.ceil(point.delay * rate)  # samples until a force is first seen
     rest = late / rate - point.delay
     step = min(int(rest * rate * steps), steps - 1)
-    a, b = mechanics(point.handle, point.low_pass_frequency, point.mount)
-    over, push = held(a, b, rest - step / (rate * steps))
+    a, b = axial_mechanics(point.handle, point.mount, point.low_pass_frequency)
+    over, push = zero_order_hold(a, b, rest - step / (rate * steps))
     row = np.concatenate([over[-1], [push[-1], point.bearing.friction * push[-1]]])
     acceleration = np.zeros(samples)
     acceleration[max(0, late) : samples + min(0, late)] = (

@@ -13,9 +13,31 @@ from typing import Protocol
 import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.handle.mechanics import (
+    A_U,
+    ACTUATOR_AND_HANDLE,
+    AX_U,
+    F_A,
+    F_BETWEEN,
+    F_X,
+    F_Z,
+    MEASURED,
+    V_A,
+    V_H,
+    V_U,
+    VX_H,
+    VX_U,
+    X_H,
+    X_U,
+    Y_A,
+    Y_H,
+    Y_M,
+    Y_U,
+    G,
+    mechanics,
+)
 from haptic_accel.core.model import (
     AccelerometerParameters,
-    FloatArray,
     GripParameters,
     HandleParameters,
     MountParameters,
@@ -35,14 +57,6 @@ STOP_STEPS = 5
 
 NOISE_STREAM = 1
 """Random stream of the handle's accelerometer, independent of the slave's of the same seed."""
-
-
-# Order of states and inputs of the linear mechanics.
-Y_A, V_A, Y_H, V_H, X_U, Y_U, VX_U, V_U, MEASURED, X_H, VX_H, Y_M, V_M = range(13)
-F_A, F_Z, F_X, AX_U, A_U, F_BETWEEN, G = range(7)
-STATES, INPUTS = 13, 7
-# Neighbours, read together: one access to an array costs as much as its arithmetic.
-ACTUATOR_AND_HANDLE = slice(Y_A, X_U)
 
 
 @dataclass(frozen=True)
@@ -245,7 +259,11 @@ class MasterRig:
     def _build_mechanics(self) -> None:
         """Build the mechanics of the handle with its present grip."""
         h, drive = self.handle, self._p.drive
-        self._system = LinearSystem(*_mechanics(self._p, h), self._step, self._longest)
+        self._system = LinearSystem(
+            *mechanics(h, self._p.mount, self._p.accelerometer.bandwidth),
+            self._step,
+            self._longest,
+        )
         self._ends = self._system.state[ACTUATOR_AND_HANDLE]
         self._travel = self._p.actuator.travel
         self._friction = drive.coulomb_friction
@@ -354,45 +372,3 @@ class MasterRig:
         response, whole = self._rubbed[steps - 1]
         friction = self._friction * min(1.0, max(-1.0, travelled / whole))
         np.subtract(free, friction * response, system.state)
-
-
-def _mechanics(
-    parameters: MasterRigParameters, handle: HandleParameters
-) -> tuple[FloatArray, FloatArray]:
-    """Return A and B of the linear mechanics, eq. (1) and (2) of the paper in the time domain."""
-    h = handle
-    a, b = np.zeros((STATES, STATES)), np.zeros((STATES, INPUTS))
-    for position, velocity in ((Y_A, V_A), (Y_H, V_H), (Y_U, V_U), (X_H, VX_H), (X_U, VX_U)):
-        a[position, velocity] = 1.0
-    bearing = np.zeros(STATES)  # force of spring and bearing on the handle
-    bearing[[Y_A, Y_H, V_A, V_H]] = h.k_s, -h.k_s, h.b_s, -h.b_s
-    grip = np.zeros(STATES)  # force of the hand on the handle
-    grip[[Y_U, Y_H, V_U, V_H]] = h.k_u, -h.k_u, h.b_u, -h.b_u
-    grip_x = np.zeros(STATES)
-    grip_x[[X_U, X_H, VX_U, VX_H]] = h.k_u, -h.k_u, h.b_u, -h.b_u
-    a[V_A] = -bearing / h.m_a
-    b[V_A, [F_A, F_BETWEEN, G]] = -1 / h.m_a, 1 / h.m_a, 1.0
-    a[V_H] = (bearing + grip) / h.m_h
-    b[V_H, [F_A, F_BETWEEN, F_Z, G]] = 1 / h.m_h, -1 / h.m_h, 1 / h.m_h, 1.0
-    a[VX_H] = grip_x / (h.m_a + h.m_h)
-    b[VX_H, F_X] = 1 / (h.m_a + h.m_h)
-    b[V_U, A_U] = b[VX_U, AX_U] = 1.0
-    mount = _mount(parameters.mount, a, b)
-    # The accelerometer's first-order low-pass of its mount's acceleration.
-    corner = 2 * np.pi * parameters.accelerometer.bandwidth
-    a[MEASURED] = corner * a[mount]
-    a[MEASURED, MEASURED] = -corner
-    b[MEASURED] = corner * b[mount]
-    return a, b
-
-
-def _mount(mount: MountParameters, a: FloatArray, b: FloatArray) -> int:
-    """Add the accelerometer's mount to A and B; return the state that is its velocity."""
-    if not mount.frequency:
-        return V_H
-    omega = 2 * np.pi * mount.frequency
-    # The mount's mass is neglected: it exerts no force on the handle.
-    a[Y_M, V_M] = 1.0
-    a[V_M, [Y_H, Y_M]] = omega**2, -(omega**2)
-    a[V_M, [V_H, V_M]] = 2 * mount.damping * omega, -2 * mount.damping * omega
-    return V_M

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.actuator.friction import SLIP_VELOCITY, FrictionCompensation
-from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.rig.master_rig import DriveParameters
 from haptic_accel.core.trial import RigParameters, run_trial

@@ -31,7 +31,7 @@ from haptic_accel.core.control.compensation import (
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
 from haptic_accel.core.control.controllers.constant import ConstantParameters
 from haptic_accel.core.control.filters import check_corner, high_pass, inverse_of
-from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import GRAVITY, ApproximateModel, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError
 

@@ -18,7 +18,8 @@ from haptic_accel.core.control.compensation import Compensation, CompensationPar
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.controllers.constant import ConstantParameters
 from haptic_accel.core.control.fallback import FADING, PAUSE, TRIAL
-from haptic_accel.core.control.inversion.plant import Plant, grid_for
+from haptic_accel.core.handle.grid import grid_for
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked
 

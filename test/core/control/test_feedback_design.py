@@ -21,8 +21,9 @@ from haptic_accel.core.control.feedback_design import (
     loop_margins,
 )
 from haptic_accel.core.control.inversion.design import Goal, design_inverse
-from haptic_accel.core.control.inversion.plant import Grid, Plant
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
+from haptic_accel.core.handle.grid import Grid
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 

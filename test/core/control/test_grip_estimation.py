@@ -19,7 +19,7 @@ from haptic_accel.core.control.grip_estimation import (
     AdaptationParameters,
     GripEstimator,
 )
-from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import AccelerometerParameters, HandleParameters
 from haptic_accel.core.rig.master_rig import DriveParameters, MasterRig, MasterRigParameters
 

@@ -27,22 +27,16 @@ from haptic_accel.core.control.inversion.design import (
     design_inverse,
     extension,
 )
-from haptic_accel.core.control.inversion.plant import (
-    Grid,
-    IdentifiedPlant,
-    Plant,
-    grid_for,
-    inverse_terms,
-    travel_response,
-)
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import (
     PRIOR,
     TexturePrior,
     measured_spectrum,
 )
-from haptic_accel.core.identification.discrete import DiscreteModel
-from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters, handle_model
+from haptic_accel.core.handle.discrete import DiscreteModel
+from haptic_accel.core.handle.grid import Grid
+from haptic_accel.core.handle.plant import IdentifiedPlant, Plant
+from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 
 RATES = [1000.0, 4000.0]
@@ -63,44 +57,6 @@ def grip_factors(handle: HandleParameters) -> FloatArray:
 
 def flat(frequency: FloatArray) -> FloatArray:
     return np.full(len(frequency), 0.01)
-
-
-# What the plant is
-
-
-@given(grips)
-def test_the_terms_add_up_to_the_inverse_of_eq_3(handle: HandleParameters) -> None:
-    frequency = np.geomspace(0.5, 2000.0, 40)
-    found = grip_factors(handle) @ inverse_terms(handle, frequency)
-    assert found * handle_model(handle).response(frequency) == pytest.approx(1.0, rel=1e-7)
-
-
-def test_a_slow_force_stretches_the_spring() -> None:
-    travel = travel_response(HandleParameters(), np.array([0.01]))
-    assert travel == pytest.approx(-1 / 266.0, rel=1e-3)
-
-
-def test_a_fast_force_moves_both_masses_apart() -> None:
-    frequency = 5000.0
-    travel = travel_response(HandleParameters(), np.array([frequency]))
-    apart = (1 / 0.018 + 1 / 0.128) / (2 * math.pi * frequency) ** 2
-    assert abs(travel) == pytest.approx(apart, rel=1e-3)
-
-
-@pytest.mark.parametrize("rate", RATES)
-def test_a_grids_sequences_are_those_of_its_spectra(rate: float) -> None:
-    grid = Grid(rate, 64)
-    sequence = np.random.default_rng(0).normal(size=50)
-    spectrum = grid.spectrum(sequence)
-    turned = np.exp(-2j * np.pi * np.outer(grid.frequency / rate, np.arange(50)))
-    assert spectrum == pytest.approx(turned @ sequence)
-    assert grid.sequence(spectrum)[:50] == pytest.approx(sequence)
-    assert grid.spectrum(np.eye(5)[3]) == pytest.approx(grid.delay(3))
-
-
-def test_a_grid_is_fine_enough_and_long_enough() -> None:
-    assert grid_for(1000.0).step <= 0.2
-    assert grid_for(50.0, taps=4000).points >= 16000
 
 
 # The extension

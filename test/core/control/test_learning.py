@@ -21,10 +21,10 @@ from haptic_accel.core.control.inversion.design import (
     extension,
 )
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
-from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
 from haptic_accel.core.control.learning import Learner
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, MountParameters
 
 RATE = 1000.0

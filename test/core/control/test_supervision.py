@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from haptic_accel.core.control.inversion.plant import Plant, grid_for
 from haptic_accel.core.control.supervision import FITTING, ORDINARY, ResponseSupervisor
+from haptic_accel.core.handle.grid import grid_for
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, MountParameters
 
 RATE = 1000.0

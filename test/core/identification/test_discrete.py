@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,13 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from haptic_accel.core.identification.discrete import (
-    DiscreteModel,
-    identify_discrete,
-    read_discrete_model,
-)
+from haptic_accel.core.handle.discrete import DiscreteModel
+from haptic_accel.core.handle.response import sampled_response
+from haptic_accel.core.identification.discrete import identify_discrete
 from haptic_accel.core.identification.estimate import RecordingError
-from haptic_accel.core.identification.fit import sampled_response
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError
@@ -69,14 +64,6 @@ def test_a_known_filter_comes_back(order: int, corner: float, delay_samples: int
     found = identify_discrete(FORCE, acceleration(known, FORCE), order, RATE, delay_samples)
     error = found.response(FREQUENCY) - known.response(FREQUENCY)
     assert np.abs(error).max() < 0.01
-
-
-def test_the_response_is_that_of_the_filter() -> None:
-    sections = np.asarray(signal.butter(3, 100.0, fs=RATE, output="sos"))
-    model = DiscreteModel(sections, RATE, 2)
-    impulse = acceleration(model, np.eye(1, 1000)[0])
-    turn = np.exp(-2j * np.pi * np.outer(FREQUENCY, np.arange(1000)) / RATE)
-    assert model.response(FREQUENCY) == pytest.approx(turn @ impulse, abs=1e-9)
 
 
 @pytest.mark.parametrize("order", [2, 5])
@@ -131,42 +118,3 @@ def test_an_impossible_argument_is_refused(
 ) -> None:
     with pytest.raises(ParameterError, match=f"^{message}$"):
         identify_discrete(FORCE, FORCE, order, rate, delay_samples)
-
-
-def test_a_model_is_read_back_from_the_figures_of_an_identification(tmp_path: Path) -> None:
-    file = tmp_path / "figures.json"
-    sections = [[0.5, 0.1, 0.0, 1.0, -0.4, 0.05]]
-    content = {"sections": sections, "rate_hz": 1000.0, "delay_samples": 2}
-    file.write_text(json.dumps({"discrete_model": content}))
-    model = read_discrete_model(file)
-    assert model.sections.tolist() == sections
-    assert (model.rate, model.delay_samples) == (1000.0, 2)
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("{}", "discrete_model"),
-        ("not json", "must be JSON"),
-        (
-            '{"discrete_model": {"sections": [[1]], "rate_hz": 1, "delay_samples": 1}}',
-            "six numbers",
-        ),
-        (
-            '{"discrete_model": {"sections": [[1,0,0,1,-2,0]], "rate_hz": 1, "delay_samples": 1}}',
-            "stable",
-        ),
-        (
-            '{"discrete_model": {"sections": [[1,0,0,1e-300,1e300,0]], "rate_hz": 1,'
-            ' "delay_samples": 1}}',
-            "the fourth of them 1",
-        ),
-    ],
-)
-def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str, reason: str) -> None:
-    file = tmp_path / "figures.json"
-    file.write_text(text)
-    with pytest.raises(ParameterError, match=reason):
-        read_discrete_model(file)
-    with pytest.raises(ParameterError, match="readable"):
-        read_discrete_model(tmp_path / "none.json")

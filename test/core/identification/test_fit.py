@@ -9,26 +9,14 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from haptic_accel.core.identification.approximate import approximate_model
+from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.identification.estimate import FrequencyResponse, dft_ratio
-from haptic_accel.core.identification.fit import (
-    DEFAULT_FREE,
-    MOUNT,
-    HandleFit,
-    fit_handle,
-    sampled_response,
-)
+from haptic_accel.core.identification.fit import DEFAULT_FREE, MOUNT, HandleFit, fit_handle
 from haptic_accel.core.identification.sweep import SweepParameters, kept_repeats, sweep
 from haptic_accel.core.model import (
-    ApproximateModel,
-    ComplexArray,
-    FloatArray,
     HandleParameters,
     MountParameters,
-    handle_model,
 )
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
@@ -56,47 +44,11 @@ def errors(fit: HandleFit, true: HandleParameters) -> dict[str, float]:
     return {name: getattr(fit.handle, name) / getattr(true, name) - 1 for name in names}
 
 
-# The model of what samples see
-
-
-def by_aliases(frequency: FloatArray, rate: float, delay: float) -> ComplexArray:
-    """Sum eq. (1) and (2), solved by themselves, behind hold, delay and low-pass over aliases."""
-    p = TABLE_I
-    total = np.zeros(len(frequency), dtype=complex)
-    for turn in range(-2000, 2001):
-        alias = frequency + turn * rate
-        s = 2j * np.pi * alias
-        spring = p.k_s + p.b_s * s
-        motion = np.array(
-            [
-                [p.m_a * s**2 + spring, -spring],
-                [-spring, p.m_h * s**2 + spring + p.k_u + p.b_u * s],
-            ]
-        )
-        y_h = np.linalg.solve(np.moveaxis(motion, -1, 0), np.array([[[-1.0], [1.0]]]))[:, 1, 0]
-        hold = np.sinc(alias / rate) * np.exp(-1j * np.pi * alias / rate)
-        total += hold * s**2 * y_h / (1 + 1j * alias / 500.0) * np.exp(-s * delay)
-    return total
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1.0e-3, 2.4e-3, -0.2e-3])
-def test_samples_see_the_sum_of_all_aliases(delay: float) -> None:
-    expected = by_aliases(FREQUENCY, RATE, delay)
-    response = sampled_response(TABLE_I, FREQUENCY, RATE, delay)
-    assert np.abs(response / expected - 1).max() < 1e-3  # the sum's own remainder
-
-
 def test_the_rig_is_what_the_model_says(ideal_master: MasterRigParameters) -> None:
     for rate in (1000.0, 2000.0):
         estimate = measured(ideal_master, rate=rate)
         expected = sampled_response(TABLE_I, estimate.frequency, rate)
         assert np.abs(estimate.response / expected - 1).max() < 1e-5
-
-
-def test_at_a_high_rate_it_is_the_continuous_system() -> None:
-    sampled = sampled_response(TABLE_I, FREQUENCY, 1e6)
-    smooth = handle_model(TABLE_I).response(FREQUENCY) / (1 + 1j * FREQUENCY / 500.0)
-    assert sampled == pytest.approx(smooth, rel=2e-3)
 
 
 # Recovery of the rig's parameters
@@ -222,34 +174,6 @@ def test_a_response_without_coherence_cannot_be_fitted() -> None:
     nothing = replace(estimate, coherence=np.zeros_like(estimate.coherence))
     with pytest.raises(ParameterError, match="^responses: 0 lines with some coherence, must be"):
         fit_handle(nothing)
-
-
-# The paper's kind of model
-
-
-def magnitude_error(model: ApproximateModel, handle: HandleParameters) -> float:
-    """Return the root mean square difference of two magnitudes over the paper's band, dB."""
-    frequency = np.geomspace(15.0, 200.0, 200)
-    ratio = model.model().response(frequency) / handle_model(handle).response(frequency)
-    return float(np.sqrt(np.mean((20 * np.log10(np.abs(ratio))) ** 2)))
-
-
-def test_on_table_i_it_is_closer_than_the_papers_numbers() -> None:
-    model = approximate_model(TABLE_I)
-    # The paper's own is 0.48 dB off.
-    assert magnitude_error(model, TABLE_I) < 0.01 < magnitude_error(ApproximateModel(), TABLE_I)
-
-
-@settings(deadline=None, max_examples=20)
-@given(st.floats(0.07, 0.3), st.floats(500.0, 4000.0), st.floats(5.0, 30.0))
-def test_it_is_close_for_any_hand(m_h: float, k_u: float, b_u: float) -> None:
-    hand = replace(TABLE_I, m_h=m_h, k_u=k_u, b_u=b_u)
-    assert magnitude_error(approximate_model(hand), hand) < 0.5
-
-
-def test_what_cannot_be_approximated_is_refused() -> None:
-    with pytest.raises(ParameterError, match="^band = 200 to 15 Hz: must rise from above 0$"):
-        approximate_model(TABLE_I, (200.0, 15.0))
 
 
 @pytest.mark.parametrize("frequency", [180.0, 300.0])

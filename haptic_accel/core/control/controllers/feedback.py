@@ -24,7 +24,7 @@ from haptic_accel.core.control.feedback_design import (
 )
 from haptic_accel.core.control.filters import SampleFilter, inverse_of, section_response
 from haptic_accel.core.control.inversion.convolution import SampleConvolution
-from haptic_accel.core.identification.approximate import approximate_model
+from haptic_accel.core.handle.approximate import approximate_model
 from haptic_accel.core.parameters import parameter
 
 FADING = 5e-3

@@ -20,14 +20,10 @@ from haptic_accel.core.control.filters import (
     high_pass_response,
     section_response,
 )
-from haptic_accel.core.control.inversion.plant import (
-    Dynamics,
-    Plant,
-    grid_for,
-    inverse_terms,
-    travel_response,
-)
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
+from haptic_accel.core.handle.grid import grid_for
+from haptic_accel.core.handle.plant import Dynamics, Plant
+from haptic_accel.core.handle.response import inverse_terms, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import HIGHEST_LATENCY

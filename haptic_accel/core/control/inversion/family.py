@@ -17,7 +17,7 @@ from haptic_accel.core.control.inversion.design import (
     design_basis,
     extension,
 )
-from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray
 
 

@@ -15,8 +15,8 @@ from haptic_accel.core.control.controllers.inverse import InverseController, Inv
 from haptic_accel.core.control.grip_estimation import LARGEST
 from haptic_accel.core.control.inversion.design import Goal, design_bank, design_inverse
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
-from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.control.inversion.prediction import predict
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters

@@ -25,9 +25,9 @@ from haptic_accel.core.control.controllers.feedback import (
 )
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.feedback_design import GripRange
-from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
-from haptic_accel.core.identification.approximate import approximate_model
+from haptic_accel.core.handle.approximate import approximate_model
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters

@@ -19,9 +19,9 @@ from haptic_accel.core.control.controllers import CONTROLLERS, Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.filters import SampleFilter, high_pass
 from haptic_accel.core.control.inversion.design import Goal, design_inverse
-from haptic_accel.core.control.inversion.plant import Plant
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY, measured_spectrum
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, MountParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.rig.exploration import ExplorationParameters

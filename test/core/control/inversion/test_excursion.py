@@ -30,7 +30,7 @@ from haptic_accel.core.control.inversion.excursion import (
     ExcursionControl,
     TravelPredictor,
 )
-from haptic_accel.core.control.inversion.plant import Plant
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, Suspension
 from haptic_accel.core.parameters import Checked
 

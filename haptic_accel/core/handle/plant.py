@@ -13,15 +13,13 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.identification.discrete import DiscreteModel, read_discrete_model
-from haptic_accel.core.identification.fit import sampled_response
+from haptic_accel.core.handle.discrete import DiscreteModel, read_discrete_model
+from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.model import (
     AccelerometerParameters,
     ComplexArray,
-    FloatArray,
     HandleParameters,
     MountParameters,
-    handle_model,
 )
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.core.sampling import check_latency
@@ -157,107 +155,3 @@ class IdentifiedPlant:
                 f"rate = {rate:g}: must be that of the identified model, {self.model.rate:g} Hz"
             )
         return self.model.response(frequency)
-
-
-def travel_response(handle: HandleParameters, frequency: FloatArray) -> ComplexArray:
-    """Return the actuator's displacement from the handle over its force, m per N.
-
-    From eq. (1) for the difference y = y_a - y_h:
-    (m_a s^2 + b_s s + k_s) Y = -F_a - m_a A_h with A_h = H F_a.
-
-    Parameters
-    ----------
-    handle : HandleParameters
-    frequency : ndarray, shape (n,)
-        Frequencies, Hz, above 0.
-    """
-    s = 2j * np.pi * frequency
-    actuator = handle.m_a * s**2 + handle.b_s * s + handle.k_s
-    return np.asarray(-(1.0 + handle.m_a * handle_model(handle).response(frequency)) / actuator)
-
-
-def inverse_terms(handle: HandleParameters, frequency: FloatArray) -> ComplexArray:
-    """Terms of 1/H, which is linear in mass, damping and stiffness of handle and grip.
-
-    With A = m_a s^2 + b_s s + k_s and B = b_s s + k_s, eq. (3) turned over is
-    1/H = A (m_h s^2 + b_u s + k_u) / (m_a s^4) + B / s^2, as A B - B^2 = m_a s^2 B.
-
-    Parameters
-    ----------
-    handle : HandleParameters
-        Only the actuator's m_a, b_s and k_s are used.
-    frequency : ndarray, shape (n,)
-        Frequencies, Hz, above 0.
-
-    Returns
-    -------
-    ndarray, shape (4, n)
-        Factors of m_h, b_u, k_u and 1; the sum of the products is 1/H in N per m/s^2.
-    """
-    s = 2j * np.pi * frequency
-    bearing = handle.b_s * s + handle.k_s
-    shared = (handle.m_a * s**2 + bearing) / (handle.m_a * s**2)
-    return np.stack([shared, shared / s, shared / s**2, bearing / s**2])
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Frequencies between lines of a discrete Fourier transform, which leave out 0 Hz.
-
-    Handle and high-pass have zeros at 0 Hz, so that nothing can be divided by them there.
-
-    Attributes
-    ----------
-    rate : float
-        Samples per second.
-    points : int
-        Number of frequencies, evenly spaced up to half the rate.
-    """
-
-    rate: float
-    points: int
-
-    @property
-    def frequency(self) -> FloatArray:
-        """Frequencies, Hz, shape (points,)."""
-        return np.asarray((np.arange(self.points) + 0.5) * self.step, dtype=np.float64)
-
-    @property
-    def step(self) -> float:
-        """Distance of two frequencies, Hz."""
-        return self.rate / (2 * self.points)
-
-    def delay(self, samples: float) -> ComplexArray:
-        """Return the response of a delay."""
-        turns = self.frequency / self.rate * samples
-        return np.asarray(np.exp(-2j * np.pi * turns))
-
-    def spectrum(self, sequence: FloatArray) -> ComplexArray:
-        """Return the Fourier transform of a real sequence that starts at time zero.
-
-        Parameters
-        ----------
-        sequence : ndarray, shape (n,)
-            Real sequence; n at most twice `points`.
-        """
-        shift = np.exp(-1j * np.pi * np.arange(len(sequence)) / (2 * self.points))
-        return np.asarray(np.fft.fft(sequence * shift, 2 * self.points)[: self.points])
-
-    def sequence(self, spectrum: ComplexArray | FloatArray) -> FloatArray:
-        """Return the real sequence of a Fourier transform, shape (2 points,).
-
-        It is antiperiodic: its second half, with the sign turned, are the times before zero.
-        """
-        both = np.concatenate([spectrum, np.zeros(self.points)])
-        shift = np.exp(1j * np.pi * np.arange(2 * self.points) / (2 * self.points))
-        return np.asarray(2.0 * (np.fft.ifft(both) * shift).real)
-
-
-FINEST_STEP = 0.2
-"""Distance of a grid's frequencies, Hz: a fifth of the lowest corner in a filter."""
-
-
-def grid_for(rate: float, taps: int = 0, step: float = FINEST_STEP) -> Grid:
-    """Return a grid fine enough for a step in Hz, long enough for a filter of so many taps."""
-    needed = max(rate / (2 * step), 4 * taps)
-    return Grid(rate, 1 << int(np.ceil(np.log2(needed))))

@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Frequencies at which a plant is inverted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.model import ComplexArray, FloatArray
+
+FINEST_STEP = 0.2
+"""Distance of a grid's frequencies, Hz: a fifth of the lowest corner in a filter."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Frequencies between lines of a discrete Fourier transform, which leave out 0 Hz.
+
+    Handle and high-pass have zeros at 0 Hz, so that nothing can be divided by them there.
+
+    Attributes
+    ----------
+    rate : float
+        Samples per second.
+    points : int
+        Number of frequencies, evenly spaced up to half the rate.
+    """
+
+    rate: float
+    points: int
+
+    @property
+    def frequency(self) -> FloatArray:
+        """Frequencies, Hz, shape (points,)."""
+        return np.asarray((np.arange(self.points) + 0.5) * self.step, dtype=np.float64)
+
+    @property
+    def step(self) -> float:
+        """Distance of two frequencies, Hz."""
+        return self.rate / (2 * self.points)
+
+    def delay(self, samples: float) -> ComplexArray:
+        """Return the response of a delay."""
+        turns = self.frequency / self.rate * samples
+        return np.asarray(np.exp(-2j * np.pi * turns))
+
+    def spectrum(self, sequence: FloatArray) -> ComplexArray:
+        """Return the Fourier transform of a real sequence that starts at time zero.
+
+        Parameters
+        ----------
+        sequence : ndarray, shape (n,)
+            Real sequence; n at most twice `points`.
+        """
+        shift = np.exp(-1j * np.pi * np.arange(len(sequence)) / (2 * self.points))
+        return np.asarray(np.fft.fft(sequence * shift, 2 * self.points)[: self.points])
+
+    def sequence(self, spectrum: ComplexArray | FloatArray) -> FloatArray:
+        """Return the real sequence of a Fourier transform, shape (2 points,).
+
+        It is antiperiodic: its second half, with the sign turned, are the times before zero.
+        """
+        both = np.concatenate([spectrum, np.zeros(self.points)])
+        shift = np.exp(1j * np.pi * np.arange(2 * self.points) / (2 * self.points))
+        return np.asarray(2.0 * (np.fft.ifft(both) * shift).real)
+
+
+def grid_for(rate: float, taps: int = 0, step: float = FINEST_STEP) -> Grid:
+    """Return a grid fine enough for a step in Hz, long enough for a filter of so many taps."""
+    needed = max(rate / (2 * step), 4 * taps)
+    return Grid(rate, 1 << int(np.ceil(np.log2(needed))))
