@@ -19,8 +19,9 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.loop.compensation import Caused, CompensationPart
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
-from haptic_accel.nodes.interface import GraphNode
-from haptic_accel.nodes.scheduling import CATCH_UP, FELT_PRIORITY, ArrivalKeeper, run
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.scheduling import FELT_PRIORITY, run
+from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper
 
 FROZEN = "adaptive.frozen"
 """Parameter that stops the adaptation."""

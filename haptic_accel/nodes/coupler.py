@@ -23,7 +23,8 @@ from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.topics import ARMS
 from haptic_accel.graph.node_parameters import PASSIVE
 from haptic_accel.nodes.coupling_node import ARM_TOPICS, CouplingNode, Motions
-from haptic_accel.nodes.scheduling import CATCH_UP, run
+from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.timing import CATCH_UP
 
 
 class Coupler(CouplingNode):

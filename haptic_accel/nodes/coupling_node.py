@@ -20,9 +20,10 @@ from haptic_accel.core.loop.device_side import DeviceSide
 from haptic_accel.core.loop.half_coupling import HalfCouplingPart
 from haptic_accel.core.loop.wiring import Pull, Tool, release
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.nodes.interface import GraphNode, Inbox, Samples
-from haptic_accel.nodes.scheduling import ArrivalKeeper
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.signals import Inbox, Samples
 from haptic_accel.nodes.stopping import LOOK_PERIOD, GraphStop
+from haptic_accel.nodes.timing import ArrivalKeeper
 
 MASTER, SLAVE = topics.ARMS
 ARM_TOPICS = {MASTER: topics.MASTER, SLAVE: topics.SLAVE}

@@ -33,9 +33,11 @@ from haptic_accel.core.operating_state import (
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ArmTopics, Topic
 from haptic_accel.devices.interface import Joints
-from haptic_accel.nodes.interface import GraphNode, Sender, message_type
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.joint_states import joint_state
 from haptic_accel.nodes.managed import ACTIVE, INACTIVE, ManagedNode
+from haptic_accel.nodes.signals import Sender
+from haptic_accel.nodes.topic_node import message_type
 
 INVALID = 0
 """Stamp of data that are not valid now (CRTK, "Data validity")."""

@@ -25,8 +25,8 @@ from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY
 from haptic_accel.nodes.crtk import Motions, OperatingState, Queries
 from haptic_accel.nodes.joint_states import JointStates
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
-from haptic_accel.nodes.scheduling import RateKeeper
 from haptic_accel.nodes.stopping import StopWords
+from haptic_accel.nodes.timing import RateKeeper
 
 MANY_MISSED = 0.01
 """Share of missed deadlines between two reports above which diagnostics warn."""

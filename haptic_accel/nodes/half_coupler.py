@@ -23,8 +23,9 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.links.local import COUPLER, LocalEnd
 from haptic_accel.nodes.coupling_node import ARM_TOPICS, SLAVE, CouplingNode, Motions
-from haptic_accel.nodes.interface import Samples
-from haptic_accel.nodes.scheduling import RateKeeper, run, system_time, wake_time
+from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.signals import Samples
+from haptic_accel.nodes.timing import RateKeeper, system_time, wake_time
 
 MOST_TOLD = 20
 """Most lines of the log about the peer: what is wrong with its packets can be worded by others."""

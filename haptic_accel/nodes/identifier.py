@@ -17,8 +17,9 @@ from haptic_accel.core.model import ACTUATOR, ZERO, Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.devices import DeviceError
-from haptic_accel.nodes.interface import GraphNode
-from haptic_accel.nodes.scheduling import ArrivalKeeper, run
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.timing import ArrivalKeeper
 
 LOOK_PERIOD = 0.1
 """Interval between checks for silence and missing subscribers, s."""

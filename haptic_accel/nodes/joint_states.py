@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from haptic_accel.core.model import Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import JOINT_STATE_RATE, JOINT_STATES, Topic
-from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.nodes.graph_node import GraphNode
 
 
 def joint_state(stamp: int, frame: str = "", **fields: Any) -> JointState:

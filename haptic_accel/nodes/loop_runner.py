@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.loop.wiring import HostLoop
 from haptic_accel.devices import DeviceError
-from haptic_accel.nodes.scheduling import (
+from haptic_accel.nodes.stopping import LOOK_PERIOD
+from haptic_accel.nodes.timing import (
     FORCES_TIME,
     RECEIVING_TIME,
     ArrivalKeeper,
@@ -19,7 +20,6 @@ from haptic_accel.nodes.scheduling import (
     system_time,
     wake_time,
 )
-from haptic_accel.nodes.stopping import LOOK_PERIOD
 
 if TYPE_CHECKING:  # a device alone starts without what a compensator loads
     from haptic_accel.nodes.compensator import Compensator

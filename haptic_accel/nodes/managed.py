@@ -12,7 +12,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNodeMixin
 
 from haptic_accel.core.parameters import shown
-from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.nodes.graph_node import GraphNode
 
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
 """Stable states of a managed node, by ROS' names."""

@@ -23,8 +23,10 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.restamping import LEAD, StampShift
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
-from haptic_accel.nodes.interface import GraphNode, Publishers, Sender
-from haptic_accel.nodes.scheduling import run, system_time
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.signals import Publishers, Sender
+from haptic_accel.nodes.timing import system_time
 
 LOOK_PERIOD = 0.1
 """Interval between looks for the other nodes until they are there, s."""

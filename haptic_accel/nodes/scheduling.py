@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Running a node: executor, timing, signals, parent, garbage collection, exit status."""
+"""Running nodes: executor, priorities, signals, parent, garbage collection, exit status."""
 
 from __future__ import annotations
 
@@ -11,13 +11,11 @@ import math
 import os
 import resource
 import signal
-import statistics
 import sys
 import time
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from functools import cache, partial
+from functools import partial
 from typing import Any, NoReturn, Protocol
 
 import rclpy
@@ -29,8 +27,6 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
-from haptic_accel.core.evaluation.histogram import DurationHistogram
-from haptic_accel.core.loop.device_side import FLOWING
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import (
     CUT_SHORT,
@@ -43,7 +39,6 @@ from haptic_accel.core.process import (
     WRONG_ARGUMENTS,
     shortage,
 )
-from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.log_lines import NodeLogger
 from haptic_accel.nodes.middleware import middleware_defaults
@@ -76,42 +71,6 @@ USUAL, FOLLOWING = 0.9, 0.1
 """Share of the usual time to the next work that is enough, too: at high rates there never is
 `SERVING_TIME`. Share of the newest in the mean that is the usual one."""
 
-FORCES_TIME, RECEIVING_TIME = 60e-6, 50e-6
-"""Time for each device of a process from the beginning of a tick until its forces are written, s,
-and further time for each kind of force that comes as messages: a tick begins so much ahead of the
-grid point at which they are due, as far as `LARGEST_LEAD` allows. Samples are taken as much
-earlier, so that nothing between them and forces changes."""
-
-FOUND_AT_ONCE = 0.9
-"""Share of ticks whose messages are there at the first look."""
-
-EARLIEST_LOOK = 0.3e-3
-"""Time of the first look after the grid point until it is known better, s."""
-
-ARRIVAL_STEP = 20e-6
-"""Increase of the time of the first look after one that came too early, s; after others it shrinks
-by a ninth of that, and so settles where `FOUND_AT_ONCE` find all."""
-
-LOOKS = 5
-"""Most looks in a period for what a tick still needs: more would take processor time just when
-there is too little."""
-
-CATCH_UP = 0.1
-"""Longest time without a tick whose grid points are served afterwards, s; arms let go by then."""
-
-BEHIND = 0.3
-"""Longest time from one tick in time to the next, s: a process that needs longer cannot hold the
-rate, and leaves out the grid points that wait rather than stay behind."""
-
-LARGEST_LEAD = 0.2
-"""Largest time that a tick may begin before its grid point, periods."""
-
-SHORT = 5_000
-"""Duration of a reading of two clocks up to which they count as read together, ns."""
-
-READINGS = 5
-"""Most readings of the clocks, of which the shortest counts."""
-
 LONGEST_RUN = 1_000_000
 """Time that a real-time thread may run without a pause, us, before the kernel ends its process
 (with SIGXCPU): a fault in a node must not block the machine."""
@@ -119,9 +78,6 @@ LONGEST_RUN = 1_000_000
 LONGEST_BUSY, BREAK = 0.2, 1e-3
 """Longest time without a sleep while a polling node is behind, and the sleep that then follows, s:
 a slow machine is no fault in a node, and other programs need it, too."""
-
-SLEEPS, SLEEP = 20, 1e-3
-"""Number and length in s of the sleeps that measure the time to wake a thread."""
 
 RECORDING_PRIORITY, FORCE_PRIORITY, FELT_PRIORITY = 30, 40, 41
 """Real-time priorities, below the kernel's own threads at 50. Nodes that make forces have the
@@ -138,156 +94,6 @@ PR_SET_TIMERSLACK = 29
 SUSPENDING = (signal.SIGTSTP, signal.SIGTTOU)
 """Signals by which a terminal suspends a program (Ctrl-Z), with its forces held. Of a launch only
 the launch itself is suspended, as of `teleop`, whose nodes have sessions of their own."""
-
-
-class RateKeeper:
-    """Ticks on an absolute grid: whole multiples of the period on the machine's steady clock.
-
-    All nodes of a machine at one rate tick together, as the paper's single servo loop did. A late
-    tick shifts no later one, and the grid points for which a process was too late are served
-    afterwards, each in its turn, for `CATCH_UP` at most.
-
-    Parameters
-    ----------
-    rate : float
-        Ticks per second.
-    clock : callable
-        Steady time in ns.
-    lead : float
-        Time by which a tick may begin early, s: the time to wake a thread.
-
-    Attributes
-    ----------
-    ticks, late, missed : int
-        Grid points served; of these, later than half a period; grid points that were left out.
-    lateness : DurationHistogram
-        Lateness of the ticks.
-    """
-
-    def __init__(
-        self, rate: float, clock: Callable[[], int] = time.monotonic_ns, lead: float = 0.0
-    ) -> None:
-        self._period = NANOSECONDS / rate
-        self._clock = clock
-        self._lead = min(lead * NANOSECONDS, LARGEST_LEAD * self._period)
-        self._most, self._longest = (max(1, round(span * rate)) for span in (CATCH_UP, BEHIND))
-        self._next = math.floor((clock() + self._lead) / self._period) + 1
-        self._in_time = self._next - 1
-        self._gaps: defaultdict[str, float] = defaultdict(float)
-        self.ticks = self.late = self.missed = 0
-        self.lateness = DurationHistogram()
-
-    @property
-    def period(self) -> float:
-        """Period, s."""
-        return self._period / NANOSECONDS
-
-    @property
-    def next(self) -> float:
-        """Steady time at which to call `due`, s."""
-        return (self._next * self._period - self._lead) / NANOSECONDS
-
-    def time(self, tick: int) -> int:
-        """Return the steady time of a grid point, ns."""
-        return round(tick * self._period)
-
-    def due(self) -> int | None:
-        """Return the number of the next grid point if its time has come, each once."""
-        now = self._clock()
-        newest = math.floor((now + self._lead) / self._period)
-        if newest < self._next:
-            return None
-        if newest == self._next:
-            self._in_time = newest
-        behind = newest - self._in_time > self._longest
-        tick = newest if behind else max(self._next, newest + 1 - self._most)
-        self.missed += tick - self._next
-        lateness = now - tick * self._period
-        self.lateness.add(lateness / NANOSECONDS)
-        self.late += lateness > self._period / 2
-        gap = now - self._next * self._period
-        for reader, longest in self._gaps.items():
-            if gap > longest:
-                self._gaps[reader] = gap
-        self.ticks += 1
-        self._next = tick + 1
-        return tick
-
-    def take_longest_gap(self, reader: str) -> float:
-        """Return the largest lateness of a tick since a reader's last call, s; 0 at the first."""
-        gap, self._gaps[reader] = self._gaps[reader], 0.0
-        return gap / NANOSECONDS
-
-
-class ArrivalKeeper:
-    """Looks for the messages of each tick about when they come, and again until they do.
-
-    To sleep until then takes half the processor time of being woken by each message.
-
-    Parameters
-    ----------
-    rate : float
-        Ticks per second.
-    clock : callable
-        Steady time in s.
-    """
-
-    def __init__(self, rate: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self._period = 1 / rate
-        self._clock = clock
-        self._offset = min(EARLIEST_LOOK, self._period / 2)
-        self._silence = FLOWING * self._period
-        self._found = -math.inf
-        self._next = 0.0
-        self._first = True
-
-    def looked(self, *, found: bool) -> float:
-        """Return the steady time of the next look, s, after one that found all, or not."""
-        now = self._clock()
-        if found:
-            self._found = now
-            if now >= self._next and self._first:
-                self._offset -= ARRIVAL_STEP * (1 - FOUND_AT_ONCE)
-        elif now < self._next:
-            return self._next
-        elif now - self._found < self._silence:
-            if self._first:
-                self._first = False
-                self._offset += ARRIVAL_STEP * FOUND_AT_ONCE
-            return now + self._period / LOOKS
-        self._offset %= self._period
-        self._next = (math.floor((now - self._offset) / self._period) + 1) * self._period
-        self._next += self._offset
-        self._first = True
-        return self._next
-
-
-@cache
-def wake_time() -> float:
-    """Measure, once in a process, the usual time to wake a sleeping thread on this machine, s."""
-    late = []
-    for _ in range(SLEEPS):
-        due = time.monotonic() + SLEEP
-        time.sleep(SLEEP)
-        late.append(time.monotonic() - due)
-    return statistics.median(late)
-
-
-def system_time(steady: int) -> int:
-    """Return the system time, in ns since 1970, of a moment of steady time in ns.
-
-    Stamps are system time, so that they compare between machines; taken anew each time,
-    because system time is adjusted while steady time runs on.
-    """
-    shortest = math.inf
-    offset = 0
-    for _ in range(READINGS):
-        before, system, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
-        if after - before < shortest:
-            shortest, offset = after - before, system - (before + after) // 2
-        if shortest < SHORT:
-            break
-    return offset + steady
 
 
 class SupervisedNode(Node):

@@ -27,12 +27,14 @@ from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
 from haptic_accel.graph.arguments import SCENE as SCENE_FILE
 from haptic_accel.graph.files import SURFACE
 from haptic_accel.graph.node_parameters import node_parameters, node_schema
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.graph_requests import POSTURE
-from haptic_accel.nodes.interface import GraphNode, Inbox, message_type
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import Commands, choices
 from haptic_accel.nodes.scope_parameters import RemoteParameters
 from haptic_accel.nodes.scope_scene import ScopeScene, drawing, scene_of
+from haptic_accel.nodes.signals import Inbox
+from haptic_accel.nodes.topic_node import message_type
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
 from haptic_accel.scope.frames import SCENE
 from haptic_accel.scope.node_reports import (

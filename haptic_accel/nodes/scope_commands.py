@@ -17,7 +17,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.arguments import RECORDING
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes import graph_requests as requests
-from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.scope.server import CommandError
 
 FINDING_TIME = 0.7

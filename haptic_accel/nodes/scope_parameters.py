@@ -14,7 +14,7 @@ from rclpy.parameter import parameter_value_to_python
 
 from haptic_accel.core.parameters import ParameterError, checked, shown
 from haptic_accel.graph.node_parameters import node_schema
-from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.nodes.graph_node import GraphNode
 
 LONGEST_TEXT = 1000
 """Longest text that is taken for the value of a parameter, characters: no path is as long."""

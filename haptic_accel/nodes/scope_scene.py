@@ -19,7 +19,8 @@ from haptic_accel.devices.simulated import PointerMaster
 from haptic_accel.graph.arguments import POINTER, SCENE, SIMULATED, VIRTUAL
 from haptic_accel.graph.files import SURFACE
 from haptic_accel.materials.scenes import read_scene
-from haptic_accel.nodes.interface import GraphNode, Inbox, Sender
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.signals import Inbox, Sender
 from haptic_accel.scope.server import FRAME_RATE
 
 VIEW = PointerMaster.REACH

@@ -14,7 +14,8 @@ from haptic_accel.core.bundles import MEMORY, BothWays, believed, unpack_bundle
 from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.topics import BUNDLES, Topic
 from haptic_accel.nodes.bundling import participant
-from haptic_accel.nodes.interface import GraphNode, Inbox
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.signals import Inbox
 
 LOOK_PERIOD = 0.1
 """Interval between looks for new publishers, s."""

@@ -15,8 +15,8 @@ from std_srvs.srv import SetBool
 
 from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.topics import COUPLER_STOPPED, EMERGENCY_STOP, STOPS
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.graph_requests import DEVICES, refusals
-from haptic_accel.nodes.interface import GraphNode
 
 LOOK_PERIOD = 2e-3
 """Interval between looks for an emergency stop, s: each takes a hundredth of a millisecond."""

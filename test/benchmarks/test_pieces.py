@@ -36,7 +36,8 @@ from haptic_accel.core.surfaces.tool import VirtualTool
 from haptic_accel.core.topics import TOOL_ACCELERATION
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
 from haptic_accel.materials.hatt import read_hatt
-from haptic_accel.nodes.interface import GraphNode, Sender
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.signals import Sender
 from hatt_file import hatt_file
 
 # A look at each piece in every run of the tests; for figures to rely on: --benchmark-max-time=5

@@ -33,7 +33,7 @@ from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, Topic
 from haptic_accel.graph.processes import COMPOSED, RECORDER
 from haptic_accel.graph.stop_signal import stop_senders
 from haptic_accel.nodes.graph_requests import DEVICES
-from haptic_accel.nodes.interface import message_type, quality
+from haptic_accel.nodes.topic_node import message_type, quality
 from running import PATIENCE, Command, limit_size, processes_of
 
 WITHOUT: dict[str, tuple[Force, ...]] = {
@@ -110,7 +110,7 @@ import signal
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from haptic_accel.core.topics import SIGNALS
-from haptic_accel.nodes.interface import message_type, quality
+from haptic_accel.nodes.topic_node import message_type, quality
 left = []
 signal.signal(signal.SIGINT, lambda *signal: left.append(signal))
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -17,7 +17,7 @@ from haptic_accel.core.process import CUT_SHORT, DONE
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import COMPOSED, RECORDER, graph
-from haptic_accel.nodes.interface import message_type, quality
+from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
 from running import PATIENCE, Command
 

@@ -15,8 +15,8 @@ import rclpy
 from haptic_accel.cli import doctor
 from haptic_accel.cli.doctor import Finding
 from haptic_accel.core.topics import ACTUATOR_FORCE, TOOL_ACCELERATION
-from haptic_accel.nodes.interface import message_type, quality
 from haptic_accel.nodes.middleware import middleware_defaults
+from haptic_accel.nodes.topic_node import message_type, quality
 from running import Command
 
 Start = Callable[..., Command]

@@ -28,7 +28,7 @@ from haptic_accel.core.topics import (
     SLAVE_STOPPED,
     Topic,
 )
-from haptic_accel.nodes.interface import quality
+from haptic_accel.nodes.topic_node import quality
 from observing import Observer
 from running import BAG_PLAYER, Command, wait_until
 from verbs import refusal

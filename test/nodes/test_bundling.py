@@ -32,8 +32,9 @@ from haptic_accel.core.topics import (
     TOPICS,
     Topic,
 )
-from haptic_accel.nodes.interface import GraphNode, message_type, quality
-from haptic_accel.nodes.scheduling import CATCH_UP
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.timing import CATCH_UP
+from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
 from running import Command, StallWatch, nodes_of, wait_until
 

@@ -13,7 +13,7 @@ from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
-from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.managed import ManagedNode
 from haptic_accel.nodes.scheduling import EventsExecutor
 from observing import Observer
@@ -103,7 +103,7 @@ def failures(node: GraphNode) -> int:
 def test_whatever_callbacks_raise_the_node_goes_on_counts_and_answers(
     served: Served, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    failed = served.node._guard.failed
+    failed = served.node.guard.failed
     for _ in range(2):
         answer = served.answer(Trigger, "fail")
         assert (answer.success, answer.message) == (False, r"KeyError: 'wrong\nin two lines'")

@@ -15,7 +15,8 @@ from rclpy.executors import SingleThreadedExecutor
 
 from haptic_accel.core.topics import ACTUATOR_FORCE, DIAGNOSTICS, TOOL_ACCELERATION, reporter
 from haptic_accel.nodes.compensator import Compensator
-from haptic_accel.nodes.interface import GraphNode, quality
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.topic_node import quality
 from running import PATIENCE
 
 HOUR = 3600 * 10**9

@@ -31,10 +31,11 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import MASTERS, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.graph.claims import claim_signal
-from haptic_accel.nodes.interface import GraphNode, message_type, quality
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import MasterDevice
-from haptic_accel.nodes.scheduling import system_time
+from haptic_accel.nodes.timing import system_time
+from haptic_accel.nodes.topic_node import message_type, quality
 from running import PATIENCE
 from sound_cards import NAME, received, sound_card
 

@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool
 
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import SLAVE
-from haptic_accel.nodes.interface import message_type
+from haptic_accel.nodes.topic_node import message_type
 from observing import Observer
 from running import Command
 

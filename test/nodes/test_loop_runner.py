@@ -19,7 +19,7 @@ from haptic_accel.devices import SLAVES, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedSlave
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.coupler import Coupler
-from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import MasterDevice
 from haptic_accel.nodes.slave_device import SlaveDevice

@@ -10,7 +10,7 @@ from running import Command
 DESTROYED = """
 import os
 import rclpy
-from haptic_accel.nodes.interface import GraphNode
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.slave_device import SlaveDevice
 
 def threads_after(build):

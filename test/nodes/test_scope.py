@@ -417,7 +417,7 @@ import time
 import rclpy
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
-from haptic_accel.nodes.interface import message_type, offered_quality
+from haptic_accel.nodes.topic_node import message_type, offered_quality
 
 rclpy.init()
 node = rclpy.create_node("flood")

@@ -51,7 +51,8 @@ from haptic_accel.core.topics import (
 )
 from haptic_accel.graph.files import surface_parameters
 from haptic_accel.materials.folders import preset_file
-from haptic_accel.nodes.interface import GraphNode, message_type, quality
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
 from running import PATIENCE, Command, wait_until
 

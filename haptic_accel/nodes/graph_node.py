@@ -1,0 +1,250 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Base of all nodes: their signals, the senders of these, and diagnostics."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections import Counter
+from collections.abc import Collection
+from functools import partial
+from typing import Any
+
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from haptic_accel.core.cdr import pack_diagnostics
+from haptic_accel.core.rivals import Endpoint, rivals
+from haptic_accel.core.topics import BUNDLES, DIAGNOSTICS, SIGNALS, Topic
+from haptic_accel.graph.claims import claim_signal
+from haptic_accel.nodes.bundling import BUNDLES_KEPT, BundleSender, join, participant
+from haptic_accel.nodes.scheduling import scheduling_class
+from haptic_accel.nodes.signals import (
+    RIVALS_PERIOD,
+    Inbox,
+    Publishers,
+    Requests,
+    Samples,
+    Sender,
+    ignore,
+)
+from haptic_accel.nodes.topic_node import DEPTH, TopicNode
+
+DIAGNOSTICS_PERIOD = 1.0
+"""Interval between diagnostics, s."""
+
+REFUSED = "no sample taken while it is sent by"
+"""Warning for a signal with several publishers, before their names."""
+
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""Name that ROS gives to a node whose name it has not heard yet."""
+
+
+class GraphNode(TopicNode):
+    """A node of the graph: the only sender of its signals, which reports once a second.
+
+    Parameters as for `ParameterNode`.
+
+    Attributes
+    ----------
+    task : str
+        Subject of its diagnostics.
+    contested_in_loop : int
+        Number of samples that the loop of this process did not pass on, as others published them.
+    """
+
+    task: str
+
+    def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
+        self._claims: list[socket.socket] = []
+        self._bundles: BundleSender | None = None
+        self._followed: list[Samples] = []
+        self._sole: dict[str, Inbox | Publishers] = {}
+        self._rivals: dict[str, str] = {}
+        self.contested_in_loop = 0
+        self._told: set[str] = set()
+        self._refused_before: Counter[str] = Counter()
+        super().__init__(executable, changeable)
+        self._gathered = b""
+        # As `publish` does, which asks first what it got.
+        self._publish_diagnostics: Any = self.publisher(DIAGNOSTICS).handle.publish_raw
+        # Each in its turn: together they take longer than a period has left.
+        for part in (self._gather_diagnostics, self._report_gathered, self.repeat_states):
+            self.create_timer(DIAGNOSTICS_PERIOD, part)
+
+    def sender(self, topic: Topic) -> Sender:
+        """Create the only sender of a signal on this machine.
+
+        Raises
+        ------
+        ParameterError
+            Another process sends it in the same ROS domain.
+        """
+        name = self.resolve_topic_name(topic.name)
+        self._claims.append(claim_signal(self.context.get_domain_id(), name))
+        if topic not in SIGNALS:
+            return Sender(self, topic)
+        # Found by others before the signal is, which shows them that the signal is in it.
+        self._bundles = join(self, partial(self.publisher, BUNDLES, BUNDLES_KEPT))
+        return Sender(self, topic, self._bundles)
+
+    def inbox(self, topic: Topic, depth: int = DEPTH) -> Inbox:
+        """Subscribe to a topic whose messages are taken when they are needed, the last `depth`."""
+        return Inbox(self, topic, depth)
+
+    def requests(self, kind: Any, name: str) -> Requests:
+        """Offer a service whose requests are taken when there is time for them."""
+        service = self.guard.service(self.create_service(kind, name, ignore))
+        self.polled.add(service)
+        return Requests(service, self.guard)
+
+    def samples(self, topic: Topic, rate: float) -> Samples:
+        """Subscribe to a signal whose samples are taken in order, when they are needed."""
+        inbox = self.inbox(topic)
+        self.watch_senders(topic, inbox)
+        self._followed.append(Samples(inbox, rate, partial(self._on_jump, topic)))
+        return self._followed[-1]
+
+    def watch_senders(self, topic: Topic, inbox: Inbox | Publishers) -> None:
+        """Warn while a topic whose samples are used has several publishers."""
+        if not self._sole:
+            self.create_timer(RIVALS_PERIOD, self._look_for_rivals)
+        self._sole[topic.name] = inbox
+
+    def rivals(self, *inboxes: Inbox | Publishers) -> str:
+        """Return who publishes to inboxes unless it is one sender; then an empty text.
+
+        Publishers count, not nodes, whose names anyone may take: one of each inbox by one node
+        is one sender.
+        """
+        senders = [inbox.senders for inbox in inboxes]
+        if sum(senders) < 2:
+            return ""
+        found = rivals(
+            [
+                Endpoint(name, _full_name(each), participant(each))
+                for name in (inbox.name for inbox in inboxes)
+                for each in self.get_publishers_info_by_topic(name)
+            ]
+        )
+        # A publisher that is matched already may not be listed yet.
+        return found or (f"{max(senders)} publishers" if max(senders) > 1 else "")
+
+    @property
+    def contested(self) -> set[str]:
+        """Names of the topics whose samples are not taken, as several publish them."""
+        return {name for name, who in self._rivals.items() if who}
+
+    def publishers(self, *topics: str) -> list[str]:
+        """Return the full names of the nodes that publish to topics."""
+        found = [each for topic in topics for each in self.get_publishers_info_by_topic(topic)]
+        return sorted(map(_full_name, found))
+
+    def states(self, inbox: Inbox) -> list[bool]:
+        """Return the values of a state: true by anyone, false by a publisher that is alone.
+
+        Whoever plays a recording of it may stop, but must not release.
+        """
+        return [state for state in inbox.take_states() if state or inbox.senders < 2]
+
+    def start_anew(self) -> None:
+        """Forget the samples that wait: a clock was set, and later ones have other stamps."""
+
+    def say_farewell(self) -> None:
+        """Publish the last diagnostics."""
+        self.report()
+
+    def destroy_node(self) -> None:
+        """Destroy the node, with its last messages sent; its signals may have another sender."""
+        if self._bundles:
+            self._bundles.leave(self)
+            self._bundles = None
+        super().destroy_node()
+        self.leave_signals()
+
+    def leave_signals(self) -> None:
+        """Let other nodes of this machine send the signals of this one."""
+        for claimed in self._claims:
+            claimed.close()
+
+    def status(self) -> tuple[str, dict[str, str]]:
+        """Return a warning, empty if all is well, and values with units for diagnostics."""
+        return "", {}
+
+    def report(self) -> None:
+        """Publish the node's diagnostics, and what else is published once a second."""
+        self._gather_diagnostics()
+        self._report_gathered()
+        self.repeat_states()
+
+    def repeat_states(self) -> None:
+        """Publish states again, for whoever relies on hearing of them."""
+
+    def _report_gathered(self) -> None:
+        """Publish the diagnostics that were gathered, each once."""
+        if self._gathered:
+            self._publish_diagnostics(self._gathered)
+            self._gathered = b""
+
+    def _gather_diagnostics(self) -> None:
+        warning, values = self.status()
+        contested = (f"{name}: {REFUSED} {who}" for name, who in self._rivals.items() if who)
+        refused = self._refusals()
+        new = refused - self._refused_before
+        self._refused_before = refused
+        counted = (f"{key}: {n}" for key, n in new.items())
+        warning = ", ".join(filter(None, (warning, *contested, *counted)))
+        counts = {key: str(count) for key, count in refused.items()}
+        values = {"scheduling": scheduling_class(), **counts, **values}
+        name = self.get_fully_qualified_name()
+        self._gathered = pack_diagnostics(
+            time.time_ns(),
+            bool(warning),
+            f"{name.lstrip('/')}: {self.task}",
+            warning or "OK",
+            name,
+            values,
+        )
+
+    def _refusals(self) -> Counter[str]:
+        """Return how many messages and requests were refused, by reason."""
+        counts = Counter(
+            {
+                "messages malformed": self.malformed.total(),
+                "callbacks failed": self.guard.failed.total(),
+            }
+        )
+        if self._followed:
+            counts["samples out of date"] = sum(s.succession.outdated for s in self._followed)
+            contested = self.contested_in_loop + sum(s.contested for s in self._followed)
+            counts["samples of several senders"] = contested
+        return counts
+
+    def _look_for_rivals(self) -> None:
+        """Log once where a signal has several publishers, and once that it has one again."""
+        for name, inbox in self._sole.items():
+            found = self.rivals(inbox)
+            # Who they are is known a moment after that there are several.
+            settled = found == self._rivals.get(name, "")
+            self._rivals[name] = found
+            if settled and bool(found) != (name in self._told):
+                self._told ^= {name}
+                line = f"{REFUSED} {found}" if found else "taken again: it has one sender"
+                self.get_logger().warning(f"{name}: {line}")
+
+    def _on_jump(self, topic: Topic, jumped: Samples) -> None:
+        """Let all signals begin anew, so that this is said once."""
+        by = jumped.succession.jump
+        self.get_logger().warning(f"{topic.name}: a clock was set by {by:+.3g} s; starting anew")
+        for samples in self._followed:
+            if samples is not jumped:
+                samples.succession.begin()
+        self.start_anew()
+
+
+def _full_name(endpoint: TopicEndpointInfo) -> str:
+    """Return the full name of an endpoint's node, which is known a moment after the endpoint."""
+    if endpoint.node_name == _UNKNOWN:
+        return "an unknown node"
+    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"

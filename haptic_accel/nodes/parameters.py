@@ -1,0 +1,254 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of a node: those of its schema, checked as they are given and as they are set."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+
+from haptic_accel.core.decimals import read_decimal
+from haptic_accel.core.parameters import (
+    ParameterError,
+    Specification,
+    allowed_values,
+    checked,
+    shown,
+)
+from haptic_accel.graph.files import check_reached
+from haptic_accel.graph.node_parameters import (
+    NODES,
+    USE_SIM_TIME,
+    check_clock,
+    node_parameters,
+    node_schema,
+)
+from haptic_accel.nodes.callbacks import CallbackGuard
+from haptic_accel.nodes.scheduling import SupervisedNode
+
+_OF_EVERY_NODE = (USE_SIM_TIME, "start_type_description_service")
+"""Parameters that rclpy gives every node."""
+
+_LARGEST = sys.float_info.max
+
+
+class ParameterNode(SupervisedNode):
+    """A node whose parameters come from its schema.
+
+    Parameters
+    ----------
+    executable : str
+        Name of the executable, and of the node unless remapped.
+    changeable : collection of str
+        Parameters that can be changed while the node runs.
+
+    Attributes
+    ----------
+    parameters
+        The node's own parameters, checked.
+    options : dict
+        Parameters of its possible parts (devices, controllers), by name.
+
+    Raises
+    ------
+    ParameterError
+        A parameter has a value that is not allowed.
+    """
+
+    def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
+        self.guard = CallbackGuard(
+            lambda line: self.get_logger().error(line), lambda text: self.get_logger().debug(text)
+        )
+        # Values of the command line and of files must be seen before they are
+        # declared: a wrong name must not be lost, nor a wrong value be reported by ROS.
+        super().__init__(executable, automatically_declare_parameters_from_overrides=True)
+        self._schema = node_schema(executable)
+        self._changeable = changeable
+        given = self._given()
+        self.parameters, self.options = node_parameters(executable, given)
+        self._declare(given)
+        self.add_on_set_parameters_callback(self._change)
+        own = {
+            SetParameters: self._serve_parameters,
+            SetParametersAtomically: self._serve_parameters_atomically,
+        }
+        for service in super().services:
+            service.callback = own.get(service.srv_type, service.callback)
+
+    def change(self, values: dict[str, Any]) -> None:
+        """Apply new, checked values of parameters that can be changed; all or none.
+
+        Raises
+        ------
+        ParameterError
+            A value cannot be applied; nothing has changed.
+        """
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters, all or none; those that have the value already need not be changeable.
+
+        The type of a value may be another one than its parameter's, as `_as_meant` has it.
+        """
+        try:
+            new = [each for each in map(self._checked, parameter_list) if not self._holds(each)]
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return super().set_parameters_atomically(new)
+
+    def _serve_parameters(
+        self, request: SetParameters.Request, response: SetParameters.Response
+    ) -> SetParameters.Response:
+        """Set all parameters of a request or none, where rclpy would set those that it can."""
+        response.results = [self._set(request.parameters)] * len(request.parameters)
+        return response
+
+    def _serve_parameters_atomically(
+        self, request: SetParametersAtomically.Request, response: SetParametersAtomically.Response
+    ) -> SetParametersAtomically.Response:
+        response.result = self._set(request.parameters)
+        return response
+
+    def _set(self, messages: Sequence[ParameterMessage]) -> SetParametersResult:
+        """Set the parameters of a request, all or none; whatever fails is the answer."""
+        try:
+            return self.set_parameters_atomically([_parameter(each) for each in messages])
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:
+            reason = self.guard.note("set_parameters", error)
+            return SetParametersResult(successful=False, reason=reason)
+
+    def _checked(self, parameter: Parameter) -> Parameter:
+        """Return a parameter with its value in the type that the schema demands."""
+        name, value = parameter.name, parameter.value
+        if name == USE_SIM_TIME:
+            check_clock(value)
+        if name in _OF_EVERY_NODE:
+            return parameter
+        if name not in self._schema:
+            raise ParameterError(f"{shown(name)}: {self.get_name()} has no such parameter")
+        default, specification = self._schema[name]
+        value = _as_meant(value, default)
+        return Parameter(name, value=checked(name, value, default, specification))
+
+    def _holds(self, parameter: Parameter) -> bool:
+        """Return whether a parameter has its value already; refuse another one of a fixed one."""
+        value = self.get_parameter(parameter.name).value
+        if parameter.value == value:
+            return True
+        if parameter.name in self._schema and parameter.name not in self._changeable:
+            raise ParameterError(
+                f"{parameter.name} = {parameter.value}: must stay {value} while the node runs"
+            )
+        return False
+
+    def _change(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Apply new, checked values, or refuse them."""
+        values = {each.name: each.value for each in parameters if each.name in self._changeable}
+        try:
+            if values:
+                self.change(values)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _given(self) -> dict[str, Any]:
+        """Return the values of the command line and of files, and undeclare them."""
+        check_clock(self.get_parameter(USE_SIM_TIME).value)
+        for path in _parameter_files():
+            check_reached(path, self.get_fully_qualified_name())
+        given = {
+            name: parameter.value
+            for name, parameter in self.get_parameters_by_prefix("").items()
+            if name not in _OF_EVERY_NODE
+        }
+        for name in given:
+            self.undeclare_parameter(name)
+            # A file may give every node (/**) what only some of them have.
+            if not any(name in node_schema(executable) for executable in NODES):
+                raise ParameterError(f"{name}: no such parameter")
+        return given
+
+    def _declare(self, given: dict[str, Any]) -> None:
+        """Declare all parameters with their descriptors and checked values.
+
+        They are read-only but for those that can be changed while the node runs.
+        """
+        for name, (default, specification) in self._schema.items():
+            value = checked(name, given.get(name, default), default, specification)
+            descriptor = _descriptor(default, specification)
+            descriptor.read_only = name not in self._changeable
+            # ROS would take the value as given: 300 is no double to it.
+            self.declare_parameter(name, value, descriptor, ignore_override=True)
+
+
+def _parameter_files() -> Iterator[Path]:
+    """Yield the parameter files of the command line, which ROS has read."""
+    words, for_ros = iter(sys.argv[1:]), False
+    for word in words:
+        if word in ("--ros-args", "--"):
+            for_ros = word == "--ros-args"
+        elif for_ros and word == "--params-file":
+            yield Path(next(words))
+
+
+def _parameter(message: ParameterMessage) -> Parameter:
+    """Return a parameter as it came in a request.
+
+    Raises
+    ------
+    ParameterError
+        Its type is unknown, or is not that of its value.
+    """
+    name, kind = shown(message.name), message.value.type
+    try:
+        return Parameter.from_parameter_msg(message)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{name}: type = {kind}: must be one of 1 to 9") from None
+
+
+def _as_meant(value: Any, default: Any) -> Any:
+    """Return a value as its file has it.
+
+    ``ros2 param load`` passes on 9e-06 as text, and the text 0.6 as a number.
+    """
+    if isinstance(value, str) and isinstance(default, float):
+        with suppress(ValueError):
+            return read_decimal(value)
+    if isinstance(value, (int, float)) and isinstance(default, str):
+        return str(value)
+    return value
+
+
+def _descriptor(default: Any, specification: Specification) -> ParameterDescriptor:
+    """Return a parameter's descriptor: text with unit and allowed values, and the range."""
+    unit = f" [{specification.unit}]" if specification.unit else ""
+    low, high = specification.low, specification.high
+    descriptor = ParameterDescriptor(
+        description=specification.text + unit,
+        additional_constraints=allowed_values(default, specification),
+    )
+    if low is None and high is None:
+        return descriptor
+    whole = isinstance(default, int)
+    kind, least, most = (int, 0, 2**63 - 1) if whole else (float, -_LARGEST, _LARGEST)
+    low, high = kind(least if low is None else low), kind(most if high is None else high)
+    if whole:
+        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
+    else:
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    return descriptor

@@ -1,0 +1,309 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Signals that a node sends, and messages and requests that wait until they are taken."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, TypeVar
+
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+
+from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
+from haptic_accel.core.model import Vector
+from haptic_accel.core.succession import Succession
+from haptic_accel.core.topics import Topic
+from haptic_accel.nodes.bundling import BundleSender, owner
+from haptic_accel.nodes.callbacks import CallbackGuard
+from haptic_accel.nodes.topic_node import TopicNode
+
+RIVALS_PERIOD = 0.1
+"""Interval between looks for who has become a second publisher of a signal, s: samples are refused
+at once, this is for the log."""
+
+LISTENERS_PERIOD = 0.2
+"""Interval between looks for who subscribes to a signal if their number stays the same, s."""
+
+Value = TypeVar("Value")
+
+
+class Sender:
+    """Sends one signal of a node to other processes, by itself while it has a subscriber.
+
+    The loop of this process passes it on to the nodes that share it.
+
+    Parameters
+    ----------
+    node : TopicNode
+    topic : Topic
+    bundles : BundleSender, optional
+        Bundles that all its messages are put into, too.
+    """
+
+    def __init__(self, node: TopicNode, topic: Topic, bundles: BundleSender | None = None) -> None:
+        self._node, self._topic, self._bundles = node, topic, bundles
+        self._pack = StampedVector(topic).pack
+        self._wire = node.wire(topic)
+        self._index = bundles.index(node.resolve_topic_name(topic.name)) if bundles else 0
+        self._counts = 0, 0
+        self._others = 0
+        self._look_due = 0.0
+        self.offer()
+
+    def offer(self) -> None:
+        """Be a publisher of the topic, again after `withdraw`."""
+        self._publisher = self._node.publisher(self._topic)
+        # As `publish` does, which asks first what it got.
+        self._publish: Any = self._publisher.handle.publish_raw
+        self._subscribed: Any = self._publisher.handle.get_subscription_count
+        self._wire.offer()
+
+    def withdraw(self) -> None:
+        """Leave the topic to others; nothing may be sent until `offer`."""
+        self._wire.withdraw()
+        self._node.destroy_publisher(self._publisher)
+
+    def send(self, stamp: int, vector: Vector) -> None:
+        """Send a vector with a stamp, system time in ns."""
+        # To ask takes 0.3 us, where a message takes ten times as long.
+        subscribed, bundles = self._subscribed(), self._bundles
+        bundled = bundles and bundles.listening()
+        if subscribed or bundled:
+            message = self._pack(stamp, vector)
+            if subscribed:
+                self._publish(message)
+            if bundles and bundled:
+                bundles.put(self._index, message)
+
+    @property
+    def listeners(self) -> int:
+        """Number of receivers found: in this process, subscribers of the signal, of its bundles.
+
+        Who subscribes to both counts once.
+        """
+        subscribed = int(self._subscribed())
+        bundled = int(self._bundles.listening()) if self._bundles else 0
+        if subscribed and bundled:
+            subscribed = self._found_beside(subscribed, bundled)
+        return self._wire.listeners + subscribed + bundled
+
+    def _found_beside(self, subscribed: int, bundled: int) -> int:
+        """Return the number of subscribers that do not get the bundles, as looked up lately."""
+        now = time.monotonic()
+        if (subscribed, bundled) != self._counts or now >= self._look_due:
+            self._counts, self._look_due = (subscribed, bundled), now + LISTENERS_PERIOD
+            found = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+            assert self._bundles
+            both = self._bundles.listeners(self._node)
+            self._others = min(subscribed, sum(owner(each) not in both for each in found))
+        return self._others
+
+
+class Publishers:
+    """Publishers that a subscription is matched with.
+
+    Attributes
+    ----------
+    name : str
+        Full name of the topic.
+    """
+
+    def __init__(self, subscription: Subscription) -> None:
+        self.name = subscription.topic_name
+        self._count: Any = subscription.handle.get_publisher_count
+
+    @property
+    def senders(self) -> int:
+        """Number of publishers, whatever their nodes are called.
+
+        The middleware counts them: to ask takes 0.3 us, where the names of their nodes take 45.
+        """
+        return int(self._count())
+
+
+class Inbox:
+    """Messages of one topic that wait until they are taken, and wake no process.
+
+    None is taken of a signal that is sent in the same process, whoever else publishes it.
+
+    Parameters
+    ----------
+    node : TopicNode
+    topic : Topic
+    depth : int
+        Number of messages that wait at most.
+
+    Attributes
+    ----------
+    name : str
+        Full name of the topic.
+    subscription : Subscription or None
+        None while the signal is sent in this process.
+    """
+
+    def __init__(self, node: TopicNode, topic: Topic, depth: int) -> None:
+        self._node, self._topic = node, topic
+        self._depth = depth
+        self.name = node.resolve_topic_name(topic.name)
+        self.subscription: Subscription | None = None
+        self._counted, self._senders = -math.inf, 1
+        self._wire = node.wire(topic)
+        self._wire.join(self._connect)
+
+    def leave(self) -> None:
+        """Take nothing any more."""
+        self._wire.leave(self._connect)
+        self._unsubscribe()
+
+    @property
+    def fed(self) -> bool:
+        """True while the signal is sent in this process."""
+        return self.subscription is None
+
+    @property
+    def senders(self) -> int:
+        """Number of publishers, as `Publishers` counts them.
+
+        Without a subscription they are counted now and then: that takes 8 us, and nothing of
+        theirs is taken.
+        """
+        if self.subscription:
+            return int(self._count())
+        if (now := time.monotonic()) >= self._counted + RIVALS_PERIOD:
+            self._counted, self._senders = now, self._node.count_publishers(self.name)
+        return self._senders
+
+    def take(self, unpack: Callable[[bytes], object] = bytes) -> list[tuple[bytes, int]]:
+        """Return serialised messages and the times of their reception, system time in ns.
+
+        Those that cannot be unpacked are refused.
+        """
+        return [
+            (data, information["received_timestamp"])
+            for data, information, _ in self._unpacked(unpack)
+        ]
+
+    def take_vectors(self) -> list[tuple[int, Vector]]:
+        """Return stamps, system time in ns, and vectors of a signal."""
+        return [vector for _, _, vector in self._unpacked(unpack_stamped_vector)]
+
+    def take_states(self) -> list[bool]:
+        """Return the values of a state."""
+        return [state for _, _, state in self._unpacked(unpack_state)]
+
+    def _connect(self, here: bool) -> None:
+        """Leave the signal to the loop of this process, or subscribe to it."""
+        if here:
+            self._unsubscribe()
+        elif not self.subscription:
+            self._subscribe()
+
+    def _subscribe(self) -> None:
+        self.subscription = self._node.subscribe_raw(self._topic, ignore, self._depth)
+        self._node.unserved.add(self.subscription)
+        self._take: Any = self.subscription.handle.take_message
+        self._count: Any = self.subscription.handle.get_publisher_count
+        self._type = self.subscription.msg_type
+
+    def _unsubscribe(self) -> None:
+        if self.subscription:
+            self._node.unserved.discard(self.subscription)
+            self._node.destroy_subscription(self.subscription)
+            self.subscription = None
+
+    def _unpacked(
+        self, unpack: Callable[[bytes], Value]
+    ) -> Iterator[tuple[bytes, dict[str, int], Value]]:
+        """Yield data, information and value of what waits; refuse what cannot be unpacked."""
+        while self.subscription and (taken := self._take(self._type, True)):
+            data, information = taken
+            try:
+                value = unpack(data)
+            except ValueError as error:
+                self._node.refuse(self._topic, str(error))
+            else:
+                yield data, information, value
+
+
+class Requests:
+    """Requests to one service that wait until they are taken, and may be answered later.
+
+    Parameters
+    ----------
+    service : Service
+    guard : CallbackGuard
+    """
+
+    def __init__(self, service: Service, guard: CallbackGuard) -> None:
+        self._service: Any = service
+        self._guard = guard
+
+    def take(self) -> Iterator[tuple[Any, Callable[[Any], None]]]:
+        """Yield each request with the function to call with the response."""
+        while (taken := self._next())[1] is not None:
+            request, header = taken
+            yield request, partial(self._service.send_response, header=header)
+
+    def _next(self) -> tuple[Any, Any]:
+        """Return the next request and its header; None for each if there is none."""
+        try:
+            found = self._service.handle.service_take_request(self._service.srv_type.Request)
+        except Exception as error:
+            self._guard.note(self._service.service_name, error)
+            return None, None
+        return tuple(found)
+
+
+class Samples:
+    """Samples of one signal, of which a `Succession` admits those that come in order and in time.
+
+    There are none while the signal has several publishers: a message does not tell which of them
+    it is from.
+
+    Parameters
+    ----------
+    inbox : Inbox
+    rate : float
+        Samples per second.
+    jumped : callable
+        Called with these samples before the first one after a clock was set.
+
+    Attributes
+    ----------
+    succession : Succession
+    contested : int
+        Samples refused because the signal had several publishers.
+    """
+
+    def __init__(self, inbox: Inbox, rate: float, jumped: Callable[[Samples], None]) -> None:
+        self._inbox = inbox
+        self.contested = 0
+        self._jumped = jumped
+        self._first = True
+        self.succession = Succession(rate)
+
+    def take(self) -> Iterator[tuple[int, Vector]]:
+        """Yield stamps, system time in ns, and vectors."""
+        now, steady = time.time_ns(), time.monotonic_ns()
+        taken = self._inbox.take_vectors()
+        # Counted after they are taken: who sent any of them is found by now.
+        if taken and self._inbox.senders > 1:
+            self.contested += len(taken)
+            taken = []
+        for stamp, vector in taken:
+            if self.succession.admits(stamp, now, steady):
+                if self.succession.jump:
+                    self._jumped(self)
+                yield stamp, vector
+        if self._first:  # what came while the node started has waited: no fault of its sender
+            self._first = False
+            self.succession.outdated = 0
+
+
+def ignore(*taken: Any) -> None:
+    """Do nothing with a message or a request: it is taken when there is time."""

@@ -1,0 +1,201 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Ticks and arrivals by clocks that a test sets."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.due_forces import DueForces
+from haptic_accel.core.model import ZERO
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.nodes.timing import BEHIND, CATCH_UP, ArrivalKeeper, RateKeeper, system_time
+
+PERIOD = NANOSECONDS // 1000
+
+
+class FakeClock:
+    """Steady time that a test sets."""
+
+    def __init__(self) -> None:
+        self.now = 17 * PERIOD
+
+    def __call__(self) -> int:
+        return self.now
+
+
+def due(keeper: RateKeeper) -> list[int]:
+    """Return all grid points that are due."""
+    return list(iter(keeper.due, None))
+
+
+@pytest.fixture
+def clock() -> FakeClock:
+    return FakeClock()
+
+
+@pytest.fixture
+def keeper(clock: FakeClock) -> RateKeeper:
+    return RateKeeper(1000, clock)
+
+
+def test_forces_of_a_process_that_stood_still_are_late_though_none_comes_after_its_tick(
+    clock: FakeClock, keeper: RateKeeper
+) -> None:
+    forces = DueForces(1, keeper.period)
+    for moment in [*range(100), *range(200, 300)]:  # in periods: it stands still for 0.1 s
+        clock.now = 18 * PERIOD + moment * PERIOD
+        for tick in due(keeper):
+            forces.take(tick)
+            forces.took_effect(clock.now / NANOSECONDS)
+            forces.put(tick, tick, ZERO)
+    # Of tick 100 to 200, the last is served in time, and has the 100 before it made up for it.
+    assert (forces.due, forces.missed, forces.past_tick) == (300 - keeper.missed, 99, 0)
+    assert keeper.missed == 1
+    assert forces.longest == pytest.approx(0.1)
+    assert forces.late_time == pytest.approx(0.1)
+
+
+def test_ticks_lie_on_whole_multiples_of_the_period(clock: FakeClock, keeper: RateKeeper) -> None:
+    for index in range(18, 30):
+        clock.now = index * PERIOD + 80_000
+        assert [keeper.time(tick) for tick in due(keeper)] == [index * PERIOD]
+        assert keeper.next == pytest.approx((index + 1) * 1e-3)
+    assert (keeper.ticks, keeper.late, keeper.missed) == (12, 0, 0)
+
+
+def test_a_grid_point_is_due_once_and_not_before_its_time(
+    clock: FakeClock, keeper: RateKeeper
+) -> None:
+    clock.now = 18 * PERIOD - 1
+    assert keeper.due() is None
+    clock.now = 18 * PERIOD
+    assert due(keeper) == [18]
+    assert keeper.due() is None
+
+
+def test_a_tick_may_begin_early_by_the_time_to_wake(clock: FakeClock) -> None:
+    keeper = RateKeeper(1000, clock, lead=50e-6)
+    clock.now = 18 * PERIOD - 40_000
+    assert due(keeper) == [18]
+    assert keeper.next == pytest.approx(18.95e-3)
+
+
+def test_a_tick_later_than_half_a_period_is_late_and_shifts_no_other(
+    clock: FakeClock, keeper: RateKeeper
+) -> None:
+    clock.now = 18 * PERIOD + 600_000
+    assert due(keeper) == [18]
+    clock.now = 19 * PERIOD + 50_000
+    assert due(keeper) == [19]
+    assert (keeper.ticks, keeper.late, keeper.missed) == (2, 1, 0)
+
+
+def test_grid_points_of_a_stall_are_served_afterwards_each_in_its_turn(
+    clock: FakeClock, keeper: RateKeeper
+) -> None:
+    readers = "master", "slave"
+    assert [keeper.take_longest_gap(each) for each in readers] == [0.0, 0.0]
+    clock.now = 70 * PERIOD
+    assert due(keeper) == list(range(18, 71))
+    assert keeper.missed == 0
+    for each in readers:
+        assert keeper.take_longest_gap(each) == pytest.approx(0.052)
+        assert keeper.take_longest_gap(each) == 0.0
+
+
+def test_a_longer_stall_leaves_out_the_oldest(clock: FakeClock, keeper: RateKeeper) -> None:
+    clock.now = 217 * PERIOD
+    served = round(CATCH_UP * 1000)
+    assert due(keeper) == list(range(218 - served, 218))
+    assert keeper.missed == 200 - served
+
+
+def test_a_process_that_stays_behind_leaves_out_what_waits(
+    clock: FakeClock, keeper: RateKeeper
+) -> None:
+    # Each tick takes a tenth longer than its period.
+    served = []
+    for index in range(1000):
+        clock.now = 18 * PERIOD + round(index * 1.1 * PERIOD)
+        served.append(keeper.due())
+    lateness = 1.1 * np.arange(1000) + 18 - np.array(served)
+    assert lateness.max() < 1e3 * BEHIND * 0.1 + 1
+    assert keeper.missed == served[-1] - served[0] - len(served) + 1
+    assert keeper.missed == pytest.approx(100, abs=30)
+
+
+@given(
+    rate=st.floats(50, 20e3),
+    delays=st.lists(st.floats(0, 3), min_size=2, max_size=200),
+)
+def test_no_drift_and_no_loss_at_any_rate(rate: float, delays: list[float]) -> None:
+    clock = FakeClock()
+    keeper = RateKeeper(rate, clock)
+    period = NANOSECONDS / rate
+    first = 1 + int(clock.now / period)
+    served: list[int] = []
+    for index, delay in enumerate(delays):
+        clock.now = max(clock.now, round((first + index + delay) * period) + 1)
+        served += due(keeper)
+    assert served == list(range(first, served[-1] + 1))
+    assert keeper.ticks == len(served)
+    assert keeper.missed == 0
+
+
+def test_system_and_steady_time_go_on_together() -> None:
+    before = system_time(0)
+    time.sleep(0.01)
+    assert system_time(0) == pytest.approx(before, abs=1_000_000)
+
+
+class SlowClock:
+    """Steady time in s that a test sets."""
+
+    def __init__(self) -> None:
+        self.now = 10.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def looks(arrival: Callable[[int], float], ticks: int = 3000) -> list[int]:
+    """Return the number of looks in each period of 1 ms, of messages that arrive at an offset."""
+    clock = SlowClock()
+    keeper = ArrivalKeeper(1000.0, clock)
+    counts = [0] * ticks
+    come = [10.0 + tick * 1e-3 + arrival(tick) for tick in range(ticks)]
+    taken = 0
+    while (tick := int((clock.now - 10.0) * 1000)) < ticks:
+        counts[tick] += 1
+        newest = taken
+        while newest < ticks and come[newest] <= clock.now:
+            newest += 1
+        clock.now = max(keeper.looked(found=newest > taken), clock.now + 1e-6)
+        taken = newest
+    return counts
+
+
+def test_looks_settle_just_behind_the_arrival_of_a_ticks_messages() -> None:
+    counts = looks(lambda tick: 0.3e-3)
+    assert sum(counts[-1000:]) < 1.3 * 1000
+
+
+def test_looks_follow_messages_that_come_later_than_before() -> None:
+    counts = looks(lambda tick: 0.2e-3 if tick < 1000 else 0.7e-3)
+    assert sum(counts[-1000:]) < 1.3 * 1000
+
+
+def test_without_messages_there_is_one_look_a_period() -> None:
+    clock = SlowClock()
+    keeper = ArrivalKeeper(1000.0, clock)
+    for _ in range(100):
+        clock.now = keeper.looked(found=False)
+    assert clock.now == pytest.approx(10.1, abs=2e-3)
