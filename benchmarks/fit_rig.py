@@ -19,11 +19,10 @@ from statistics import fmean
 
 import numpy as np
 
-from haptic_accel.cli.experiment import SURFACES
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import RigParameters, run_trial
-from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.arguments import SURFACES, GraphArguments
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 CONTROLLERS = ("constant", "dynamic")

@@ -22,8 +22,8 @@ from unittest.mock import patch
 import numpy as np
 from matplotlib.figure import Figure
 
+from haptic_accel.analysis.fidelity import texture
 from haptic_accel.analysis.plots import BLACK, BLUE, GREEN, VERMILION
-from haptic_accel.cli.fidelity import texture
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator

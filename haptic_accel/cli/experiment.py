@@ -38,6 +38,7 @@ from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import (
     POINTER,
     SIMULATED,
+    SURFACES,
     VIRTUAL,
     GraphArguments,
     check_both_arms,
@@ -52,9 +53,6 @@ from haptic_accel.graph.words import given_keys
 
 NETWORK = "Network between two hosts, in lockstep"
 """Beginning of the help of the options that describe it."""
-
-SURFACES = ("plywood", "text", "vinyl")
-"""The paper's surfaces."""
 
 PAPER_CONTROLLERS = ("none", "constant", "dynamic")
 """The paper's conditions."""

@@ -35,6 +35,9 @@ POINTER = "pointer"
 RECORDING = "recording"
 """Name of the surface that plays a recorded acceleration."""
 
+SURFACES = ("plywood", "text", "vinyl")
+"""The paper's surfaces."""
+
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
 """Severities of messages in ROS 2."""
 

@@ -1,0 +1,412 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tracking error of controllers in lockstep, over inputs, hands, grips and rigs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from pathlib import Path
+from statistics import fmean
+from typing import Any, TypeAlias
+
+import numpy as np
+from scipy import signal
+
+from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.model import FloatArray, HandleParameters, held
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.resampling import crossfaded
+from haptic_accel.core.trial import DEFAULT_RATE, GripChange, Trial
+from haptic_accel.graph.arguments import RECORDING, SURFACES, GraphArguments
+from haptic_accel.graph.lockstep import lockstep_trial
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.materials.recordings import read_recording
+
+Row: TypeAlias = dict[str, Any]
+"""Results of one trial, or of the trials of a condition, by name."""
+
+DURATION = 8.0
+"""Length of a trial with one grip, s."""
+
+CHANGED_AT = 1.0
+"""Time at which another hand takes the handle, s; until then it is held with Table I's grip."""
+
+SETTLING = 2.0
+"""Time that is not evaluated after a change of grip, s."""
+
+USERS = 3
+"""Number of users of the paper's rig."""
+
+CHANGES = 10
+"""Number of trials in which the grip changes once a second."""
+
+WINDOW = 2.0
+"""Length of the parts of a trial whose errors are compared with those of no controller, s."""
+
+SPREAD = {"m_h": (0.7, 1.3), "k_u": (0.5, 2.0), "b_u": (0.5, 2.0)}
+"""Ranges of random hands relative to Table I: mass uniform, the others logarithmically uniform."""
+
+WIDE = {"m_h": (0.4, 3.0), "k_u": (0.2, 8.0), "b_u": (0.2, 6.0)}
+"""Ranges of unusual hands, from a light touch to a firm grip."""
+
+GRANTED = (2, 3)
+"""Delays granted besides the default's one, samples."""
+
+TEXTURE_LOWS = (8.0, 15.0, 30.0, 60.0)
+"""Frequencies from which textures have energy, Hz."""
+
+TEXTURE_RMS = (0.5, 1.0, 3.0, 6.0)
+"""Root mean squares of textures, m/s^2."""
+
+TAP_PEAKS = (5.0, 15.0, 45.0)
+"""Peaks of taps, m/s^2: up to the range of the paper's accelerometer."""
+
+RECORDING_RMS = (0.6, 3.0)
+"""Root mean squares that recordings are scaled to, m/s^2."""
+
+MODE_FREQUENCIES = (120.0, 180.0, 250.0, 320.0)
+"""Frequencies of a mode that the controllers do not know, Hz."""
+
+MODE_DAMPINGS = (0.03, 0.05, 0.1, 0.3)
+"""Damping ratios of that mode."""
+
+TOLD = 1.0
+"""Time in which a controller can notice that mode, which is not evaluated, s."""
+
+GRANT = "granted_delay"
+"""Parameter of the controllers that a delay can be granted to."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One trial.
+
+    Attributes
+    ----------
+    condition, input, grip : str
+        Names of the condition, of the tool's acceleration and of the grip.
+    arguments : GraphArguments
+        Rig, rate, input, controller and seed.
+    grips : tuple of GripChange
+    start : float
+        Beginning of the evaluated part, s.
+    recording : ndarray, optional
+        Tool acceleration in place of the arguments', m/s^2.
+    changes : dict
+        Values by node and dotted name that the rig and the controllers have besides.
+    """
+
+    condition: str
+    input: str
+    grip: str
+    arguments: GraphArguments
+    grips: tuple[GripChange, ...] = ()
+    start: float = 0.0
+    recording: FloatArray | None = None
+    changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The user's choice of inputs, rigs and rates of all conditions, hands and their seed."""
+
+    inputs: Sequence[GraphArguments]
+    rig: str
+    rate: float
+    hands: int
+    seed: int
+
+    def on(self, rig: str = "ideal", rate: float = DEFAULT_RATE) -> GraphArguments:
+        """Return the arguments of a condition's rig, unless another one was asked for."""
+        return GraphArguments(rig=self.rig or rig, rate=self.rate or rate)
+
+
+def inputs(recordings: Sequence[str], rates: Sequence[float]) -> list[GraphArguments]:
+    """Return a graph for each acceleration that the tool may measure."""
+    if not recordings:
+        return [GraphArguments(surface=surface) for surface in SURFACES]
+    every = list(rates) or [0.0]
+    if len(every) == 1:
+        every *= len(recordings)
+    if len(every) != len(recordings):
+        raise ParameterError(
+            f"recording_rate: given {len(rates)} times, must be once or for each of"
+            f" {len(recordings)} recordings"
+        )
+    return [
+        GraphArguments(surface=RECORDING, recording=file, recording_rate=rate)
+        for file, rate in zip(recordings, every, strict=True)
+    ]
+
+
+def with_controllers(case: Case, controllers: Sequence[str]) -> Iterator[Case]:
+    """Yield a trial under each controller; under those alone that can be granted a delay."""
+    for name in controllers:
+        if "compensator" not in case.changes or hasattr(CONTROLLERS[name].Parameters, GRANT):
+            yield replace(case, arguments=replace(case.arguments, controller=name))
+
+
+# Inputs and hands
+
+
+def hand(
+    seed: int, number: int, spread: Mapping[str, tuple[float, float]] = SPREAD
+) -> HandleParameters:
+    """Return a random hand within the ranges of a spread."""
+    draw = np.random.default_rng((seed, number)).uniform
+    factors = {"m_h": draw(*spread["m_h"])}
+    factors |= {name: math.exp(draw(*np.log(spread[name]))) for name in ("k_u", "b_u")}
+    average = HandleParameters()
+    return replace(average, **{name: getattr(average, name) * f for name, f in factors.items()})
+
+
+def texture(low: float, rms: float, rate: float) -> FloatArray:
+    """Return noise from a frequency in Hz to six times that, at most 400 Hz, m/s^2."""
+    noise = np.random.default_rng(3).standard_normal(round(DURATION * rate))
+    band = signal.butter(2, [low, min(400.0, 6 * low)], "band", fs=rate, output="sos")
+    found = signal.sosfilt(band, noise)
+    fading_in = np.minimum(np.arange(len(noise)) / (0.2 * rate), 1.0)
+    return np.asarray(fading_in * found * (rms / np.std(found)))
+
+
+def taps(peak: float, rate: float) -> FloatArray:
+    """Return a tap every 0.3 to 0.7 s: a mode of 60 to 300 Hz that dies in 3 to 20 ms, m/s^2."""
+    draw = np.random.default_rng(4).uniform
+    time = np.arange(round(DURATION * rate)) / rate
+    found, begin = np.zeros(len(time)), 0.3
+    while begin < DURATION:
+        since = np.maximum(time - begin, 0.0)
+        ringing = np.sin(2 * np.pi * draw(60.0, 300.0) * since)
+        found += ringing * np.exp(-since / draw(3e-3, 20e-3))
+        begin += draw(0.3, 0.7)
+    return np.asarray(found * (peak / np.abs(found).max()))
+
+
+# Conditions
+
+
+def _given(case: GraphArguments, around: GraphArguments, seed: int = 0) -> GraphArguments:
+    """Return the arguments of an input on a rig."""
+    return replace(case, rig=around.rig, rate=around.rate, seed=seed)
+
+
+def _name(given: GraphArguments) -> str:
+    return Path(given.recording).stem or given.surface
+
+
+def _rig(around: GraphArguments) -> str:
+    return f"{Path(around.rig).stem}, {around.rate / 1e3:g} kHz"
+
+
+def _surfaces(wanted: Wanted) -> Iterator[Case]:
+    rigs = (wanted.on(), wanted.on(rate=4000.0), wanted.on("paper"))
+    for around, given in product(dict.fromkeys(rigs), wanted.inputs):
+        for user in range(USERS if around.rig == "paper" else 1):
+            grip = f"user {user}" if around.rig == "paper" else "Table I"
+            yield Case(_rig(around), _name(given), grip, _given(given, around, user))
+
+
+def _granted(wanted: Wanted) -> Iterator[Case]:
+    names = [name for name, kind in CONTROLLERS.items() if hasattr(kind.Parameters, GRANT)]
+    rigs = dict.fromkeys((wanted.on(), wanted.on("paper")))
+    for around, samples, given in product(rigs, GRANTED, wanted.inputs):
+        changes = {"compensator": {f"{name}.{GRANT}": samples for name in names}}
+        condition = f"{_rig(around)}, {samples} samples granted"
+        arguments = _given(given, around)
+        yield Case(condition, _name(given), "user 0", arguments, changes=changes)
+
+
+def _hands(wanted: Wanted) -> Iterator[Case]:
+    yield from _held(wanted, "hands", SPREAD, wanted.hands)
+
+
+def _wide(wanted: Wanted) -> Iterator[Case]:
+    yield from _held(wanted, "wide hands", WIDE, wanted.hands // 2)
+
+
+def _held(
+    wanted: Wanted, condition: str, spread: Mapping[str, tuple[float, float]], count: int
+) -> Iterator[Case]:
+    for number in range(count):
+        grips = ((CHANGED_AT, hand(wanted.seed, number, spread)),)
+        yield _changing(wanted, condition, number, grips, CHANGED_AT + SETTLING)
+
+
+def _grips(wanted: Wanted) -> Iterator[Case]:
+    seconds = range(round(CHANGED_AT), round(DURATION))
+    for number in range(CHANGES if wanted.hands else 0):
+        grips = tuple((float(s), hand(wanted.seed + 1, 100 * number + s)) for s in seconds)
+        yield _changing(wanted, "grip changes every second", number, grips, CHANGED_AT)
+
+
+def _changing(
+    wanted: Wanted, condition: str, number: int, grips: tuple[GripChange, ...], start: float
+) -> Case:
+    given = wanted.inputs[number % len(wanted.inputs)]
+    arguments = _given(given, wanted.on(), number)
+    return Case(condition, _name(given), f"hand {number}", arguments, grips, start)
+
+
+def _textures(wanted: Wanted) -> Iterator[Case]:
+    for low, rms in product(TEXTURE_LOWS, TEXTURE_RMS):
+        yield _played(wanted.on(), "textures", f"{low:g} Hz, {rms:g} m/s^2", texture, low, rms)
+
+
+def _taps(wanted: Wanted) -> Iterator[Case]:
+    for peak in TAP_PEAKS:
+        yield _played(wanted.on(), "taps", f"taps, {peak:g} m/s^2", taps, peak)
+
+
+def _recordings(wanted: Wanted) -> Iterator[Case]:
+    for around in dict.fromkeys((wanted.on(), wanted.on("paper"))):
+        for given, rms in product(wanted.inputs, RECORDING_RMS):
+            samples = read_recording(
+                given.recording, given.recording_rate, around.rate, given.recording_column
+            )
+            samples = crossfaded(samples - np.mean(samples), around.rate)
+            condition, name = f"recordings, {_rig(around)}", f"{_name(given)}, {rms:g} m/s^2"
+            scaled = samples * (rms / np.std(samples))
+            yield Case(
+                condition, name, "user 0", _given(GraphArguments(), around), recording=scaled
+            )
+
+
+def _played(
+    around: GraphArguments,
+    condition: str,
+    name: str,
+    make: Callable[..., FloatArray],
+    *values: float,
+) -> Case:
+    return Case(condition, name, "Table I", around, recording=make(*values, around.rate))
+
+
+def _modes(wanted: Wanted) -> Iterator[Case]:
+    for number, (frequency, damping) in enumerate(product(MODE_FREQUENCIES, MODE_DAMPINGS)):
+        mount = {"simulated.mount.frequency": frequency, "simulated.mount.damping": damping}
+        given = wanted.inputs[number % len(wanted.inputs)]
+        yield Case(
+            "unknown modes",
+            _name(given),
+            f"{frequency:g} Hz, {damping:g}",
+            _given(given, wanted.on()),
+            start=TOLD,
+            changes={"master_device": mount},
+        )
+
+
+CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
+    "surfaces": _surfaces,
+    "granted": _granted,
+    "hands": _hands,
+    "wide": _wide,
+    "grips": _grips,
+    "textures": _textures,
+    "taps": _taps,
+    "modes": _modes,
+    "recordings": _recordings,
+}
+"""Trials of each condition, without their controllers, by name."""
+
+DEFAULT_CONDITIONS = ["surfaces", "hands", "grips"]
+"""Conditions that run where none is named."""
+
+
+# Trials
+
+
+def run_case(case: Case) -> Row:
+    """Run one trial and evaluate its part from `start` on."""
+    arguments = replace(case.arguments, duration=DURATION)
+    values = graph_parameters(arguments)
+    for node, own in case.changes.items():
+        values[node] |= own
+    rig = rig_parameters(values)
+    trial = lockstep_trial(
+        arguments, recording=case.recording, grips=case.grips, changes=case.changes
+    )
+    first = round(case.start * trial.rate)
+    evaluation = trial.evaluate(first)
+    handle = held(rig.master.handle, rig.master.grip, arguments.seed)
+    if case.grips:
+        _, handle = case.grips[-1]
+    bound = trial.bounds(rig, handle, first)
+    travel = TravelEstimator(rig.master.handle, trial.rate)
+    pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
+    return {
+        "condition": case.condition,
+        "rig": arguments.rig,
+        "rate_hz": trial.rate,
+        "delay_ms": 1e3 * trial.after / trial.rate,
+        "input": case.input,
+        "grip": case.grip,
+        "controller": arguments.controller,
+        "nrmse_percent": evaluation.nrmse_percent,
+        "slope_desired_on_actual": evaluation.slope_desired_on_actual,
+        "r2": evaluation.r2,
+        "bound_percent": bound.causal,
+        "limited_bound_percent": bound.limited,
+        "nrmse_by_2_s_percent": list(_by_window(trial, first)),
+        "warnings": [list(warned) for warned in trial.warnings],
+        "force_rms_n": float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
+        "travel_peak_mm": 1e3 * max([abs(travel.sample(*pair)) for pair in pairs][first:]),
+    }
+
+
+def _by_window(trial: Trial, first: int) -> Iterator[float | None]:
+    """Yield the error of each `WINDOW` of a trial, %; None where nothing is desired."""
+    length = round(WINDOW * trial.rate)
+    for begin in range(first, len(trial.time) - length + 1, length):
+        try:
+            yield trial.evaluate(begin, begin + length).nrmse_percent
+        except ValueError:
+            yield None
+
+
+# Results
+
+
+def summary(rows: Sequence[Row]) -> list[Row]:
+    """Return mean and worst error, and mean bounds, by condition and controller."""
+    idle = {_key(row): row for row in rows if row["controller"] == "none"}
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["condition"], row["controller"]), []).append(row)
+    return [
+        {
+            "condition": condition,
+            "controller": controller,
+            "mean_percent": fmean(row["nrmse_percent"] for row in found),
+            "worst_percent": max(row["nrmse_percent"] for row in found),
+            "mean_bound_percent": fmean(row["bound_percent"] for row in found),
+            "mean_limited_bound_percent": fmean(row["limited_bound_percent"] for row in found),
+            "mean_force_rms_n": fmean(row["force_rms_n"] for row in found),
+            "largest_travel_mm": max(row["travel_peak_mm"] for row in found),
+            "above_none_points": _above(found, idle),
+            "trials": len(found),
+        }
+        for (condition, controller), found in groups.items()
+    ]
+
+
+def _key(row: Row) -> tuple[str, str, str]:
+    """Return what trials of several controllers have in common."""
+    return row["condition"], row["input"], row["grip"]
+
+
+def _above(rows: Sequence[Row], idle: Mapping[tuple[str, str, str], Row]) -> float | None:
+    """Return by how much any window's error is above that without control, points, at most."""
+    name = "nrmse_by_2_s_percent"
+    differences = [
+        own - without
+        for row in rows
+        if _key(row) in idle
+        for own, without in zip(row[name], idle[_key(row)][name], strict=True)
+        if own is not None and without is not None
+    ]
+    return max(differences, default=None)

@@ -1,0 +1,43 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tracking error in lockstep against what theory says of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from haptic_accel.analysis.fidelity import SPREAD, Case, hand, run_case
+from haptic_accel.core.model import HandleParameters
+from haptic_accel.graph.arguments import GraphArguments
+
+
+@pytest.mark.slow
+def test_adaptation_halves_what_another_hand_costs() -> None:
+    grips = ((1.0, hand(2, 3)),)
+    adaptive, inverse = (
+        run_case(
+            Case(
+                "hands",
+                "text",
+                "hand",
+                GraphArguments(rig="ideal", surface="text", controller=name),
+                grips,
+                start=3.0,
+            )
+        )
+        for name in ("adaptive", "inverse")
+    )
+    assert adaptive["nrmse_percent"] < max(6.0, inverse["nrmse_percent"] / 2)
+    assert adaptive["bound_percent"] < adaptive["nrmse_percent"]
+
+
+def test_hands_lie_within_their_spread_and_are_the_same_again() -> None:
+    average = HandleParameters()
+    hands = [hand(5, number) for number in range(200)]
+    for name, (low, high) in SPREAD.items():
+        factors = [getattr(each, name) / getattr(average, name) for each in hands]
+        assert low <= min(factors) < low * 1.1
+        assert high * 0.9 < max(factors) <= high
+    assert hand(5, 7) == hands[7]
+    assert hand(6, 7) != hands[7]
