@@ -22,6 +22,7 @@ from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
     COMMON_STOP,
     COUPLER_STOPPED,
+    DIAGNOSTICS,
     EMERGENCY_STOP,
     MASTER_ARM_FORCE,
     MASTER_STOPPED,
@@ -249,8 +250,11 @@ def test_devices_stop_without_a_coupler_and_learn_of_a_stop_they_missed(
     nodes["coupler"].wait_for("engaged")
     # Forces flow; then the one who sends them dies.
     observer.collect((ACTUATOR_FORCE,), 100)
+    reported = observer.watch(DIAGNOSTICS)
+    # Found before that dies, as it is reported once.
+    reported(lambda array: array.status[0].name.startswith("master_device"))
     os.kill(nodes["compensator"].process.pid, signal.SIGKILL)
-    observer.status("master_device", "actuator force timed out")
+    reported(lambda array: any("actuator force timed out" in one.message for one in array.status))
     # Anybody may stop by the topic alone, and be gone.
     anybody = observer.node.create_publisher(
         Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, depth=1)

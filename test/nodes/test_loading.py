@@ -22,8 +22,9 @@ from haptic_accel.nodes.topic_node import message_type
 from observing import Observer
 from running import Command
 
-BEFORE = NANOSECONDS // 20
-"""Time before the line "engaged" that counts as running, ns: that line is looked at, too."""
+BEFORE = NANOSECONDS // 50
+"""Time before the line "engaged" that counts as running, ns: that line is looked at, too. It is
+less than from the end of a node's set-up to the first force, without which no arm engages."""
 
 MODULES = 500
 """Half of the modules that a node has loaded."""
