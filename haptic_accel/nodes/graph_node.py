@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Collection
 from functools import partial
+from itertools import cycle
 from typing import Any
 
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -69,9 +70,11 @@ class GraphNode(TopicNode):
         self._gathered = b""
         # As `publish` does, which asks first what it got.
         self._publish_diagnostics: Any = self.publisher(DIAGNOSTICS).handle.publish_raw
-        # Each in its turn: together they take longer than a period has left.
-        for part in (self._gather_diagnostics, self._report_gathered, self.repeat_states):
-            self.create_timer(DIAGNOSTICS_PERIOD, part)
+        # Each in its turn: together they take longer than a period has left. By one timer, as of
+        # several that are due at once the executor serves any first.
+        parts = (self._gather_diagnostics, self._report_gathered, self.repeat_states)
+        turns = cycle(parts)
+        self.create_timer(DIAGNOSTICS_PERIOD / len(parts), lambda: next(turns)())
 
     def sender(self, topic: Topic) -> Sender:
         """Create the only sender of a signal on this machine.
@@ -95,9 +98,9 @@ class GraphNode(TopicNode):
 
     def requests(self, kind: Any, name: str) -> Requests:
         """Offer a service whose requests are taken when there is time for them."""
-        service = self.guard.service(self.create_service(kind, name, ignore))
-        self.polled.add(service)
-        return Requests(service, self.guard)
+        service = self._guard.service(self.create_service(kind, name, ignore))
+        self._polled.add(service)
+        return Requests(service, self._guard)
 
     def samples(self, topic: Topic, rate: float) -> Samples:
         """Subscribe to a signal whose samples are taken in order, when they are needed."""
@@ -174,6 +177,7 @@ class GraphNode(TopicNode):
 
     def report(self) -> None:
         """Publish the node's diagnostics, and what else is published once a second."""
+        self._report_gathered()  # what it warns of is in no later report
         self._gather_diagnostics()
         self._report_gathered()
         self.repeat_states()
@@ -211,8 +215,8 @@ class GraphNode(TopicNode):
         """Return how many messages and requests were refused, by reason."""
         counts = Counter(
             {
-                "messages malformed": self.malformed.total(),
-                "callbacks failed": self.guard.failed.total(),
+                "messages malformed": self._malformed.total(),
+                "callbacks failed": self._guard.failed.total(),
             }
         )
         if self._followed:

@@ -70,7 +70,7 @@ class ParameterNode(SupervisedNode):
     """
 
     def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
-        self.guard = CallbackGuard(
+        self._guard = CallbackGuard(
             lambda line: self.get_logger().error(line), lambda text: self.get_logger().debug(text)
         )
         # Values of the command line and of files must be seen before they are
@@ -129,7 +129,7 @@ class ParameterNode(SupervisedNode):
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:
-            reason = self.guard.note("set_parameters", error)
+            reason = self._guard.note("set_parameters", error)
             return SetParametersResult(successful=False, reason=reason)
 
     def _checked(self, parameter: Parameter) -> Parameter:

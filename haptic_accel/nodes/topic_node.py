@@ -45,16 +45,12 @@ class TopicNode(ParameterNode):
     ----------
     unserved : set of Subscription
         Subscriptions that the executor leaves alone: their messages are taken when needed.
-    polled : set of Service
-        Services that the executor leaves alone likewise.
-    malformed : Counter of str
-        Number of malformed messages by topic.
     """
 
     def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
         self.unserved: set[Subscription] = set()
-        self.polled: set[Service] = set()
-        self.malformed: Counter[str] = Counter()
+        self._polled: set[Service] = set()
+        self._malformed: Counter[str] = Counter()
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         super().__init__(executable, changeable)
 
@@ -93,8 +89,8 @@ class TopicNode(ParameterNode):
 
     def refuse(self, topic: Topic, reason: str) -> None:
         """Count a malformed message; log the first of its topic."""
-        self.malformed[topic.name] += 1
-        if self.malformed[topic.name] == 1:
+        self._malformed[topic.name] += 1
+        if self._malformed[topic.name] == 1:
             self.get_logger().warning(f"{topic.name}: malformed message refused: {reason}")
 
     def create_timer(self, period: float, callback: Callable[[], object], **given: Any) -> Timer:
@@ -116,13 +112,13 @@ class TopicNode(ParameterNode):
     @property
     def services(self) -> Iterator[Service]:
         """Services whose requests wake the executor."""
-        return (self.guard.service(each) for each in super().services if each not in self.polled)
+        return (self._guard.service(each) for each in super().services if each not in self._polled)
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
         """Subscriptions whose messages wake the executor."""
         return (
-            self.guard.guarded(each, each.topic_name)
+            self._guard.guarded(each, each.topic_name)
             for each in super().subscriptions
             if each not in self.unserved
         )
@@ -131,7 +127,7 @@ class TopicNode(ParameterNode):
     def timers(self) -> Iterator[Timer]:
         """Timers, which wake the executor."""
         return (
-            self.guard.guarded(each, f"timer of {each.timer_period_ns / NANOSECONDS:g} s")
+            self._guard.guarded(each, f"timer of {each.timer_period_ns / NANOSECONDS:g} s")
             for each in super().timers
         )
 
@@ -139,13 +135,13 @@ class TopicNode(ParameterNode):
     def waitables(self) -> Iterator[Waitable]:
         """Events of publishers and subscriptions, which wake the executor."""
         return (
-            self.guard.guarded(each, "event of a topic") if hasattr(each, "callback") else each
+            self._guard.guarded(each, "event of a topic") if hasattr(each, "callback") else each
             for each in super().waitables
         )
 
     def callback_failed(self, error: Exception) -> None:
         """Count and log what the executor raised: what taking a message does, for one."""
-        self.guard.note("executor", error)
+        self._guard.note("executor", error)
 
     def _listen(
         self, topic: Topic, unpack: Callable[[bytes], Value], callback: Callable[[Value], None]

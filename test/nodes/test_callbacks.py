@@ -103,7 +103,7 @@ def failures(node: GraphNode) -> int:
 def test_whatever_callbacks_raise_the_node_goes_on_counts_and_answers(
     served: Served, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    failed = served.node.guard.failed
+    failed = served.node._guard.failed
     for _ in range(2):
         answer = served.answer(Trigger, "fail")
         assert (answer.success, answer.message) == (False, r"KeyError: 'wrong\nin two lines'")

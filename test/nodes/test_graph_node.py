@@ -40,6 +40,7 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
     COUPLER_STOPPED,
+    DIAGNOSTICS,
     EMERGENCY_STOP,
     MASTER_STOPPED,
     MASTER_WORK,
@@ -379,3 +380,47 @@ def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_
     observer.collect((ACTUATOR_FORCE,), 100)
     assert graph.end(signal.SIGINT) == 0, graph.text
     assert read_bag(tmp_path / "bag").problems == []
+
+
+class Numbering(GraphNode):
+    """A node whose reports are numbered."""
+
+    task = "numbering"
+    reports = 0
+
+    def status(self) -> tuple[str, dict[str, str]]:
+        self.reports += 1
+        return f"report {self.reports}", {}
+
+
+def test_no_report_is_lost_beside_those_on_request(domain: int) -> None:
+    rclpy.init()
+    node = Numbering("compensator")
+    node.report()
+    try:
+        other = rclpy.create_node("listener")
+        received: list[str] = []
+        other.create_subscription(
+            message_type(DIAGNOSTICS),
+            DIAGNOSTICS.name,
+            lambda message: received.append(message.status[0].message),
+            quality(DIAGNOSTICS),
+        )
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.add_node(other)
+        begin, asked = time.monotonic(), 0
+        while time.monotonic() < begin + 4.0:
+            executor.spin_once(timeout_sec=0.01)
+            # At moments that drift through the turns of the periodic ones.
+            if time.monotonic() > begin + 0.29 * asked:
+                asked += 1
+                node.report()
+        numbers = [int(text.split()[1]) for text in received]
+        assert len(numbers) > 10
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+        assert node.reports >= asked + 3, "also once a second without a request"
+    finally:
+        other.destroy_node()
+        node.destroy_node()
+        rclpy.shutdown()
