@@ -51,7 +51,10 @@ class AudioParameters(Checked):
         "", "name of the sound card, as `python -m sounddevice` lists it; empty for the default"
     )
     block: int = parameter(
-        64, "samples that the card fetches together; more need more latency", low=8, high=4096
+        64,
+        "samples that the card fetches at a time; larger blocks need more latency",
+        low=8,
+        high=4096,
     )
     channel: int = parameter(1, "output channel of the actuator; others are silent", "", 1, 64)
     full_scale: float = parameter(

@@ -58,8 +58,7 @@ class ReplayParameters(Checked):
     loop: bool = parameter(False, "play over and over, with the end fading into the beginning")
     start: float = parameter(
         0.0,
-        "time to leave out at the beginning: from where the bag's arms were coupled or the file"
-        " begins",
+        "time to skip, from where the bag's arms were coupled or the file begins",
         unit="s",
         low=0.0,
         high=LONGEST_START,

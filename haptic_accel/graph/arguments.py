@@ -134,7 +134,9 @@ class LaunchArguments(NamespaceArguments):
 
     namespace: str = like(NamespaceArguments, "namespace")  # declared anew for its heading
     params_file: str = parameter("", "ROS parameter file, applied over config/teleop.yaml")
-    log_level: str = parameter("info", "least severe messages that nodes log", choices=LOG_LEVELS)
+    log_level: str = parameter(
+        "info", "lowest severity of messages that nodes log", choices=LOG_LEVELS
+    )
 
 
 @dataclass(frozen=True)
@@ -148,11 +150,12 @@ class RunArguments(LaunchArguments):
     )
     composed: bool = parameter(
         True,
-        "run all nodes that make forces in one process, which suits two cores; false for a"
-        " process for each node, as always with respawn:=true, slave:=topics or an arm by CRTK",
+        "run all nodes that compute forces in one process, which suits two cores; false gives"
+        " each node its own process, as always with respawn:=true, slave:=topics or a CRTK"
+        " arm",
     )
     respawn: bool = parameter(
-        False, "start nodes that fail again, all but recorder and scope, rather than end the graph"
+        False, "restart failed nodes, except recorder and scope, instead of ending the graph"
     )
 
 

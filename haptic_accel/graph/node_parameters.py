@@ -76,8 +76,7 @@ class DeviceNodeParameters(SampledParameters):
 
     latency: int = parameter(
         LATENCY,
-        "number of samples from the one that caused a force to the tick at which it takes"
-        " effect; 0 for on arrival",
+        "delay from a sample to the force that it causes, in samples; 0 applies forces on arrival",
         low=0,
         high=HIGHEST_LATENCY,
     )
@@ -114,15 +113,15 @@ class RestamperNodeParameters(SampledParameters):
 
     drift: float = parameter(
         0.1,
-        "delay of an arrival behind its moved stamp above which stamps are moved anew",
+        "delay of arrivals behind their shifted stamps above which the shift is measured again",
         unit="s",
         low=0.005,
         high=10.0,
     )
     listeners: int = parameter(
         1,
-        "number of subscribers of acceleration and position to wait for before reporting that all"
-        " is ready",
+        "number of subscribers to acceleration and position that the report of readiness"
+        " waits for",
         low=0,
         high=100,
     )
@@ -136,7 +135,7 @@ class CouplerNodeParameters(CouplingParameters, PassiveParameters, EngagementPar
     latency: int = like(DeviceNodeParameters, "latency")
     coupling: str = parameter(
         SPRING,
-        "coupling of the arms: the spring of k_m and k_sl, or one that keeps account of energy",
+        "coupling of the arms: spring (k_m and k_sl), or passive (a spring with an energy tank)",
         choices=(SPRING, PASSIVE),
     )
     side: str = parameter("", "arm that this host has; empty for both", choices=ARMS)
@@ -189,7 +188,9 @@ class RecorderNodeParameters(RecordingOptions):
 
     bag: str = parameter("", "folder of the bag to write; empty for bags/<date and time>")
     queue: int = parameter(
-        100_000, "number of messages kept waiting for the disk before some are dropped", low=100
+        100_000,
+        "maximum number of messages that wait for the disk; further ones are dropped",
+        low=100,
     )
     facts: str = parameter(
         "", "JSON object with the arguments and parameters of the graph, for the bag"
@@ -202,7 +203,7 @@ class ScopeNodeParameters(Checked):
 
     host: str = parameter(
         "127.0.0.1",
-        "address the scope's page is served on; others than this machine's own need its token",
+        "address of the scope's page; any other than this machine's own requires the token",
     )
     # Registered for nothing (IANA), and below the ports that Linux hands out.
     port: int = parameter(8642, "port of the scope's page; 0 for any free one", low=0, high=65535)

@@ -27,7 +27,7 @@ class LinkNodeParameters(Checked):
     transport: str = parameter(UDP, "transport of datagrams to the peer host", choices=TRANSPORTS)
     keys: str = parameter("", "folder with this host's keys, which haptic-accel keys makes")
     insecure: bool = parameter(
-        False, "link hosts without a key: whoever reaches the port can then move the arm"
+        False, "link hosts without keys: anybody who reaches the port can then move the arm"
     )
 
     def __post_init__(self) -> None:

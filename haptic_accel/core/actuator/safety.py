@@ -73,7 +73,8 @@ class ActuatorCommandLimits(Checked):
     command_timeout: float = _timeout(ACTUATOR_TIMEOUT)
     max_age: float = parameter(
         MAX_AGE,
-        "maximum age of a command's sample, or lead of its stamp; the force is zero beyond",
+        "maximum age of the sample that caused a command, and maximum lead of its stamp;"
+        " beyond, the force is zero",
         "s",
         1e-3,
         10.0,
@@ -92,7 +93,7 @@ class ArmLimits(ActuatorCommandLimits):
         ARM_PEAK_FORCE, "limit of the arm's force (Phantom Omni: 3.3 N)", "N", 0, 100
     )
     zero_stamp: bool = parameter(
-        True, "take a command without a stamp, which CRTK allows, as one of the moment it came"
+        True, "accept a command without a stamp, which CRTK allows, as caused at its arrival"
     )
 
 

@@ -47,14 +47,14 @@ class EngagementParameters(Checked):
     """Conditions for engaging, and for the end."""
 
     timeout: float = parameter(
-        0.1, "silence of an arm after which forces go to zero", "s", 0.005, 10.0
+        0.1, "time without samples of an arm after which forces go to zero", "s", 0.005, 10.0
     )
     duration: float = parameter(
         0.0, "time from engaging to the end of the graph; 0 for no end", "s", 0.0, 1e6
     )
     listeners: int = parameter(
         1,
-        "number of subscribers of each arm's force to wait for before engaging: its device, a"
+        "number of subscribers to each arm's force that engaging waits for: its device, a"
         " recorder",
         low=0,
         high=100,
@@ -62,7 +62,7 @@ class EngagementParameters(Checked):
     compensated: bool = parameter(False, "wait for the compensator's first force before engaging")
     recovery: str = parameter(
         AUTOMATIC,
-        "return after the peer on another host was lost: by itself, or only by coupler/engage",
+        "recovery after the peer host was lost: automatic, or only by coupler/engage",
         choices=(AUTOMATIC, MANUAL),
     )
 

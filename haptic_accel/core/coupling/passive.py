@@ -76,8 +76,8 @@ class PassiveParameters(Checked):
 
     law: str = parameter(
         "passive",
-        "spring alone; damped: with local damping and stiffness after the delay; passive: with the"
-        " account of energy as well",
+        "spring alone; damped: with local damping, and stiffness reduced with the delay;"
+        " passive: with an energy tank as well",
         choices=LAWS,
     )
     stiffness: float = parameter(
@@ -85,14 +85,18 @@ class PassiveParameters(Checked):
     )
     local_damping: float = parameter(
         3.0,
-        "largest damping of each arm's own motion; with data of age A, stiffness is at most twice"
-        " this over A",
+        "maximum damping of each arm's own motion; with data of age A, stiffness is limited"
+        " to twice this over A",
         "N s/m",
         0.1,
         50.0,
     )
     energy: float = parameter(
-        2e-3, "net energy that each half may give to its arm at most", "J", 1e-6, 1.0
+        2e-3,
+        "energy in each half's tank at the start: the maximum net energy that it gives to its arm",
+        "J",
+        1e-6,
+        1.0,
     )
     scale: float = like(CouplingParameters, "scale")
     max_force: float = like(CouplingParameters, "max_force")

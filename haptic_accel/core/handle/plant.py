@@ -65,7 +65,9 @@ class Plant(Checked):
     )
 
     doubt: str = parameter(
-        "", "reason to doubt this description, of which the compensator warns; empty for none"
+        "",
+        "known deficiency of this model, which the compensator reports as a warning;"
+        " empty for none",
     )
 
     @property

@@ -79,7 +79,7 @@ class DriveParameters(Checked):
     )
     coulomb_friction: float = parameter(0.0, "dry friction of the actuator's bearing", "N", 0, 1.0)
     slip_velocity: float = parameter(
-        2e-3, "slip velocity from which dry friction has its full force", "m/s", 2e-3, 1.0
+        2e-3, "slip velocity above which dry friction is constant", "m/s", 2e-3, 1.0
     )
 
 

@@ -53,7 +53,7 @@ class ToolParameters(Checked):
         0.1, "dry friction of the joints at the tip (data sheet: below 0.26 N)", "N", 0, 5.0
     )
     slip_velocity: float = parameter(
-        5e-3, "speed at which dry friction has 0.7 of its force", "m/s", 1e-3, 1.0
+        5e-3, "speed at which dry friction reaches 0.7 of its maximum", "m/s", 1e-3, 1.0
     )
     height: float = parameter(
         0.010, "height of the tip above the surface at the start", "m", 0, 0.1

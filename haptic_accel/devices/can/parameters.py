@@ -62,8 +62,8 @@ class LinkParameters(Checked):
     )
     elbow: str = parameter(
         "base",
-        "place of the elbow's motor: base, so that its angle is that of the forearm to the"
-        " vertical, or shoulder, so that it is that to the upper link's normal",
+        "position of the elbow's motor: base (its angle is that of the forearm to the"
+        " vertical) or shoulder (to the upper link's normal)",
         choices=("base", "shoulder"),
     )
 
@@ -175,14 +175,14 @@ class CanParameters(Checked):
     )
     estimates: str = parameter(
         STREAMED,
-        "transmission of estimates: streamed by the drives at a rate of their own, or requested"
-        " at every sample",
+        "encoder estimates: streamed by the drives at their own rate, or requested at every"
+        " sample",
         choices=(STREAMED, REQUESTED),
     )
     rearm: str = parameter(
         MANUAL,
-        "return of the torques after a lost bus or heartbeat is back: auto, at once, or manual, on"
-        " request; after an axis error always on request",
+        "re-arming after a lost bus or heartbeat returns: auto (at once) or manual (on"
+        " request); after an axis error always on request",
         choices=(AUTO, MANUAL),
     )
     start_timeout: float = parameter(

@@ -15,7 +15,7 @@ _NAMES = re.compile(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 
 def _namespace(default: str) -> Any:
-    return parameter(default, "namespace of the arm's topics, with all that is above it")
+    return parameter(default, "full namespace of the arm's topics")
 
 
 @dataclass(frozen=True)

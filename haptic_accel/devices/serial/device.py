@@ -100,7 +100,7 @@ class SerialMasterParameters(SerialSlaveParameters):
 
     rearm: str = parameter(
         MANUAL,
-        "arming after the board was unplugged: auto, as soon as it is back, or manual, on request",
+        "re-arming after the board was unplugged: auto (once it is back) or manual (on request)",
         choices=(AUTO, MANUAL),
     )
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)

@@ -47,12 +47,12 @@ class FeedbackParameters(InverseParameters):
 
     feedforward: str = parameter(
         INVERSE,
-        "controller whose force the feedback is added to",
+        "feedforward controller, to whose force the feedback is added",
         choices=("none", "constant", "dynamic", INVERSE),
     )
     margin: float = parameter(
         MARGIN,
-        "stability margin: smallest distance of the loop from -1 at any grip of the range",
+        "stability margin: minimum distance of the open loop from -1 over the range of grips",
         low=0.05,
         high=0.95,
     )

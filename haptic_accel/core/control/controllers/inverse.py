@@ -30,8 +30,8 @@ class InverseParameters(Checked):
 
     granted_delay: int = parameter(
         1,
-        "number of samples by which the handle may lag behind the tool beside the latency (the"
-        " paper's delay of 1 ms)",
+        "allowed delay of the handle behind the tool in addition to the latency, in samples"
+        " (the paper's delay of 1 ms)",
         low=0,
         high=LONGEST_GRANTED_DELAY,
     )

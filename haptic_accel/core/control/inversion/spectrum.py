@@ -42,15 +42,16 @@ class TexturePrior(Checked):
 
     rise: float = parameter(
         20.0,
-        "lower corner of the expected texture: near the high-pass' own, as any surface may come",
+        "lower corner of the expected texture spectrum: near that of the high-pass, as the"
+        " surface is not known",
         "Hz",
         1.0,
         1000.0,
     )
     fall: float = parameter(
         200.0,
-        "upper corner of the expected texture: a tip's width filters waves of 0.5 mm, which give"
-        " 200 Hz at 0.1 m/s",
+        "upper corner of the expected texture spectrum: a tip filters waves shorter than 0.5"
+        " mm, 200 Hz at 0.1 m/s",
         "Hz",
         10.0,
         10e3,
