@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Guard around callbacks: what a request, message or event raises does not end the node."""
+"""Guarded callbacks: an exception in one is counted and logged, and does not end the node."""
 
 from __future__ import annotations
 

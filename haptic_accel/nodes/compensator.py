@@ -28,7 +28,7 @@ FROZEN = "adaptive.frozen"
 
 
 class Compensator(GraphNode):
-    """Every tool acceleration causes one force, published before anything else.
+    """Computes one actuator force from each sample of the tool, and publishes it first.
 
     It is computed with the handle's acceleration of the tick before, which is waited for a little.
     """
@@ -57,7 +57,7 @@ class Compensator(GraphNode):
         self.create_service(Trigger, "~/reset", self._reset)
 
     def work(self) -> float:
-        """Compute the samples that came."""
+        """Process the samples that arrived."""
         came = False
         for stamp, acceleration in self._tools.take():
             came = True
@@ -79,7 +79,7 @@ class Compensator(GraphNode):
         self._send_force(time.time_ns(), ZERO)
 
     def start_anew(self) -> None:
-        """Forget the samples that wait."""
+        """Discard the waiting samples."""
         self.part.clear()
 
     def change(self, values: dict[str, Any]) -> None:

@@ -28,7 +28,7 @@ from haptic_accel.nodes.timing import CATCH_UP
 
 
 class Coupler(CouplingNode):
-    """Couples both arms: the samples that they took at a tick cause the forces on both."""
+    """Couples both arms: the samples of a tick give the forces on both."""
 
     def __init__(self) -> None:
         super().__init__((*schema(CouplingParameters), *schema(PassiveParameters)))
@@ -56,13 +56,13 @@ class Coupler(CouplingNode):
         return Engagement(self.parameters, now)
 
     def start_anew(self) -> None:
-        """Forget the samples that wait."""
+        """Discard the waiting samples."""
         self.part.clear()
         for motions in self._motions.values():
             motions.clear()
 
     def change(self, values: dict[str, Any]) -> None:
-        """Let gains of the coupling become others, as soon as there is what they need."""
+        """Change gains of the coupling as soon as the signals that they need are available."""
         gains = schema(PassiveParameters if self._passive else CouplingParameters)
         for name in values.keys() - gains:
             raise ParameterError(f"{name}: the coupling is {self.parameters.coupling}")
@@ -74,7 +74,7 @@ class Coupler(CouplingNode):
                     motions.join(self.samples(ARM_TOPICS[arm].velocity, self.parameters.rate))
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return whether the arms are coupled, and the accounts of energy."""
+        """Return whether the arms are coupled, and the energy in the tanks."""
         values = {
             "engaged": str(self.part.engaged).lower(),
             "positions held": str(self.part.held),
@@ -87,7 +87,7 @@ class Coupler(CouplingNode):
         return self.missing(), values
 
     def couple(self) -> bool:
-        """Send the forces of every tick whose samples are there; return if none is incomplete."""
+        """Send the forces of every complete tick; return True if no tick is incomplete."""
         came = False
         for arm, motions in self._motions.items():
             for motion in motions.take():
@@ -102,7 +102,7 @@ class Coupler(CouplingNode):
             self.forces[arm].send(stamp + offset, force)
 
     def prepare(self) -> None:
-        """Begin to turn the gains into new ones; a damper waits for velocities."""
+        """Begin the transition to new gains; a damper waits for velocities."""
         velocities = [motions.velocity for motions in self._motions.values()]
         flowing = self.sides or all(each and each.flowing for each in velocities)
         if self._changed and (flowing or not self._damped):

@@ -58,14 +58,14 @@ class Joined:
             self.flowing = True
 
     def at(self, stamp: int) -> bool:
-        """Go on to a stamp; return whether its sample is there, lost, or not to be expected."""
+        """Advance to a stamp; return True if its sample is available, lost, or not expected."""
         while self._waiting and self._waiting[0][0] <= stamp:
             self._stamp, self.value = self._waiting.popleft()
         # A later one shows that this one is lost; then the one before stands for it.
         return self._stamp == stamp or bool(self._waiting) or not self.flowing
 
     def clear(self) -> None:
-        """Forget what waits."""
+        """Discard waiting samples."""
         self._waiting.clear()
 
 
@@ -94,11 +94,11 @@ class Motions:
         self.work = Joined(work, flowing=False) if work else None
 
     def join(self, velocities: Samples) -> None:
-        """Join velocities from when they come."""
+        """Join velocities once they arrive."""
         self.velocity = Joined(velocities, flowing=False)
 
     def take(self) -> Iterator[Motion]:
-        """Yield the samples that are complete."""
+        """Yield the complete samples."""
         for sample in self._arriving.take():
             self._positions.append(sample)
         if not self._positions:
@@ -117,11 +117,11 @@ class Motions:
 
     @property
     def waiting(self) -> bool:
-        """True while a position waits for what is joined with it."""
+        """True while a position waits for the signals joined with it."""
         return bool(self._positions)
 
     def clear(self) -> None:
-        """Forget what waits."""
+        """Discard waiting samples."""
         self._positions.clear()
         for each in (self.velocity, self.work):
             if each:
@@ -131,8 +131,8 @@ class Motions:
 class CouplingNode(GraphNode):
     """Couples arms while an `Engagement` allows it.
 
-    Services release the arms and take them again: `estop` stops their devices too, `~/engage`
-    frees the arms alone.
+    Services release the arms and engage them again: `estop` stops their devices as well,
+    `~/engage` acts on the arms alone.
 
     Parameters
     ----------
@@ -176,10 +176,10 @@ class CouplingNode(GraphNode):
 
     @abstractmethod
     def couple(self) -> bool:
-        """Send the forces of every sample that is complete; return if none waits."""
+        """Send the forces of every complete sample; return True if none waits."""
 
     def receive(self, offset: int) -> None:
-        """Take the peer's packets before a tick; nothing without a peer.
+        """Receive the peer's packets before a tick; do nothing without a peer.
 
         Parameters
         ----------
@@ -188,25 +188,25 @@ class CouplingNode(GraphNode):
         """
 
     def reply(self) -> None:
-        """Answer the peer with what a tick has caused; nothing without a peer."""
+        """Send the results of a tick to the peer; do nothing without a peer."""
 
     @abstractmethod
     def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
-        """Publish what the loop of this process did; `offset` as for `receive`."""
+        """Publish the results of this process's loop; `offset` as for `receive`."""
 
     def prepare(self) -> None:
-        """Do what is due before each decision to engage."""
+        """Prepare each decision to engage."""
 
     def close(self) -> None:
         """Leave the arms without force."""
         self._let_go()
 
     def repeat_states(self) -> None:
-        """Publish whether all is stopped."""
+        """Publish the state of the emergency stop."""
         self._stop.tell()
 
     def work(self) -> float:
-        """Follow the emergency stop, engage or release, and couple the samples that came."""
+        """Follow the emergency stop, engage or release, and process the samples that arrived."""
         if (now := time.monotonic()) >= self._stop_due:
             self._stop_due = now + LOOK_PERIOD
             self.follow_stop()
@@ -215,21 +215,21 @@ class CouplingNode(GraphNode):
         return self._arrivals.looked(found=self.couple())
 
     def stop_forces(self) -> None:
-        """Stop all, and let the arms go."""
+        """Stop all, and release the arms."""
         self.engagement.stop.stop()
         self.follow_stop()
 
     def missing(self) -> str:
-        """Return what engaging waits for, or what has gone; empty when all is there."""
+        """Return what prevents engaging, or has failed since; empty for nothing."""
         return self.engagement.missing(time.monotonic(), self.listeners)
 
     @property
     def listeners(self) -> int:
-        """Subscribers of the arm's force that has fewer of them."""
+        """Number of subscribers to an arm's force, the smaller one of both arms."""
         return 0 if self._aside else min(force.listeners for force in self.forces.values())
 
     def step(self) -> None:
-        """Engage, release, or end, as things are now."""
+        """Engage, release, or end, by the present state."""
         if not self.sides:
             self.couple()
         self._step_aside(self.engagement.aside(time.monotonic()))
@@ -258,14 +258,14 @@ class CouplingNode(GraphNode):
             force.send(now, ZERO)
 
     def _step_aside(self, aside: bool) -> None:
-        """Leave the arms' forces to other nodes, or send them again."""
+        """Let other nodes send the arms' forces, or send them again."""
         if aside != self._aside:
             self._aside = aside
             for force in self.forces.values():
                 force.withdraw() if aside else force.offer()
 
     def follow_stop(self) -> None:
-        """Act at once where the emergency stop has changed, whoever asked for it."""
+        """React at once to a change of the emergency stop, whoever requested it."""
         for arm, inbox in self._arm_stops.items():
             for stopped in self.states(inbox):
                 self.engagement.arm_stopped(arm, stopped)
@@ -276,7 +276,7 @@ class CouplingNode(GraphNode):
     def _serve_engage(
         self, request: SetBool.Request, response: SetBool.Response
     ) -> SetBool.Response:
-        """Take the arms as soon as all is there, or release them."""
+        """Engage the arms as soon as possible, or release them."""
         refusal = self.engagement.request(request.data)
         if not refusal:
             self.step()

@@ -77,7 +77,7 @@ class Queries:
         self._joints_asked = self.asked = False
 
     def look(self) -> None:
-        """Look for subscribers."""
+        """Check for subscribers."""
         self._joints_asked = self._joints.get_subscription_count() > 0
         others = self._force, self._set_force, self._set_point
         self.asked = self._joints_asked or any(sender.listeners for sender in others)
@@ -90,7 +90,7 @@ class Queries:
         set_point: Vector | None,
         joints: Callable[[Sample, Vector], Joints],
     ) -> None:
-        """Publish what belongs to a sample.
+        """Publish the queries of a sample.
 
         Parameters
         ----------
@@ -129,8 +129,8 @@ class Queries:
 class Motions:
     """Motion commands other than forces: `servo_cp`, `hold` and `free`.
 
-    Of those that come between two samples, `free` counts before `hold`, and that before a
-    position; otherwise the newest command wins.
+    Between two samples, `free` takes precedence over `hold`, and `hold` over a position;
+    otherwise the newest command counts.
 
     Parameters
     ----------
@@ -167,12 +167,12 @@ class Motions:
         self.refused = 0
 
     def look(self) -> None:
-        """Look for publishers."""
+        """Check for publishers."""
         inboxes = self.positions, self._holds, self._frees
         self.expected = any(inbox.senders for inbox in inboxes)
 
     def take(self, position: Vector) -> bool:
-        """Follow the commands that came to an arm at a position, m; return if one frees it."""
+        """Process commands with the arm at a position, m; return True if one frees it."""
         for stamp, goal in self.positions.take_vectors():
             if self._valid(stamp, goal):
                 self.servo.set_point = goal
@@ -186,7 +186,7 @@ class Motions:
         return freed
 
     def _valid(self, stamp: int, goal: Vector) -> bool:
-        """Return whether a position is finite and of now."""
+        """Return True if a position is finite and up to date."""
         age = 0 if self._limits.zero_stamp and not stamp else time.time_ns() - stamp
         return math.isfinite(sum(goal)) and abs(age) <= self._limits.max_age * NANOSECONDS
 
@@ -245,7 +245,7 @@ class OperatingState:
         return PAUSED if self._pausing and self._node.state == INACTIVE else DISABLED
 
     def report(self, *, busy: bool = False, again: bool = False) -> None:
-        """Publish the state where it is new; all of it `again` on request."""
+        """Publish the state if it changed; unchanged, too, with `again`."""
         homed = self._node.state in (INACTIVE, ACTIVE)
         starting = self._node.state == ACTIVE and not self._safety.active
         current = self.state, homed, busy or starting
@@ -263,7 +263,7 @@ class OperatingState:
             self._state.publish(message)
 
     def _take(self, command: Any) -> None:
-        """Carry out a command of now, or without a stamp; one from a bag is neither."""
+        """Execute a recent command, or one without a stamp; a recorded one is ignored."""
         sent = command.header.stamp
         stamp = sent.sec * NANOSECONDS + sent.nanosec
         if stamp and abs(time.time_ns() - stamp) > STATE_COMMAND_AGE * NANOSECONDS:
@@ -272,7 +272,7 @@ class OperatingState:
             self._obey(command.string)
 
     def _obey(self, command: str) -> None:
-        """Carry out a state command, or log why not."""
+        """Execute a state command, or log the reason of its refusal."""
         refused = operating_state.refusal(command, self.state)
         if not refused:
             self.report(busy=True, again=True)
@@ -282,7 +282,7 @@ class OperatingState:
         self.report(again=True)
 
     def _carry_out(self, command: str) -> str:
-        """Change the node's state as a command says; return what prevents it."""
+        """Change the node's state by a command; return the reason if that is impossible."""
         for transition in transitions(command, self._node.state):
             if getattr(self._node, f"trigger_{transition}")() != Outcome.SUCCESS:
                 return f"{transition} failed"

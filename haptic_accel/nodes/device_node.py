@@ -29,13 +29,13 @@ from haptic_accel.nodes.stopping import StopWords
 from haptic_accel.nodes.timing import RateKeeper
 
 MANY_MISSED = 0.01
-"""Share of missed deadlines between two reports above which diagnostics warn."""
+"""Fraction of missed deadlines between two reports above which diagnostics warn."""
 
 STALL = 0.02
 """Time without a tick above which diagnostics warn, s: a fiftieth of their own period."""
 
 NEWS_PERIOD = 0.1
-"""Interval between looks for news of the safety layer, s."""
+"""Interval between checks for events of the safety layer, s."""
 
 
 def steady_now() -> float:
@@ -156,12 +156,12 @@ class DeviceNode(ManagedNode):
         return Outcome.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> Outcome:
-        """Allow forces, once it is known whether there is an emergency stop."""
+        """Allow forces once the state of the emergency stop is known."""
         self.safety.enable(steady_now(), self._settled)
         return Outcome.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> Outcome:
-        """Take all forces off, and allow none."""
+        """Remove all forces, and allow none."""
         self.safety.enable(steady_now(), False)
         try:
             self.side.take_off()
@@ -197,7 +197,7 @@ class DeviceNode(ManagedNode):
         self.options[name] = parameters
 
     def stop_forces(self) -> None:
-        """Take all forces off and refuse commands until the emergency stop is released."""
+        """Remove all forces and refuse commands until the emergency stop is released."""
         self._stop.stop()
         self._take_forces_off()
 
@@ -206,7 +206,7 @@ class DeviceNode(ManagedNode):
         self.device.close()
 
     def say_farewell(self) -> None:
-        """Log the missed deadlines, and publish the last diagnostics."""
+        """Log the missed deadlines, and publish the final diagnostics."""
         due, missed = self.side.deadlines
         if due:
             self.get_logger().info(
@@ -274,7 +274,7 @@ class DeviceNode(ManagedNode):
         return self._kind(self.options[self._options_name], p.rate, p.seed)
 
     def _autostart(self) -> None:
-        """Configure and activate, or raise the reason why not."""
+        """Configure and activate; raise the error that prevents it."""
         self._starting = True
         if self.trigger_configure() != Outcome.SUCCESS:
             self.destroy_node()  # nobody else can, of a node that was never made
@@ -284,7 +284,7 @@ class DeviceNode(ManagedNode):
         self.trigger_activate()
 
     def _renew(self) -> None:
-        """Make a new device in place of a used one."""
+        """Replace a used device by a new one."""
         if self._used:
             self.device = self._build_device()
         self._used = True
@@ -350,7 +350,7 @@ class DeviceNode(ManagedNode):
             self.finish(f"{self.parameters.device} device has ended")
 
     def _receive(self) -> None:
-        """Take the commands that came from elsewhere."""
+        """Process the commands of other processes."""
         newest = self.side.newest
         if self._motions.expected and newest and self._motions.take(newest.position):
             self.side.free()
@@ -370,7 +370,7 @@ class DeviceNode(ManagedNode):
                 self.side.command(kind, (stamp or self._unstamped(kind)) - self.offset, force)
 
     def _note_rivals(self, kind: str) -> None:
-        """Refuse commands while several publishers send them, those that wait included."""
+        """Refuse commands, waiting ones included, while several publishers send them."""
         self._senders[kind] = self._inboxes[kind].senders
         inboxes = [self._inboxes[kind], *([self._motions.positions] if kind == ARM else [])]
         rivals = self.rivals(*inboxes)
@@ -392,7 +392,7 @@ class DeviceNode(ManagedNode):
             self.report()
 
     def follow_stop(self) -> None:
-        """Stop where anybody says so; what withdraws a stop releases nothing."""
+        """Stop on anybody's request; withdrawing a request does not release the stop."""
         if not self._settled:
             self._settle()
         now = steady_now()
@@ -405,7 +405,7 @@ class DeviceNode(ManagedNode):
                 self._take_forces_off()
 
     def _take_forces_off(self) -> None:
-        """Take all forces off and refuse commands until the release; answer in any case."""
+        """Remove all forces and refuse commands until the release; respond in any case."""
         known = self.safety.stopped
         if self.state != UNCONFIGURED:
             try:
@@ -444,14 +444,14 @@ class DeviceNode(ManagedNode):
         return response
 
     def _arm_again(self) -> str:
-        """Allow forces again after a fault of commands or device; return what prevents it."""
+        """Allow forces again after a fault of commands or device; return the reason if refused."""
         refused = self.safety.refusal
         if not refused and self.device.arm() is False:
             refused = self.device.problem or "the device does not arm"
         return refused or self.safety.arm()
 
     def _fault(self) -> str:
-        """Return what is wrong with the device, empty for nothing."""
+        """Return the device's fault; empty for none."""
         return str(self._failure or (self.side.sampling and self.device.problem) or "")
 
     def _log_news(self) -> None:

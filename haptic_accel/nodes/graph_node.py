@@ -93,17 +93,17 @@ class GraphNode(TopicNode):
         return Sender(self, topic, self._bundles)
 
     def inbox(self, topic: Topic, depth: int = DEPTH) -> Inbox:
-        """Subscribe to a topic whose messages are taken when they are needed, the last `depth`."""
+        """Subscribe to a topic whose last `depth` messages are read when needed."""
         return Inbox(self, topic, depth)
 
     def requests(self, kind: Any, name: str) -> Requests:
-        """Offer a service whose requests are taken when there is time for them."""
+        """Offer a service whose requests are served when there is time."""
         service = self._guard.service(self.create_service(kind, name, ignore))
         self._polled.add(service)
         return Requests(service, self._guard)
 
     def samples(self, topic: Topic, rate: float) -> Samples:
-        """Subscribe to a signal whose samples are taken in order, when they are needed."""
+        """Subscribe to a signal whose samples are read in order, when needed."""
         inbox = self.inbox(topic)
         self.watch_senders(topic, inbox)
         self._followed.append(Samples(inbox, rate, partial(self._on_jump, topic)))
@@ -118,8 +118,8 @@ class GraphNode(TopicNode):
     def rivals(self, *inboxes: Inbox | Publishers) -> str:
         """Return who publishes to inboxes unless it is one sender; then an empty text.
 
-        Publishers count, not nodes, whose names anyone may take: one of each inbox by one node
-        is one sender.
+        Publishers are counted, as node names are not unique: one node that publishes once to each
+        inbox is one sender.
         """
         senders = [inbox.senders for inbox in inboxes]
         if sum(senders) < 2:
@@ -136,7 +136,7 @@ class GraphNode(TopicNode):
 
     @property
     def contested(self) -> set[str]:
-        """Names of the topics whose samples are not taken, as several publish them."""
+        """Names of the topics whose samples are refused, as several nodes publish them."""
         return {name for name, who in self._rivals.items() if who}
 
     def publishers(self, *topics: str) -> list[str]:
@@ -147,15 +147,15 @@ class GraphNode(TopicNode):
     def states(self, inbox: Inbox) -> list[bool]:
         """Return the values of a state: true by anyone, false by a publisher that is alone.
 
-        Whoever plays a recording of it may stop, but must not release.
+        A recording that is played may stop the graph, but must not release the stop.
         """
         return [state for state in inbox.take_states() if state or inbox.senders < 2]
 
     def start_anew(self) -> None:
-        """Forget the samples that wait: a clock was set, and later ones have other stamps."""
+        """Discard the waiting samples: after a change of the clock, stamps begin anew."""
 
     def say_farewell(self) -> None:
-        """Publish the last diagnostics."""
+        """Publish the final diagnostics."""
         self.report()
 
     def destroy_node(self) -> None:
@@ -183,7 +183,7 @@ class GraphNode(TopicNode):
         self.repeat_states()
 
     def repeat_states(self) -> None:
-        """Publish states again, for whoever relies on hearing of them."""
+        """Publish latched states again, for subscribers without their history."""
 
     def _report_gathered(self) -> None:
         """Publish the diagnostics that were gathered, each once."""
@@ -238,7 +238,7 @@ class GraphNode(TopicNode):
                 self.get_logger().warning(f"{name}: {line}")
 
     def _on_jump(self, topic: Topic, jumped: Samples) -> None:
-        """Let all signals begin anew, so that this is said once."""
+        """Restart the sequence checks of all signals, so that the change is reported once."""
         by = jumped.succession.jump
         self.get_logger().warning(f"{topic.name}: a clock was set by {by:+.3g} s; starting anew")
         for samples in self._followed:

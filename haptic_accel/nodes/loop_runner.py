@@ -148,7 +148,7 @@ class LoopRunner:
             device.end_with_device()
 
     def _look(self, now: float) -> None:
-        """Follow the emergency stop; pass on no sample that others publish, too."""
+        """Follow the emergency stop; mute signals that other nodes publish as well."""
         self._look_due = now + LOOK_PERIOD
         for device in self._devices.values():
             device.follow_stop()

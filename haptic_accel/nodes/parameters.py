@@ -112,7 +112,7 @@ class ParameterNode(SupervisedNode):
     def _serve_parameters(
         self, request: SetParameters.Request, response: SetParameters.Response
     ) -> SetParameters.Response:
-        """Set all parameters of a request or none, where rclpy would set those that it can."""
+        """Set all parameters of a request or none; rclpy would set the valid ones."""
         response.results = [self._set(request.parameters)] * len(request.parameters)
         return response
 
@@ -123,7 +123,7 @@ class ParameterNode(SupervisedNode):
         return response
 
     def _set(self, messages: Sequence[ParameterMessage]) -> SetParametersResult:
-        """Set the parameters of a request, all or none; whatever fails is the answer."""
+        """Set the parameters of a request, all or none; the result holds any failure."""
         try:
             return self.set_parameters_atomically([_parameter(each) for each in messages])
         except ParameterError as error:
@@ -222,7 +222,7 @@ def _parameter(message: ParameterMessage) -> Parameter:
 
 
 def _as_meant(value: Any, default: Any) -> Any:
-    """Return a value as its file has it.
+    """Return a value in the type that its file has.
 
     ``ros2 param load`` passes on 9e-06 as text, and the text 0.6 as a number.
     """

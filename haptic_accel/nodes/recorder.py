@@ -135,7 +135,7 @@ class Recorder(GraphNode):
         self.get_logger().info(f"{session.state} to {session.path}")
 
     def work(self) -> float:
-        """Take the messages of the signals that have come."""
+        """Read the received messages of the signals."""
         now = time.monotonic()
         if now >= self._taken + TAKING_PERIOD:
             self._taken = now
@@ -152,7 +152,7 @@ class Recorder(GraphNode):
             raise OSError("; ".join(self._session.failures))
 
     def say_farewell(self) -> None:
-        """Publish nothing: the others have ended."""
+        """Publish nothing, as the other nodes have ended."""
 
     def status(self) -> tuple[str, dict[str, str]]:
         """Return counts of messages written, waiting and lost, and the state of the disk."""
@@ -200,7 +200,7 @@ class Recorder(GraphNode):
             self._sources.append((self.inbox(topic), put, UNPACKED.get(topic.type, bytes)))
 
     def _own_only(self, put: Put, sender: Callable[[bytes], str]) -> Put:
-        """Leave out the messages of graphs in other namespaces."""
+        """Ignore the messages of graphs in other namespaces."""
         own = self.get_namespace().strip("/")
 
         def put_own(message: bytes, received: int | None = None) -> None:
@@ -212,7 +212,7 @@ class Recorder(GraphNode):
         return put_own
 
     def _take(self) -> None:
-        """Take what has come, and pass on what was sent or received before, in order of time."""
+        """Read the received messages, and write earlier ones in the order of time."""
         taken = [
             (received, (put, data))
             for inbox, put, unpack in self._sources
@@ -223,7 +223,7 @@ class Recorder(GraphNode):
             put(data, received)
 
     def _take_all(self) -> None:
-        """Pass on all that has come."""
+        """Write all received messages."""
         self._take()
         for received, (put, data) in self._in_order.rest():
             put(data, received)

@@ -29,11 +29,11 @@ from haptic_accel.nodes.signals import Publishers, Sender
 from haptic_accel.nodes.timing import system_time
 
 LOOK_PERIOD = 0.1
-"""Interval between looks for the other nodes until they are there, s."""
+"""Interval between checks for the other nodes until all are found, s."""
 
 
 class Restamper(GraphNode):
-    """Publishes the slave's played signals again, with stamps of ticks, at these ticks."""
+    """Publishes the played signals of the slave with the stamps of ticks, at these ticks."""
 
     task = "restamping"
 
@@ -56,7 +56,7 @@ class Restamper(GraphNode):
         self._looking = self.create_timer(LOOK_PERIOD, self._look)
 
     def work(self) -> float:
-        """Publish the samples whose tick has come; return when the next is due."""
+        """Publish the samples that are due; return the time of the next."""
         now, due = time.time_ns(), math.inf
         for sender, waiting in self._waiting:
             while waiting and waiting[0][0] <= now:
@@ -66,7 +66,7 @@ class Restamper(GraphNode):
         return due
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return how long samples wait for their tick, and how often stamps drifted away."""
+        """Return the waiting time of samples, and the number of shifts measured again."""
         anew = max(0, self._shift.anchored - 1)
         new, self._reported = anew - self._reported, anew
         warning = (
@@ -82,11 +82,11 @@ class Restamper(GraphNode):
         }
 
     def repeat_states(self) -> None:
-        """Publish whether there is an emergency stop."""
+        """Publish the state of the emergency stop."""
         self._publish_stopped(Bool(data=self._stopped))
 
     def _follow(self, stopped: bool) -> None:
-        """Answer as a device does, which has no forces here and no reason to stay stopped."""
+        """Confirm the emergency stop as a device does; there are no forces here."""
         self._stopped = stopped
         self.report()
 
@@ -126,7 +126,7 @@ class Restamper(GraphNode):
         return system_time(round(math.ceil(steady / self._period) * self._period))
 
     def _look(self) -> None:
-        """Log once that all other nodes are there."""
+        """Log once that all other nodes were found."""
         acceleration, position, _ = self._senders
         if min(acceleration.listeners, position.listeners) >= self.parameters.listeners:
             self._looking.cancel()

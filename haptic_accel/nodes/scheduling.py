@@ -68,8 +68,8 @@ SERVING_TIME, LONGEST_UNSERVED = 0.45e-3, 4.0
 longer one makes a tick late. Interval after which it is served all the same, serving periods."""
 
 USUAL, FOLLOWING = 0.9, 0.1
-"""Share of the usual time to the next work that is enough, too: at high rates there never is
-`SERVING_TIME`. Share of the newest in the mean that is the usual one."""
+"""Fraction of the usual time to the next work that also suffices: at high rates `SERVING_TIME`
+is never available. Weight of the newest value in the running mean that is the usual one."""
 
 LONGEST_RUN = 1_000_000
 """Time that a real-time thread may run without a pause, us, before the kernel ends its process
@@ -118,31 +118,31 @@ class SupervisedNode(Node):
         """Get ready for the first `work`, once all nodes of the process are made."""
 
     def work(self) -> float:
-        """Do what is due by the clock; return the steady time of the next call, s.
+        """Do the work that is due; return the steady time of the next call, s.
 
         The node's callbacks run in between, when a message or a request comes.
         """
         return math.inf
 
     def finish(self, line: str = "") -> None:
-        """Note, once, that the node's task is done, with a line for the log if there is one."""
+        """Mark the node's task as done, once, with an optional line for the log."""
         if not self.finished.done():
             if line:
                 self.get_logger().info(line)
             self.finished.set_result(None)
 
     def callback_failed(self, error: Exception) -> None:
-        """Note what the executor raised while it served this node and others."""
+        """Record an exception of the executor, which serves this node and others."""
         raise error
 
     def stop_forces(self) -> None:
-        """Carry out the emergency stop; nothing in a node without forces."""
+        """Execute the emergency stop; do nothing in a node without forces."""
 
     def close(self) -> None:
-        """Release everything; called once, whatever ended the node."""
+        """Release all resources; called once, however the node ended."""
 
     def say_farewell(self) -> None:
-        """Publish what can get lost; called once after `close`."""
+        """Publish the final messages, which may be lost; called once after `close`."""
 
 
 class Signals:
@@ -194,7 +194,7 @@ class Worker(Protocol):
         """Get ready for the first `work`."""
 
     def work(self) -> float:
-        """Do what is due by the clock; return the steady time of the next call, s."""
+        """Do the work that is due; return the steady time of the next call, s."""
 
 
 Join = Callable[[Sequence[Any]], Worker]
@@ -229,7 +229,7 @@ def run(
 
 
 def run_process(name: str, act: Callable[[Signals], None]) -> NoReturn:
-    """Do what a process is for, then exit with its status; what fails is said in one line.
+    """Run the task of a process, then exit with its status; report a failure in one line.
 
     Parameters
     ----------

@@ -147,7 +147,7 @@ class Scope(GraphNode):
         return drawing(self._remotes["slave_device"].values)
 
     def lead(self, x: float, z: float) -> str:
-        """Lead the simulated hand to a point, m; return why not, in one line, or nothing."""
+        """Lead the simulated hand to a point, m; return the reason of a refusal."""
         return self._scene.lead(x, z)
 
     def state(self) -> dict[str, Any]:
@@ -189,7 +189,7 @@ class Scope(GraphNode):
             self._looking.cancel()
 
     def _take_signals(self) -> None:
-        """Take all samples that wait."""
+        """Read all waiting samples."""
         for name, inbox in self._shown.items():
             topic, put = self._signals[name]
             for data, received in inbox.take(unpack_stamped_vector):

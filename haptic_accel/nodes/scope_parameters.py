@@ -17,7 +17,7 @@ from haptic_accel.graph.node_parameters import node_schema
 from haptic_accel.nodes.graph_node import GraphNode
 
 LONGEST_TEXT = 1000
-"""Longest text that is taken for the value of a parameter, characters: no path is as long."""
+"""Maximum length of a parameter's text, characters; no path is as long."""
 
 Given = Iterable[tuple[str, ParameterValue]]
 
@@ -62,7 +62,7 @@ class RemoteParameters:
         self.values: Mapping[str, Any] = {}
 
     def refresh(self) -> None:
-        """Ask a node that has appeared, or whose parameters changed; forget one that is gone."""
+        """Request parameters of a node that appeared or changed; discard those of a lost one."""
         if not self._client.service_is_ready():
             if self._found:  # otherwise it has only just come, and told its values
                 self._found = self._asked = False
@@ -73,7 +73,7 @@ class RemoteParameters:
             asked.add_done_callback(lambda answer: self._take_answer(answer.result()))
 
     def take(self, event: ParameterEvent) -> None:
-        """Take the values that the node publishes at its start and after a change."""
+        """Read the values that the node publishes at its start and after a change."""
         given = [(p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters)]
         known, refused = admitted(self._name, self._wanted, given)
         if known or refused:
