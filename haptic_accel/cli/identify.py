@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,12 +12,16 @@ from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from statistics import fmean
-from typing import Any
 
 import click
-import numpy as np
 
 from haptic_accel.analysis import identification_report as report
+from haptic_accel.analysis.identification_results import (
+    identification_metrics,
+    model_errors,
+    parameter_file,
+    rig_as_held,
+)
 from haptic_accel.bags.excitation import force_age, last_values, read_excited
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.cli import options
@@ -26,26 +29,22 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import results_folder, save
 from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
-from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification import sweep as sweeps
-from haptic_accel.core.identification.estimate import RecordingError, dft_ratio
+from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import (
     DEFAULT_FREE,
     Identification,
-    centred,
     identify_handle,
 )
-from haptic_accel.core.identification.fit import HandleFit
 from haptic_accel.core.identification.stops import LIMITED, STOPS_HIT, check_stops, check_travel
-from haptic_accel.core.model import ACTUATOR, POSTURES, HandleParameters, Suspension, held
-from haptic_accel.core.parameters import ParameterError, own_schema, schema
-from haptic_accel.core.trial import RigParameters, run_identification
+from haptic_accel.core.model import ACTUATOR, POSTURES, HandleParameters
+from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.trial import run_identification
 from haptic_accel.devices.audio import AUDIO
-from haptic_accel.graph.arguments import AVERAGE_GRIP, SIMULATED, IdentifyArguments
+from haptic_accel.graph.arguments import SIMULATED, IdentifyArguments
 from haptic_accel.graph.claims import sole_graph
-from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import graph_parameters, identification_graph, rig_parameters
+from haptic_accel.graph.processes import graph_parameters, identification_graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.materials.recordings import read_recording
 
@@ -57,9 +56,6 @@ HIGHEST_COMPARED = 400.0
 
 MOST_MISSING = 0.01
 """Largest share of missing samples with which a trial is evaluated (assumed)."""
-
-INTERVAL = 1.96
-"""Half of a 95 % interval, standard errors."""
 
 COLUMNS = ("actuator_force", "handle_acceleration")
 """Columns of a CSV file, N and m/s^2."""
@@ -164,9 +160,12 @@ def identify(
     lowest, highest = arguments.sweep.start_frequency, 0.9 * arguments.sweep.end_frequency
     band = max(LOWEST_COMPARED, lowest), min(highest, HIGHEST_COMPARED)
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
-        rig = _rig(*by_grip.values())
+        rig = rig_as_held(*by_grip.values())
         on_arrival = not (lockstep or arguments.latency)
-        truth, errors = rig.master.handle, _errors(found, rig, arguments.sweep, band, on_arrival)
+        truth, errors = (
+            rig.master.handle,
+            model_errors(found, rig, arguments.sweep, band, on_arrival),
+        )
     latency = next(iter(recorded.values()))[0].latency
     run = "lockstep" if lockstep else "live graph"
     if sources:
@@ -187,7 +186,7 @@ def identify(
         band=band,
         notes=notes,
     )
-    save(_metrics(found, errors, band, latency), json_file)
+    save(identification_metrics(found, errors, band, latency), json_file)
     _print(found, truth)
     for name, error in errors.items():
         print(
@@ -211,7 +210,7 @@ def identify(
 
 def _run_lockstep(arguments: IdentifyArguments) -> list[sweeps.IdentificationTrial]:
     return run_identification(
-        _rig(arguments).master,
+        rig_as_held(arguments).master,
         arguments.sweep,
         arguments.rate,
         arguments.seed,
@@ -320,14 +319,6 @@ def _trials(bag: Bag, arguments: IdentifyArguments) -> list[sweeps.Identificatio
     return whole
 
 
-def _rig(arguments: IdentifyArguments) -> RigParameters:
-    """Return the simulated rig with its master as one user holds it, for any seed of the noise."""
-    master = rig_parameters(graph_parameters(arguments)).master
-    handle = held(master.handle, master.grip, arguments.seed)
-    grip = replace(master.grip, variation=0.0, posture=AVERAGE_GRIP)
-    return RigParameters(replace(master, handle=handle, grip=grip))
-
-
 # Results
 
 
@@ -338,150 +329,6 @@ def _notes(found: Identification) -> Iterator[str]:
             "models of all grips pooled are a compromise between them, the discrete model most of"
             " all; for the best model of one grip, identify that grip alone"
         )
-
-
-def parameter_file(
-    found: Identification, actuator: ActuatorParameters, age: float = 0.0, doubt: str = ""
-) -> str:
-    """Return a ROS parameter file for ``params_file:=FILE``: the handle and its controllers.
-
-    Parameters
-    ----------
-    found : Identification
-    actuator : ActuatorParameters
-        Actuator as known without the identification.
-    age : float
-        Age of forces that took effect on arrival, s. It is part of the delay that a controller
-        compensates, but not of the simulated handle's own delay.
-    doubt : str
-        Reason to doubt the fit, of which the compensator warns.
-    """
-    fit = found.fit
-    # Friction that may be none would only disturb.
-    certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
-    friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
-    handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
-    mount = _plain(asdict(fit.mount))
-    suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
-    nodes: dict[str, dict[str, Any]] = {
-        "/**": {ACTUATOR: _plain(asdict(actuator) | suspension)},
-        "master_device": {
-            "simulated": {
-                "handle": handle,
-                "mount": mount,
-                "drive": {
-                    "delay": float(f"{max(0.0, fit.delay - age):.6f}"),
-                    "coulomb_friction": friction,
-                },
-            }
-        },
-        "compensator": {
-            "constant": _plain({"mass": fit.handle.m_h}),
-            "dynamic": _plain(asdict(found.approximate)),
-            "plant": {
-                "handle": handle,
-                "mount": mount,
-                "delay": float(f"{max(0.0, fit.delay):.6f}"),
-                "bandwidth": fit.low_pass_frequency,
-                "friction": friction,
-                "doubt": doubt,
-            },
-        },
-    }
-    head = (
-        "# A handle as identified; use with params_file:=FILE. SI units.\n"
-        f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
-        f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
-        f" {fit.residual:.2f} (1: noise alone).\n"
-    )
-    return head + parameter_text(nodes)
-
-
-def _plain(values: Mapping[str, Any]) -> dict[str, float]:
-    return {name: float(f"{value:.6g}") for name, value in values.items()}
-
-
-def _errors(
-    found: Identification,
-    rig: RigParameters,
-    sweep: sweeps.SweepParameters,
-    band: tuple[float, float],
-    on_arrival: bool,
-) -> dict[str, report.ModelError]:
-    """Compare models with the response of the rig without noise, friction and converters.
-
-    Where forces took effect on arrival, their age adds to the rig's own delay, and belongs into
-    the models: there the delay that was found is taken for the true one.
-    """
-    master, rate = rig.master, found.discrete.rate
-    delay = max(0.0, found.fit.delay) if on_arrival else master.drive.delay
-    clean = replace(
-        master,
-        drive=replace(master.drive, coulomb_friction=0.0, bits=32, delay=delay),
-        accelerometer=replace(master.accelerometer, noise_density=0.0, bits=32),
-    )
-    (trial,) = run_identification(clean, sweep, rate, latency=0)
-    force, acceleration = (
-        sweeps.kept_repeats(values, sweep, rate)
-        for values in (trial.actuator_force, centred(trial.handle_acceleration))
-    )
-    true = dft_ratio(force, acceleration, rate, band, sweep.repeats - 1)
-    errors = {}
-    for name, response in (
-        ("discrete", found.discrete.response(true.frequency)),
-        ("physical", found.fit.response(true.frequency, rate)),
-    ):
-        ratio = response / true.response
-        errors[name] = report.ModelError(
-            float(np.max(np.abs(20 * np.log10(np.abs(ratio))))),
-            float(np.max(np.abs(np.angle(ratio))) * (180 / math.pi)),
-        )
-    return errors
-
-
-def _metrics(
-    found: Identification,
-    errors: Mapping[str, report.ModelError],
-    band: tuple[float, float],
-    latency: int,
-) -> dict[str, Any]:
-    """Return the metrics for a JSON file; its errors without a model are the discrete model's."""
-    discrete = errors.get("discrete")
-    return {
-        **_fit_metrics(found.fit),
-        "latency_samples": latency,
-        "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
-        "max_phase_error_deg": discrete.phase_deg if discrete else None,
-        "band_hz": list(band),
-        "physical_model": asdict(errors["physical"]) if errors else None,
-        "grips": {name: _fit_metrics(grip.fit) for name, grip in found.grips.items()},
-        "approximate_model": asdict(found.approximate),
-        "discrete_model": {
-            "sections": found.discrete.sections.tolist(),
-            "delay_samples": found.discrete.delay_samples,
-            "rate_hz": found.discrete.rate,
-        },
-    }
-
-
-def _fit_metrics(fit: HandleFit) -> dict[str, Any]:
-    return {
-        "parameters": {
-            name: {
-                "value": fit.value(name),
-                "standard_error": fit.standard_errors.get(name),
-                "unit": given.unit,
-            }
-            for name, (_, given) in own_schema(HandleParameters).items()
-        },
-        "delay_s": fit.delay,
-        "delay_us": fit.delay * 1e6,
-        "delay_standard_error_s": fit.standard_errors.get("delay"),
-        "friction_n": fit.bearing.friction,
-        "friction_standard_error_n": fit.standard_errors.get("friction"),
-        "mount": asdict(fit.mount),
-        "residual": fit.residual,
-    }
 
 
 def _print(found: Identification, truth: HandleParameters | None) -> None:

@@ -1,0 +1,208 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Results of an identification: parameter file, metrics, and errors against a simulated rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.analysis.identification_report import ModelError
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.identification import sweep as sweeps
+from haptic_accel.core.identification.estimate import dft_ratio
+from haptic_accel.core.identification.evaluation import Identification, centred
+from haptic_accel.core.identification.fit import HandleFit
+from haptic_accel.core.model import ACTUATOR, HandleParameters, Suspension, held
+from haptic_accel.core.parameters import own_schema
+from haptic_accel.core.trial import RigParameters, run_identification
+from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
+from haptic_accel.graph.files import parameter_text
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
+
+INTERVAL = 1.96
+"""Half of a 95 % interval, standard errors."""
+
+
+def rig_as_held(arguments: IdentifyArguments) -> RigParameters:
+    """Return the simulated rig with its master as one user holds it, for any seed of the noise."""
+    master = rig_parameters(graph_parameters(arguments)).master
+    handle = held(master.handle, master.grip, arguments.seed)
+    grip = replace(master.grip, variation=0.0, posture=AVERAGE_GRIP)
+    return RigParameters(replace(master, handle=handle, grip=grip))
+
+
+def parameter_file(
+    found: Identification, actuator: ActuatorParameters, age: float = 0.0, doubt: str = ""
+) -> str:
+    """Return a ROS parameter file for ``params_file:=FILE``: the handle and its controllers.
+
+    Parameters
+    ----------
+    found : Identification
+    actuator : ActuatorParameters
+        Actuator as known without the identification.
+    age : float
+        Age of forces that took effect on arrival, s. It is part of the delay that a controller
+        compensates, but not of the simulated handle's own delay.
+    doubt : str
+        Reason to doubt the fit, of which the compensator warns.
+    """
+    fit = found.fit
+    # Friction that may be none would only disturb.
+    certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
+    friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
+    handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
+    mount = _plain(asdict(fit.mount))
+    suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
+    nodes: dict[str, dict[str, Any]] = {
+        "/**": {ACTUATOR: _plain(asdict(actuator) | suspension)},
+        "master_device": {
+            "simulated": {
+                "handle": handle,
+                "mount": mount,
+                "drive": {
+                    "delay": float(f"{max(0.0, fit.delay - age):.6f}"),
+                    "coulomb_friction": friction,
+                },
+            }
+        },
+        "compensator": {
+            "constant": _plain({"mass": fit.handle.m_h}),
+            "dynamic": _plain(asdict(found.approximate)),
+            "plant": {
+                "handle": handle,
+                "mount": mount,
+                "delay": float(f"{max(0.0, fit.delay):.6f}"),
+                "bandwidth": fit.low_pass_frequency,
+                "friction": friction,
+                "doubt": doubt,
+            },
+        },
+    }
+    head = (
+        "# A handle as identified; use with params_file:=FILE. SI units.\n"
+        f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
+        f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
+        f" {fit.residual:.2f} (1: noise alone).\n"
+    )
+    return head + parameter_text(nodes)
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, float]:
+    return {name: float(f"{value:.6g}") for name, value in values.items()}
+
+
+def model_errors(
+    found: Identification,
+    rig: RigParameters,
+    sweep: sweeps.SweepParameters,
+    band: tuple[float, float],
+    on_arrival: bool,
+) -> dict[str, ModelError]:
+    """Compare the models with the response of the rig without noise, friction and converters.
+
+    Parameters
+    ----------
+    found : Identification
+    rig : RigParameters
+        Simulated rig that was identified.
+    sweep : SweepParameters
+        Excitation of the comparison.
+    band : tuple of float
+        Lowest and highest frequency compared, Hz.
+    on_arrival : bool
+        Forces took effect on arrival: their age adds to the rig's own delay and belongs to the
+        models, so that the identified delay is used as the true one.
+
+    Returns
+    -------
+    dict of ModelError
+        Largest errors of the models ``discrete`` and ``physical``.
+    """
+    master, rate = rig.master, found.discrete.rate
+    delay = max(0.0, found.fit.delay) if on_arrival else master.drive.delay
+    clean = replace(
+        master,
+        drive=replace(master.drive, coulomb_friction=0.0, bits=32, delay=delay),
+        accelerometer=replace(master.accelerometer, noise_density=0.0, bits=32),
+    )
+    (trial,) = run_identification(clean, sweep, rate, latency=0)
+    force, acceleration = (
+        sweeps.kept_repeats(values, sweep, rate)
+        for values in (trial.actuator_force, centred(trial.handle_acceleration))
+    )
+    true = dft_ratio(force, acceleration, rate, band, sweep.repeats - 1)
+    errors = {}
+    for name, response in (
+        ("discrete", found.discrete.response(true.frequency)),
+        ("physical", found.fit.response(true.frequency, rate)),
+    ):
+        ratio = response / true.response
+        errors[name] = ModelError(
+            float(np.max(np.abs(20 * np.log10(np.abs(ratio))))),
+            float(np.max(np.abs(np.angle(ratio))) * (180 / math.pi)),
+        )
+    return errors
+
+
+def identification_metrics(
+    found: Identification,
+    errors: Mapping[str, ModelError],
+    band: tuple[float, float],
+    latency: int,
+) -> dict[str, Any]:
+    """Return the metrics of an identification for a JSON file.
+
+    Parameters
+    ----------
+    found : Identification
+    errors : mapping of ModelError
+        Errors by model, as of `model_errors`; empty where the true response is not known. Those
+        without the name of a model in the file are the discrete model's.
+    band : tuple of float
+        Lowest and highest frequency compared, Hz.
+    latency : int
+        Latency of the recordings, samples.
+    """
+    discrete = errors.get("discrete")
+    return {
+        **_fit_metrics(found.fit),
+        "latency_samples": latency,
+        "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
+        "max_phase_error_deg": discrete.phase_deg if discrete else None,
+        "band_hz": list(band),
+        "physical_model": asdict(errors["physical"]) if errors else None,
+        "grips": {name: _fit_metrics(grip.fit) for name, grip in found.grips.items()},
+        "approximate_model": asdict(found.approximate),
+        "discrete_model": {
+            "sections": found.discrete.sections.tolist(),
+            "delay_samples": found.discrete.delay_samples,
+            "rate_hz": found.discrete.rate,
+        },
+    }
+
+
+def _fit_metrics(fit: HandleFit) -> dict[str, Any]:
+    return {
+        "parameters": {
+            name: {
+                "value": fit.value(name),
+                "standard_error": fit.standard_errors.get(name),
+                "unit": given.unit,
+            }
+            for name, (_, given) in own_schema(HandleParameters).items()
+        },
+        "delay_s": fit.delay,
+        "delay_us": fit.delay * 1e6,
+        "delay_standard_error_s": fit.standard_errors.get("delay"),
+        "friction_n": fit.bearing.friction,
+        "friction_standard_error_n": fit.standard_errors.get("friction"),
+        "mount": asdict(fit.mount),
+        "residual": fit.residual,
+    }
