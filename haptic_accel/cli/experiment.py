@@ -13,16 +13,24 @@ from dataclasses import asdict, replace
 from functools import partial
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
 
 import click
 
-from haptic_accel.analysis.loading import Analysis, analyse
-from haptic_accel.analysis.metrics import MILLI, AnalysedTrial
-from haptic_accel.analysis.page import Beside, Setting
+from haptic_accel.analysis.experiment import (
+    BESIDE,
+    beside_lockstep,
+    channel_setting,
+    experiment_notes,
+    experiment_warnings,
+    lockstep_error,
+    trial_error,
+    trial_metrics,
+)
+from haptic_accel.analysis.loading import analyse
+from haptic_accel.analysis.metrics import MILLI
+from haptic_accel.analysis.page import Setting
 from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.writing import signal_table, write_analysis
-from haptic_accel.bags.delivery import Delivery
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.jobs import Show, Stop, run_study, side_by_side
@@ -33,8 +41,6 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.topics import ANALYSED
-from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import (
     POINTER,
     SIMULATED,
@@ -57,15 +63,6 @@ NETWORK = "Network between two hosts, in lockstep"
 PAPER_CONTROLLERS = ("none", "constant", "dynamic")
 """The paper's conditions."""
 
-EVALUATED = (
-    *("nrmse_percent", "bound_percent", "limited_bound_percent"),
-    *("slope_desired_on_actual", "slope_actual_on_desired", "r2"),
-)
-"""Metrics of a condition in the JSON file."""
-
-AGES = ("p50", "p99", "max")
-"""Quantiles of the age of forces in the JSON file."""
-
 RECORDED = "surface:=recording"
 """Word that a recording implies."""
 
@@ -74,38 +71,6 @@ DURATION = 10.0
 
 AROUND = 4.0
 """Estimated time for starting and stopping the graph, s, for the time left."""
-
-LOST_SHARE = 0.01
-"""Share of a signal's samples that may be missing, or of forces that may be late, before the
-reader is warned."""
-
-LOCKSTEP_NOTE = (
-    "Every condition ran in lockstep: no ROS, no clock, same numbers for the same seed."
-)
-LIVE_NOTE = (
-    "Every condition ran through the live graph, and was read back from the bag it recorded."
-)
-RIG_NOTES = {
-    "ideal": "The simulated rig is eq. (1) to (3) of the paper with Table I and nothing else: it "
-    "has none of the structure, friction and timing of a real rig, so that constant and dynamic "
-    "come out below the paper's errors. The order of the controllers is what to compare, not "
-    "the value of a cell.",
-    "paper": "The simulated rig is eq. (1) to (3) of the paper with Table I and, besides, "
-    "mount, delay, friction, gravity, sensors and users as a real one has. Six numbers are fitted "
-    "to the paper's Table II and regressions, in the paper's loop (latency:=0, in lockstep): "
-    "frequency and damping of the mount, delay, and contact damping of the three surfaces "
-    "(docs/virtual_rig.md).",
-}
-BESIDE = "lockstep_nrmse_percent"
-LOCKSTEP_TITLE = "Error (NRMSE) live and, in brackets, in lockstep, %"
-NETWORK_NOTE = (
-    "A network lay between the arms, with the passive coupling. The handle is compared with the "
-    "tool's own acceleration at the time that was played: delay is no error, loss is."
-)
-AVERAGE_NOTE = (
-    "The paper's averages are its own; the plain means of its three surfaces are 80.9 % for "
-    "constant and 73.7 % for dynamic."
-)
 
 
 @options.verb(
@@ -246,7 +211,7 @@ def _run_lockstep(
     start = time.time_ns()
     trial = lockstep_trial(arguments, channel=channel)
     record_trial(bag, trial, arguments, start)
-    return bag, _line(arguments, _error(trial))
+    return bag, _line(arguments, trial_error(trial))
 
 
 def _run_live(
@@ -272,14 +237,6 @@ def _line(arguments: GraphArguments, error: float) -> str:
     return f"{name}: {number(error, 1)} %"
 
 
-def _error(trial: Trial) -> float:
-    """Return the error of a trial, %; NaN without any desired acceleration."""
-    try:
-        return trial.evaluate().nrmse_percent
-    except ValueError:
-        return math.nan
-
-
 def _report(
     done: Mapping[Path, GraphArguments],
     arguments: GraphArguments,
@@ -292,17 +249,15 @@ def _report(
     """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
     with stop_on_signal() as stop:
         analysis = analyse(list(done), spread=partial(side_by_side, jobs=jobs, stop=stop))
-    warnings = list(_warnings(analysis, composed=arguments.composed))
+    warnings = list(experiment_warnings(analysis, composed=arguments.composed))
     expected = {} if lockstep else _in_lockstep(done, jobs)
-    beside = _beside_lockstep(analysis, expected)
-    notes = [LOCKSTEP_NOTE if lockstep else LIVE_NOTE, AVERAGE_NOTE]
-    notes += [RIG_NOTES[arguments.rig]] if arguments.rig in RIG_NOTES else []
-    notes += [NETWORK_NOTE] if channel else []
+    beside = beside_lockstep(analysis, expected)
+    notes = experiment_notes(arguments.rig, lockstep=lockstep, network=channel is not None)
     seeds = list(dict.fromkeys(given.seed for given in done.values()))
     defaults = asdict(GraphArguments())
     settings = (
         {"run": "lockstep" if lockstep else "live graph"}
-        | _described(channel)
+        | channel_setting(channel)
         | {
             key: str(value)
             for key, value in asdict(arguments).items()
@@ -331,7 +286,7 @@ def _report(
         "arguments": asdict(arguments),
         "network": asdict(channel) if channel else None,
         "conditions": [
-            _metrics(trial, done[trial.segment.bag].seed, lockstep)
+            trial_metrics(trial, done[trial.segment.bag].seed, lockstep)
             | ({} if lockstep else {BESIDE: expected.get(trial.segment.bag)})
             for trial in analysis.trials
         ],
@@ -343,14 +298,6 @@ def _report(
     return {trial.segment.bag for trial in analysis.trials} == set(done)
 
 
-def _described(channel: ChannelParameters | None) -> dict[str, str]:
-    """Return the network for a page's list of settings."""
-    if channel is None:
-        return {}
-    delay, jitter = MILLI * channel.delay, MILLI * channel.jitter
-    return {"network": f"{delay:g} +- {jitter:g} ms one way, {100 * channel.loss:g} % lost"}
-
-
 def _in_lockstep(done: Mapping[Path, GraphArguments], jobs: int) -> dict[Path, float]:
     """Return the errors of the same conditions in lockstep, %, by bag; none with real devices."""
     simulated = {
@@ -359,85 +306,5 @@ def _in_lockstep(done: Mapping[Path, GraphArguments], jobs: int) -> dict[Path, f
         if given.master == SIMULATED and given.slave in (SIMULATED, VIRTUAL)
     }
     with stop_on_signal() as stop:
-        errors = side_by_side(_lockstep_error, list(simulated.values()), jobs, stop)
+        errors = side_by_side(lockstep_error, list(simulated.values()), jobs, stop)
         return dict(zip(simulated, errors, strict=False))
-
-
-def _lockstep_error(arguments: GraphArguments) -> float:
-    return _error(lockstep_trial(arguments))
-
-
-def _beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> Beside | None:
-    """Return the errors of each controller and surface live and, in brackets, in lockstep."""
-    cells: dict[str, dict[str, str]] = {}
-    for trial in analysis.trials:
-        if trial.segment.bag in expected:
-            live = number(trial.metrics["nrmse_percent"], 1)
-            cell = f"{live} ({expected[trial.segment.bag]:.1f})"
-            cells.setdefault(trial.controller, {})[trial.surface] = cell
-    surfaces = list(dict.fromkeys(surface for row in cells.values() for surface in row))
-    rows = [(name, *(row.get(each, "") for each in surfaces)) for name, row in cells.items()]
-    return Beside(LOCKSTEP_TITLE, ("controller", *surfaces), rows) if rows else None
-
-
-def _metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:
-    """Return the metrics of a trial for a JSON file."""
-    metrics: dict[str, Any] = {
-        "surface": trial.surface,
-        "controller": trial.controller,
-        "seed": seed,
-        **{name: trial.metrics[name] for name in EVALUATED},
-        "seconds": trial.segment.seconds,
-        "latency_samples": trial.segment.latency,
-        "granted_samples": trial.segment.granted_delay,
-        "after_samples": trial.segment.after,
-    }
-    if not lockstep:
-        delivery = trial.segment.delivery
-        ages = {label: delivery.age_us[label] for label in AGES if label in delivery.age_us}
-        metrics |= {"age_us": ages, "lost": delivery.lost, "missed": delivery.missed}
-        metrics["missed_deadlines"] = delivery.deadlines
-    return metrics
-
-
-def _warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
-    """Yield reasons to doubt the metrics: missing samples, late forces.
-
-    What the nodes warned of is among the page's notes on single trials.
-    """
-    too_late = after_tick = False
-    for trial in analysis.trials:
-        delivery = trial.segment.delivery
-        missing = [
-            delivery.lost[topic.name] + delivery.missed[topic.source]
-            for topic in ANALYSED
-            if topic.name in delivery.lost
-        ]
-        samples = trial.segment.seconds * trial.segment.rate
-        late, missed = _worst(delivery, "missed")
-        past, behind = _worst(delivery, "past_tick")
-        longest = delivery.deadlines.get(late, {}).get("longest_us", math.nan) / MILLI
-        felt = f", the latest by {longest:.1f} ms, which a hand on a real handle would feel."
-        shares = {
-            "samples are missing, which makes the error larger.": max(missing, default=0)
-            / samples,
-            f"{past}s came after their tick, which makes the error larger.": behind,
-            f"{late}s took effect late{felt}": missed,
-        }
-        name = f"{trial.surface} / {trial.controller}"
-        for what, share in shares.items():
-            if share > LOST_SHARE:
-                yield f"{name}: {100 * share:.1f} % of the {what}"
-        too_late |= missed > LOST_SHARE
-        after_tick |= behind > LOST_SHARE
-    if after_tick:
-        change = "latency:=4" if composed else "composed:=true or latency:=4"
-        yield f"Fewer come after their tick with {change}."
-    if too_late:
-        yield "haptic-accel doctor looks at the machine, which did not run the nodes in time."
-
-
-def _worst(delivery: Delivery, count: str) -> tuple[str, float]:
-    """Return the kind of force of which the largest share was counted, and that share."""
-    shares = {name: each.get(count, 0) / each["due"] for name, each in delivery.deadlines.items()}
-    return max(shares.items(), key=itemgetter(1), default=("", 0.0))

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from fit_rig import CONTROLLERS, HIGHEST, LOWEST, Unknowns, deviations, run
-from haptic_accel.cli.experiment import RIG_NOTES, SURFACES
+from haptic_accel.analysis.experiment import RIG_NOTES
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
 from haptic_accel.core.trial import RigParameters
-from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.arguments import SURFACES, GraphArguments
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 SOURCE = Path(__file__).resolve().parents[2]

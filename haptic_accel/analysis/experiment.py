@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The paper's experiment: errors, metrics of its conditions, notes and warnings of its report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+from haptic_accel.analysis.loading import Analysis
+from haptic_accel.analysis.metrics import MILLI, AnalysedTrial
+from haptic_accel.analysis.page import Beside
+from haptic_accel.analysis.plots import number
+from haptic_accel.bags.delivery import Delivery
+from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.topics import ANALYSED
+from haptic_accel.core.trial import Trial
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.lockstep import lockstep_trial
+
+EVALUATED = (
+    *("nrmse_percent", "bound_percent", "limited_bound_percent"),
+    *("slope_desired_on_actual", "slope_actual_on_desired", "r2"),
+)
+"""Metrics of a condition in the JSON file."""
+
+AGES = ("p50", "p99", "max")
+"""Quantiles of the age of forces in the JSON file."""
+
+LOST_SHARE = 0.01
+"""Fraction of missing samples of a signal, or of late forces, above which the reader is warned."""
+
+LOCKSTEP_NOTE = (
+    "Every condition ran in lockstep: no ROS, no clock, same numbers for the same seed."
+)
+"""Note on a run in lockstep."""
+
+LIVE_NOTE = (
+    "Every condition ran through the live graph, and was read back from the bag it recorded."
+)
+"""Note on a run through the graph."""
+
+RIG_NOTES = {
+    "ideal": "The simulated rig is eq. (1) to (3) of the paper with Table I and nothing else: it "
+    "has none of the structure, friction and timing of a real rig, so that constant and dynamic "
+    "come out below the paper's errors. The order of the controllers is what to compare, not "
+    "the value of a cell.",
+    "paper": "The simulated rig is eq. (1) to (3) of the paper with Table I and, besides, "
+    "mount, delay, friction, gravity, sensors and users as a real one has. Six numbers are fitted "
+    "to the paper's Table II and regressions, in the paper's loop (latency:=0, in lockstep): "
+    "frequency and damping of the mount, delay, and contact damping of the three surfaces "
+    "(docs/virtual_rig.md).",
+}
+"""Notes on the virtual rigs, by name."""
+
+BESIDE = "lockstep_nrmse_percent"
+"""Name of the error in lockstep in the JSON file of a live run."""
+
+LOCKSTEP_TITLE = "Error (NRMSE) live and, in brackets, in lockstep, %"
+"""Title of the table of both."""
+
+NETWORK_NOTE = (
+    "A network lay between the arms, with the passive coupling. The handle is compared with the "
+    "tool's own acceleration at the time that was played: delay is no error, loss is."
+)
+"""Note on a simulated network."""
+
+AVERAGE_NOTE = (
+    "The paper's averages are its own; the plain means of its three surfaces are 80.9 % for "
+    "constant and 73.7 % for dynamic."
+)
+"""Note on the averages of Table II."""
+
+
+def trial_error(trial: Trial) -> float:
+    """Return the error of a trial, %; NaN without any desired acceleration."""
+    try:
+        return trial.evaluate().nrmse_percent
+    except ValueError:
+        return math.nan
+
+
+def lockstep_error(arguments: GraphArguments) -> float:
+    """Return the error of a condition in lockstep, %; NaN without any desired acceleration."""
+    return trial_error(lockstep_trial(arguments))
+
+
+def channel_setting(channel: ChannelParameters | None) -> dict[str, str]:
+    """Return the description of a network as a setting of a page; empty without one."""
+    if channel is None:
+        return {}
+    delay, jitter = MILLI * channel.delay, MILLI * channel.jitter
+    return {"network": f"{delay:g} +- {jitter:g} ms one way, {100 * channel.loss:g} % lost"}
+
+
+def experiment_notes(rig: str, *, lockstep: bool, network: bool) -> list[str]:
+    """Return the notes of a report on how its conditions were run.
+
+    Parameters
+    ----------
+    rig : str
+        Virtual rig, by name or file.
+    lockstep : bool
+        The conditions ran in lockstep, not live.
+    network : bool
+        A simulated network lay between the arms.
+    """
+    return [
+        LOCKSTEP_NOTE if lockstep else LIVE_NOTE,
+        AVERAGE_NOTE,
+        *([RIG_NOTES[rig]] if rig in RIG_NOTES else []),
+        *([NETWORK_NOTE] if network else []),
+    ]
+
+
+def beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> Beside | None:
+    """Return the errors of each controller and surface live and, in brackets, in lockstep."""
+    cells: dict[str, dict[str, str]] = {}
+    for trial in analysis.trials:
+        if trial.segment.bag in expected:
+            live = number(trial.metrics["nrmse_percent"], 1)
+            cell = f"{live} ({expected[trial.segment.bag]:.1f})"
+            cells.setdefault(trial.controller, {})[trial.surface] = cell
+    surfaces = list(dict.fromkeys(surface for row in cells.values() for surface in row))
+    rows = [(name, *(row.get(each, "") for each in surfaces)) for name, row in cells.items()]
+    return Beside(LOCKSTEP_TITLE, ("controller", *surfaces), rows) if rows else None
+
+
+def trial_metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:
+    """Return the metrics of a trial for a JSON file."""
+    metrics: dict[str, Any] = {
+        "surface": trial.surface,
+        "controller": trial.controller,
+        "seed": seed,
+        **{name: trial.metrics[name] for name in EVALUATED},
+        "seconds": trial.segment.seconds,
+        "latency_samples": trial.segment.latency,
+        "granted_samples": trial.segment.granted_delay,
+        "after_samples": trial.segment.after,
+    }
+    if not lockstep:
+        delivery = trial.segment.delivery
+        ages = {label: delivery.age_us[label] for label in AGES if label in delivery.age_us}
+        metrics |= {"age_us": ages, "lost": delivery.lost, "missed": delivery.missed}
+        metrics["missed_deadlines"] = delivery.deadlines
+    return metrics
+
+
+def experiment_warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
+    """Yield reasons to doubt the metrics: missing samples, late forces.
+
+    What the nodes warned of is among the page's notes on single trials.
+    """
+    too_late = after_tick = False
+    for trial in analysis.trials:
+        delivery = trial.segment.delivery
+        missing = [
+            delivery.lost[topic.name] + delivery.missed[topic.source]
+            for topic in ANALYSED
+            if topic.name in delivery.lost
+        ]
+        samples = trial.segment.seconds * trial.segment.rate
+        late, missed = _worst(delivery, "missed")
+        past, behind = _worst(delivery, "past_tick")
+        longest = delivery.deadlines.get(late, {}).get("longest_us", math.nan) / MILLI
+        felt = f", the latest by {longest:.1f} ms, which a hand on a real handle would feel."
+        shares = {
+            "samples are missing, which makes the error larger.": max(missing, default=0)
+            / samples,
+            f"{past}s came after their tick, which makes the error larger.": behind,
+            f"{late}s took effect late{felt}": missed,
+        }
+        name = f"{trial.surface} / {trial.controller}"
+        for what, share in shares.items():
+            if share > LOST_SHARE:
+                yield f"{name}: {100 * share:.1f} % of the {what}"
+        too_late |= missed > LOST_SHARE
+        after_tick |= behind > LOST_SHARE
+    if after_tick:
+        change = "latency:=4" if composed else "composed:=true or latency:=4"
+        yield f"Fewer come after their tick with {change}."
+    if too_late:
+        yield "haptic-accel doctor looks at the machine, which did not run the nodes in time."
+
+
+def _worst(delivery: Delivery, count: str) -> tuple[str, float]:
+    """Return the kind of force of which the largest share was counted, and that share."""
+    shares = {name: each.get(count, 0) / each["due"] for name, each in delivery.deadlines.items()}
+    return max(shares.items(), key=itemgetter(1), default=("", 0.0))
