@@ -154,7 +154,7 @@ def scope_cost(
 
 
 def _arguments(words: Sequence[str], seconds: float, rounds: int) -> GraphArguments:
-    for key in ("duration", "bag", "record", "scope", "scope_port", "scope_host"):
+    for key in ("duration", "bag", "record", "scope", "scope_port"):
         if any(word.startswith(f"{key}:=") for word in words):
             raise ParameterError(f"{key}: set by the benchmark")
     if not seconds >= SHORTEST:

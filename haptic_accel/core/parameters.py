@@ -94,6 +94,8 @@ class Specification:
     block : str
         Block of the node that holds the parameter, wherever its dataclass is nested; empty for
         a parameter that belongs to its dataclass alone.
+    sets : tuple of str
+        Parameters of nodes that an argument of the graph sets, each as ``node.parameter``.
     """
 
     text: str
@@ -103,6 +105,7 @@ class Specification:
     above: bool = False
     choices: tuple[str, ...] = ()
     block: str = ""
+    sets: tuple[str, ...] = ()
 
     @property
     def allowed(self) -> str:
@@ -132,16 +135,17 @@ class Specification:
 
 def parameter(default: Any, text: str, *details: Any, **named: Any) -> Any:
     """Declare a dataclass field as a parameter: its default, and its `Specification` in order."""
-    return _field(default, Specification(text, *details, **named))
+    return specified(default, Specification(text, *details, **named))
 
 
 def like(owner: type, name: str, default: Any = None) -> Any:
     """Declare a dataclass field as a field of another dataclass, with its default or another."""
     known, specification = schema(owner)[name]
-    return _field(known if default is None else default, specification)
+    return specified(known if default is None else default, specification)
 
 
-def _field(default: Any, specification: Specification) -> Any:
+def specified(default: Any, specification: Specification) -> Any:
+    """Declare a dataclass field as a parameter with a specification."""
     return dataclasses.field(default=default, metadata={_SPECIFICATION: specification})
 
 

@@ -6,17 +6,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
-from haptic_accel.bags.recording_options import RecordingOptions
-from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.identification.sweep import SweepParameters
-from haptic_accel.core.model import POSTURES
-from haptic_accel.core.parameters import Checked, ParameterError, like, parameter, schema
-from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.devices.playback import ReplayParameters
-from haptic_accel.graph import node_parameters as nodes
+from haptic_accel.core.parameters import (
+    Checked,
+    ParameterError,
+    like,
+    parameter,
+    schema,
+    specified,
+)
+from haptic_accel.devices import SLAVES
 from haptic_accel.graph.namespaces import NamespaceArguments
+from haptic_accel.graph.node_parameters import NODES, PASSIVE, node_schema
 from haptic_accel.graph.words import parse_words
 from haptic_accel.links.parameters import LinkNodeParameters, check_peer
 
@@ -54,14 +58,40 @@ PLAYED_TOPICS = "topics"
 """Name for the topics that `ros2 bag play` publishes in place of a slave device."""
 
 
+def sets(*places: str, **changes: Any) -> Any:
+    """Declare an argument by the parameters of nodes that it sets.
+
+    Parameters
+    ----------
+    places : str
+        Each a node and its parameter's dotted name, with a dot between; the argument has default
+        and specification of the first.
+    changes
+        Attributes of the specification that differ.
+    """
+    node, _, name = places[0].partition(".")
+    default, specification = node_schema(node)[name]
+    return specified(default, replace(specification, sets=places, **changes))
+
+
+def everywhere(name: str) -> list[str]:
+    """Return the places of a parameter in all nodes that have it."""
+    return [f"{node}.{name}" for node in NODES if name in node_schema(node)]
+
+
+def in_devices(*names: str) -> list[str]:
+    """Return the places of parameters in both device nodes."""
+    return [f"{arm}_device.{name}" for arm in ("master", "slave") for name in names]
+
+
 @dataclass(frozen=True)
 class ConditionArguments(Checked):
     """Controller, and what is simulated."""
 
-    controller: str = parameter("dynamic", "acceleration controller", choices=tuple(CONTROLLERS))
+    controller: str = sets("compensator.controller")
     rig: str = parameter("paper", "virtual rig: ideal, paper, or a .yaml file")
-    grip: str = parameter(
-        AVERAGE_GRIP, "grip of the simulated hand on the handle", choices=tuple(POSTURES)
+    grip: str = sets(
+        "master_device.simulated.grip.posture", text="grip of the simulated hand on the handle"
     )
     surface: str = parameter(
         "plywood",
@@ -70,47 +100,53 @@ class ConditionArguments(Checked):
     scene: str = parameter(
         "workshop", "scene that the tool of slave:=virtual touches: workshop, or a .yaml file"
     )
-    recording: str = parameter(
-        "", "CSV or WAV file of a tool acceleration in m/s^2, with surface:=recording"
+    recording: str = sets(
+        "slave_device.simulated.recording.file",
+        text="CSV or WAV file of a tool acceleration in m/s^2, with surface:=recording",
     )
-    recording_rate: float = parameter(
-        0.0, "rate of a CSV recording; a WAV file has its own", unit="Hz", low=0.0, high=1e6
+    recording_rate: float = sets(
+        "slave_device.simulated.recording.rate",
+        *in_devices("replay.rate"),
+        text="rate of a CSV recording; a WAV file has its own",
     )
-    recording_column: str = parameter(
-        "", "column of a CSV recording; empty for acceleration, accel, acc or a"
+    recording_column: str = sets(
+        "slave_device.simulated.recording.column",
+        *in_devices("replay.column"),
+        text="column of a CSV recording; empty for acceleration, accel, acc or a",
     )
-    seed: int = like(nodes.DeviceNodeParameters, "seed")
+    seed: int = sets(*in_devices("seed"))
 
 
 @dataclass(frozen=True)
 class DeviceArguments(Checked):
     """Devices, and the recording that they play."""
 
-    master: str = parameter(SIMULATED, "master device", choices=tuple(MASTERS))
-    actuator: str = like(nodes.MasterNodeParameters, "actuator_device")
-    slave: str = parameter(
-        SIMULATED,
-        "slave device, or the topics that `ros2 bag play` publishes",
+    master: str = sets("master_device.device", text="master device")
+    actuator: str = sets("master_device.actuator_device")
+    slave: str = sets(
+        "slave_device.device",
+        text="slave device, or the topics that `ros2 bag play` publishes",
         choices=(*SLAVES, PLAYED_TOPICS),
     )
-    replay: str = parameter(
-        "", "bag, or CSV or WAV file, to play with slave:=replay or master:=replay"
+    replay: str = sets(
+        *in_devices("replay.file"),
+        text="bag, or CSV or WAV file, to play with slave:=replay or master:=replay",
     )
-    replay_speed: float = like(ReplayParameters, "speed")
-    replay_loop: bool = like(ReplayParameters, "loop")
-    replay_start: float = like(ReplayParameters, "start")
+    replay_speed: float = sets(*in_devices("replay.speed"))
+    replay_loop: bool = sets(*in_devices("replay.loop"))
+    replay_start: float = sets(*in_devices("replay.start"))
 
 
 @dataclass(frozen=True)
 class NetworkArguments(Checked):
     """Coupling, and the peer host."""
 
-    coupling: str = like(nodes.CouplerNodeParameters, "coupling")
-    side: str = like(nodes.CouplerNodeParameters, "side")
-    peer: str = like(LinkNodeParameters, "peer")
-    transport: str = like(LinkNodeParameters, "transport")
-    keys: str = like(LinkNodeParameters, "keys")
-    insecure: bool = like(LinkNodeParameters, "insecure")
+    coupling: str = sets("coupler.coupling")
+    side: str = sets(*everywhere("side"))
+    peer: str = sets("link.peer")
+    transport: str = sets("link.transport")
+    keys: str = sets("link.keys")
+    insecure: bool = sets("link.insecure")
 
     def __post_init__(self) -> None:
         """Check all fields, and that they go together; two hosts have the passive coupling."""
@@ -125,7 +161,7 @@ class NetworkArguments(Checked):
         if not self.side:
             raise ParameterError(f"peer = {self.peer!r}: must come with side:=master or slave")
         check_peer(self.peer, self.transport, self.keys, insecure=self.insecure)
-        object.__setattr__(self, "coupling", nodes.PASSIVE)
+        object.__setattr__(self, "coupling", PASSIVE)
 
 
 @dataclass(frozen=True)
@@ -143,11 +179,9 @@ class LaunchArguments(NamespaceArguments):
 class RunArguments(LaunchArguments):
     """Graph: its rate, duration and processes."""
 
-    rate: float = like(nodes.SampledParameters, "rate")
-    latency: int = like(nodes.DeviceNodeParameters, "latency")
-    duration: float = parameter(
-        0.0, "time from engaging to the end; 0 = until stopped", unit="s", low=0.0, high=1e6
-    )
+    rate: float = sets(*everywhere("rate"))
+    latency: int = sets(*everywhere("latency"))
+    duration: float = sets("coupler.duration")
     composed: bool = parameter(
         True,
         "run all nodes that compute forces in one process, which suits two cores; false gives"
@@ -164,17 +198,17 @@ class PageArguments(Checked):
     """Live page."""
 
     scope: bool = parameter(False, "serve a page that shows the graph while it runs")
-    scope_host: str = like(nodes.ScopeNodeParameters, "host")
-    scope_port: int = like(nodes.ScopeNodeParameters, "port")
-    scope_control: bool = like(nodes.ScopeNodeParameters, "control")
+    scope_port: int = sets("scope.port")
+    scope_control: bool = sets("scope.control")
 
 
 @dataclass(frozen=True)
-class BagArguments(RecordingOptions):
+class BagArguments(Checked):
     """Recording."""
 
     record: bool = parameter(True, "record every topic")
-    bag: str = parameter("", "folder of the bag; empty for bags/<date and time>")
+    bag: str = sets("recorder.bag")
+    topics: str = sets("recorder.topics")
 
 
 @dataclass(frozen=True)
@@ -210,17 +244,18 @@ class GraphArguments(
 
 
 @dataclass(frozen=True)
-class IdentifyArguments(SweepParameters, RecordingOptions, LaunchArguments):
+class IdentifyArguments(SweepParameters, LaunchArguments):
     """Identification: its trials, and the graph that runs."""
 
-    trials: int = like(nodes.IdentifierNodeParameters, "trials")
+    trials: int = sets("identifier.trials")
     rig: str = like(GraphArguments, "rig")
     grip: str = like(GraphArguments, "grip")
     master: str = like(GraphArguments, "master")
     actuator: str = like(GraphArguments, "actuator")
     rate: float = like(GraphArguments, "rate")
-    latency: int = like(nodes.IdentifierNodeParameters, "latency")
+    latency: int = sets("identifier.latency", *everywhere("latency"))
     bag: str = like(GraphArguments, "bag")
+    topics: str = like(GraphArguments, "topics")
     seed: int = like(GraphArguments, "seed")
 
     @property

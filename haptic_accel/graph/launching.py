@@ -33,7 +33,7 @@ from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
 from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.processes import RESPAWN_DELAY, Process, arrangement
-from haptic_accel.graph.words import given_keys, unknown_key
+from haptic_accel.graph.words import MOVED, given_keys, unknown_key
 
 BLOCKED = (signal.SIGINT, EMERGENCY)
 """Signals that wait until a node handles them. Ctrl-C would interrupt Python while it starts, with
@@ -93,7 +93,7 @@ def _check_spelling(names: Sequence[str], context: LaunchContext) -> None:
     if file not in {Path(word).name for word in sys.argv}:
         return  # included by another launch file, whose arguments they are
     for key in given_keys(sys.argv):
-        if key not in names and suggestion(key, names):
+        if key not in names and (key in MOVED or suggestion(key, names)):
             raise unknown_key(key, names)
 
 

@@ -15,7 +15,6 @@ from typing import Any, TypeAlias
 
 from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.bags.facts import facts_text
-from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError, schema
@@ -49,6 +48,15 @@ COMPOSED = "composed"
 """Executable that runs the nodes that make forces in one process; with the name of the side behind
 it, those of one of two hosts."""
 
+
+LEFT_TO_FILES = (
+    *("grip", "topics", "recording", "recording_rate", "recording_column"),
+    *("replay", "replay_speed", "replay_loop", "replay_start"),
+)
+"""Arguments that set no parameter at their default, so that a file may."""
+
+PATHS = ("bag", "keys", "recording", "replay")
+"""Arguments that name files or folders, which nodes are given as absolute paths."""
 
 Arguments: TypeAlias = GraphArguments | IdentifyArguments
 Values: TypeAlias = dict[str, dict[str, Any]]
@@ -242,11 +250,9 @@ def _check_given(path: Path, content: Values, set_here: Values) -> None:
 
 def _or_set(node: str, name: str, value: Any) -> str:
     """Return the advice to set the argument for a node's parameter, if there is one."""
-    argument = f"{SCOPE}_{name}" if node == SCOPE else name
-    if name.endswith("device"):
-        argument = name.rpartition("_")[0] or node.partition("_")[0]
-    known = argument in schema(GraphArguments) | schema(IdentifyArguments)
-    return f", or set {argument}:={value}" if known else ""
+    known = schema(IdentifyArguments) | schema(GraphArguments)
+    found = (key for key, (_, given) in known.items() if f"{node}.{name}" in given.sets)
+    return "".join(f", or set {argument}:={value}" for argument in found)
 
 
 def rig_parameters(values: Values) -> RigParameters:
@@ -283,70 +289,47 @@ def _defaults_file() -> Path:
 
 
 def _own_parameters(arguments: Arguments) -> Values:
-    """Return the parameters that arguments set, by executable."""
-    sampled = {"rate": arguments.rate}
-    timed = {**sampled, "latency": arguments.latency}
-    device: dict[str, Any] = {**timed, "seed": arguments.seed}
-    master = {**device, "device": arguments.master, "actuator_device": arguments.actuator}
-    if arguments.grip != names.AVERAGE_GRIP:  # which a file may change
-        master[f"{names.SIMULATED}.grip.posture"] = arguments.grip
-    recorder = {"bag": _absolute(arguments.bag)}
-    for name, (default, _) in schema(RecordingOptions).items():
-        if getattr(arguments, name) != default:  # which a file may change
-            recorder[name] = getattr(arguments, name)
+    """Return the parameters that arguments set, by the executables of the graph."""
+    own: Values = {node: {} for node in _nodes(arguments)}
+    for name, (default, specification) in schema(type(arguments)).items():
+        value = getattr(arguments, name)
+        if name in LEFT_TO_FILES and value == default:
+            continue
+        for place in specification.sets:
+            node, _, parameter = place.partition(".")
+            if node in own:
+                own[node][parameter] = _absolute(value) if name in PATHS else value
     if isinstance(arguments, IdentifyArguments):
-        procedure = {**asdict(arguments.sweep), "trials": arguments.trials, "listeners": 2}
-        identifier = {**timed, **procedure}
-        return {"master_device": master, "identifier": identifier, RECORDER: recorder}
-    slave = {**device, "device": arguments.slave}
-    source = {"rate": arguments.recording_rate, "column": arguments.recording_column}
-    if arguments.surface == names.RECORDING:
-        recording = {"file": _absolute(arguments.recording), **source}
-        slave |= {f"simulated.recording.{name}": value for name, value in recording.items()}
-    if arguments.slave == names.VIRTUAL:
-        slave[names.SCENE] = str(preset_file("scene", arguments.scene))
-        recorder["topics"] = ",".join(filter(None, (arguments.topics, CONTACT_FORCE.name)))
-    if arguments.replay:
-        replay = {"file": _absolute(arguments.replay), **source}
-        replay |= {
-            name: getattr(arguments, f"replay_{name}") for name in ("speed", "loop", "start")
-        }
-        for arm in (master, slave):
-            arm |= {f"{names.REPLAY}.{name}": value for name, value in replay.items()}
+        own["identifier"] |= {**asdict(arguments.sweep), "listeners": 2}
+        return own
     # Of each signal: the node that it is for, and the recorder.
-    listeners = 2 if arguments.record else 1
-    devices = {"master_device": master, "slave_device": slave}
-    if arguments.slave == names.PLAYED_TOPICS:
-        devices = {"master_device": master, "restamper": {**sampled, "listeners": listeners}}
-    has_handle = arguments.side != "slave"
-    own = {
-        name: given
-        for name, given in devices.items()
-        if not arguments.side or name.startswith(arguments.side)
-    }
-    own["coupler"] = {
-        **timed,
-        "duration": arguments.duration,
-        # The hand starts to explore when the arms engage: all others must be there.
-        "compensated": has_handle,
-        "listeners": listeners,
-        "coupling": arguments.coupling,
-        "side": arguments.side,
-    }
-    if has_handle:
-        own["compensator"] = {**timed, "controller": arguments.controller}
-    if arguments.peer:
-        given = ("side", "peer", "transport", "insecure")
-        own[LINK] = {name: getattr(arguments, name) for name in given}
-        own[LINK]["keys"] = _absolute(arguments.keys)
-    if arguments.record:
-        own[RECORDER] = recorder
-    if arguments.scope:
-        own[SCOPE] = {
-            "side": arguments.side,
-            **{name: getattr(arguments, f"scope_{name}") for name in ("host", "port", "control")},
-        }
+    listeners = {"listeners": 2 if arguments.record else 1}
+    # The hand starts to explore when the arms engage: all others must be there.
+    own["coupler"] |= {**listeners, "compensated": "compensator" in own}
+    if "restamper" in own:
+        own["restamper"] |= listeners
+    if arguments.slave == names.VIRTUAL:
+        if "slave_device" in own:
+            own["slave_device"][names.SCENE] = str(preset_file("scene", arguments.scene))
+        if arguments.record:
+            topics = filter(None, (arguments.topics, CONTACT_FORCE.name))
+            own[RECORDER]["topics"] = ",".join(topics)
     return own
+
+
+def _nodes(arguments: Arguments) -> list[str]:
+    """Return the executables of the nodes that arguments ask for."""
+    if isinstance(arguments, IdentifyArguments):
+        return ["master_device", "identifier", RECORDER]
+    slave = "restamper" if arguments.slave == names.PLAYED_TOPICS else "slave_device"
+    arms = [f"{arguments.side}_device"] if arguments.side else ["master_device", slave]
+    asked = {
+        "compensator": arguments.side != "slave",
+        LINK: arguments.peer,
+        RECORDER: arguments.record,
+        SCOPE: arguments.scope,
+    }
+    return [*arms, "coupler", *(name for name, wanted in asked.items() if wanted)]
 
 
 def _check_side(arguments: GraphArguments) -> None:

@@ -17,6 +17,13 @@ from haptic_accel.core.parameters import Checked, ParameterError, schema, shown,
 
 A = TypeVar("A", bound=Checked)
 
+MOVED = {
+    **dict.fromkeys(("storage_preset_profile", "max_bag_size", "max_bag_duration"), "recorder"),
+    **dict.fromkeys(("regex", "exclude_regex", "start_paused"), "recorder"),
+    "scope_host": "scope",
+}
+"""Former arguments that are parameters of a node only, and the node."""
+
 
 def parse_words(words: Iterable[str], kind: type[A]) -> A:
     """Read ``key:=value`` words.
@@ -52,7 +59,13 @@ def given_keys(words: Iterable[str]) -> list[str]:
 
 
 def unknown_key(key: str, known: Iterable[str]) -> ParameterError:
-    """Return the error that names the nearest key, and every key there is."""
+    """Return the error that names the nearest key and every key, or the node that has one now."""
+    if key in MOVED:
+        name = key.removeprefix(f"{MOVED[key]}_")
+        return ParameterError(
+            f"{key}: no argument any more: give the parameter {name} of {MOVED[key]}"
+            " with params_file:=FILE"
+        )
     known = list(known)
     return ParameterError(
         f"{shown(key)}: no such argument{suggestion(key, known)}; there are {', '.join(known)}"

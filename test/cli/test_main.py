@@ -66,7 +66,7 @@ def test_help_lists_every_argument_with_default_and_unit(
             "replay",
             {
                 "Replay: what is played, and how": ["bag", "rate", "output"],
-                "Form of a bag, and further topics in it": ["regex"],
+                "Recording": ["record", "topics"],
             },
         ),
         ("scope", {"Namespace": ["namespace"]}),

@@ -217,13 +217,11 @@ def test_a_sweep_beyond_half_the_rate_is_refused() -> None:
 
 @pytest.mark.parametrize("composed", [False, True])
 def test_a_scope_is_added_last_and_the_graph_can_do_without_it(composed: bool) -> None:
-    arguments = GraphArguments(
-        scope=True, scope_port=0, scope_host="0.0.0.0", scope_control=True, composed=composed
-    )
+    arguments = GraphArguments(scope=True, scope_port=0, scope_control=True, composed=composed)
     *others, scope = graph(arguments)
     assert scope.executable == "scope"
     assert scope.optional
-    given = {"host": "0.0.0.0", "port": 0, "control": True}
+    given = {"port": 0, "control": True}
     assert scope.parameters["scope"].items() >= given.items()
     assert not any(process.optional for process in others)
     assert {"scope"}.isdisjoint(node for process in others for node in process.parameters)
@@ -329,7 +327,12 @@ def test_the_users_file_goes_over_the_defaults(tmp_path: Path) -> None:
         ("compensator", "controller: none", {}, "leave it out, or set controller:=none"),
         ("scope", "port: 9000", {"scope": True}, "leave it out, or set scope_port:=9000"),
         ("coupler", "compensated: false", {}, "the graph's arguments make it True; leave it out"),
-        ("master_device", "simulated.grip.posture: hook", {"grip": "pinch"}, "leave it out"),
+        (
+            "master_device",
+            "simulated.grip.posture: hook",
+            {"grip": "pinch"},
+            ", or set grip:=hook",
+        ),
     ],
 )
 def test_a_file_that_arguments_would_override_is_refused(

@@ -27,6 +27,7 @@ from haptic_accel.bags.metadata import Metadata, read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.bags.repair import repair
 from haptic_accel.core.topics import TOPICS
+from haptic_accel.graph.files import parameter_text
 from haptic_accel.nodes.graph_requests import DEVICES
 from observing import Observer
 from reading import with_mcap, with_rosbags
@@ -63,6 +64,8 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     for name in ("/named", "/found/wanted", "/found/hidden", "/other"):
         publisher = observer.node.create_publisher(String, name, LATCHED)
         publisher.publish(String(data=name))
+    options = {"regex": "^/found", "exclude_regex": "hidden", "start_paused": True}
+    (tmp_path / "recorder.yaml").write_text(parameter_text({"recorder": options}))
     graph = haptic_accel(
         "teleop",
         "rate:=250",
@@ -70,9 +73,7 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
         "surface:=vinyl",
         "bag:=bag",
         "topics:=named",
-        "regex:=^/found",
-        "exclude_regex:=hidden",
-        "start_paused:=true",
+        "params_file:=recorder.yaml",
     )
     graph.wait_for("engaged")
     graph.wait_for("/named: recorded too")
