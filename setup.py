@@ -106,6 +106,8 @@ setup(
         "mujoco": ["mujoco>=3.3,<4"],
         # Meshes in virtual scenes; no rosdep key.
         "mesh": ["trimesh>=4.5,<6", "rtree>=1.0.1"],
+        # Trials on the workers of a cluster; results are compared to the last digit.
+        "cluster": ["distributed>=2024.1"],
         # Two hosts by transport:=zenoh; eclipse-zenoh has no rosdep key. 1.10: datagrams of QUIC.
         "zenoh": ["eclipse-zenoh>=1.10", "cryptography>=41"],
         "test": TEST,
@@ -121,8 +123,9 @@ setup(
             "types-pyserial",
             "pandas-stubs",
             "scipy-stubs",
-            # Another reader of what is recorded, and a browser's driver for the pages.
+            # Another reader of what is recorded, a cluster, and a browser's driver for the pages.
             "mcap>=1.2",
+            "distributed>=2024.1",
             "playwright",
             # These build an ament_python package. colcon-core keeps setuptools below 80,
             # whose `develop` no longer knows the options of `colcon build --symlink-install`.

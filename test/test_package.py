@@ -56,7 +56,16 @@ ROSDEP_KEYS = {
 }
 """Key of each module that is no ROS package; a ROS package's key is its name."""
 
-OPTIONAL = {"cobs", "mujoco", "sounddevice", "trimesh", "vibromaf", "zenoh", *OF_ROSBAGS}
+OPTIONAL = {
+    "cobs",
+    "distributed",
+    "mujoco",
+    "sounddevice",
+    "trimesh",
+    "vibromaf",
+    "zenoh",
+    *OF_ROSBAGS,
+}
 """Modules that have no key, or one for pip, which Ubuntu 24.04 refuses; their absence is said."""
 
 

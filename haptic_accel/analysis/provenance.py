@@ -8,6 +8,7 @@ from __future__ import annotations
 import shlex
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import haptic_accel
@@ -32,6 +33,12 @@ def provenance() -> dict[str, str]:
     return {name: value for name, value in found.items() if value}
 
 
+def version() -> str:
+    """Return the version of the package, and the commit if it runs from its own clone."""
+    return " ".join(filter(None, (haptic_accel.__version__, _commit())))
+
+
+@cache
 def _commit() -> str:
     """Return the commit of the clone, marked where files differ from it; empty without a clone."""
     clone = _PACKAGE.parent

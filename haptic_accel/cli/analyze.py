@@ -9,15 +9,19 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from haptic_accel.bags.folder import find_bags
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import FILE, jobs_option, json_option, out_option, verb
+from haptic_accel.cli.options import FILE, json_option, out_option, verb, workers_options
 from haptic_accel.cli.output import results_folder, save
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED
+
+if TYPE_CHECKING:
+    from haptic_accel.cli.workers import Workers
 
 
 @verb(
@@ -67,7 +71,7 @@ from haptic_accel.core.process import INTERRUPTED
 @click.option(
     "--rate", type=float, metavar="HZ", help="Sampling rate of bags that do not state one, Hz."
 )
-@jobs_option
+@workers_options
 @json_option
 @out_option
 def analyze(
@@ -79,7 +83,7 @@ def analyze(
     lockstep: bool,
     rig: str | None,
     rate: float | None,
-    jobs: int,
+    workers: Workers,
     out: Path | None,
     json_file: Path | None,
 ) -> None:
@@ -96,7 +100,6 @@ def analyze(
     from haptic_accel.analysis.metrics import Shift
     from haptic_accel.analysis.writing import as_json, write_analysis
     from haptic_accel.bags.reading import read_bag
-    from haptic_accel.cli.jobs import side_by_side
     from haptic_accel.cli.report import partings, print_analysis, print_trials
     from haptic_accel.cli.running import stop_on_signal
     from haptic_accel.graph.arguments import GraphArguments
@@ -108,7 +111,7 @@ def analyze(
     parameters = rig_parameters(graph_parameters(GraphArguments(rig=rig))) if rig else None
     folder = results_folder(out)
     with stop_on_signal() as stop:
-        spread = partial(side_by_side, jobs=jobs, stop=stop)
+        spread = partial(workers.map, stop=stop)
         try:
             analysis = analyse(
                 places,

@@ -9,9 +9,8 @@ import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
-from operator import itemgetter
 from pathlib import Path
 
 import click
@@ -33,11 +32,12 @@ from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.writing import signal_table, write_analysis
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.jobs import Show, Stop, run_study, side_by_side
 from haptic_accel.cli.output import results_folder, save
 from haptic_accel.cli.report import print_analysis
 from haptic_accel.cli.running import run_to_end, stop_on_signal
+from haptic_accel.cli.studies import Journal, Show, run_study
 from haptic_accel.cli.tables import print_table
+from haptic_accel.cli.workers import Stop, Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
@@ -68,6 +68,9 @@ RECORDED = "surface:=recording"
 
 DURATION = 10.0
 """Default length of a condition, s."""
+
+UNFINISHED = "unfinished.part"
+"""File of results in the folder of an experiment that was interrupted."""
 
 AROUND = 4.0
 """Estimated time for starting and stopping the graph, s, for the time left."""
@@ -103,7 +106,7 @@ AROUND = 4.0
     metavar="SHARE",
     help=f"{NETWORK}: share of packets lost.",
 )
-@options.jobs_option
+@options.workers_options
 @options.json_option
 @options.out_option
 def experiment(
@@ -117,7 +120,7 @@ def experiment(
     delay: float | None,
     jitter: float | None,
     loss: float | None,
-    jobs: int,
+    workers: Workers,
 ) -> None:
     """Run the paper's three surfaces under its three controllers.
 
@@ -141,20 +144,22 @@ def experiment(
     # Everything that can be wrong is found before anything runs.
     processes = [graph(planned) for planned in plan]
     with nullcontext() if lockstep else sole_graph(arguments.namespace):
-        folder = results_folder(out)
+        folder = results_folder(out, unfinished=UNFINISHED)
         if not lockstep:
             click.echo(arrangement(processes[0]))
-        bags = _bags(plan, folder / "bags")
-        run, conditions = partial(_run_lockstep, channel), list(bags.items())
+        conditions = _conditions(plan, folder / "bags", channel, lockstep)
 
-        def start(stop: Stop, show: Show) -> Iterator[tuple[Path, str]]:
+        def start(left: Sequence[Condition], stop: Stop, show: Show) -> Iterator[tuple[int, str]]:
+            for condition in left:
+                _set_aside(condition.bag)
             if lockstep:
-                return side_by_side(run, conditions, jobs, stop)
-            return _run_live(conditions, stop, show)
+                return workers.completed(_run_lockstep, left, stop)
+            return _run_live(left, stop, show)
 
-        results, end = run_study(start, len(bags), "conditions", itemgetter(1))
-    done = {bag: bags[bag] for bag, _ in results}
-    whole = not done or _report(done, arguments, lockstep, channel, folder, json_file, jobs)
+        journal = Journal(folder / UNFINISHED)
+        found, end = run_study(start, conditions, "conditions", str, journal)
+    done = {conditions[index].bag: conditions[index].arguments for index in found}
+    whole = not done or _report(done, arguments, lockstep, channel, folder, json_file, workers)
     if end or not whole:
         raise end or StoppedError
 
@@ -193,32 +198,57 @@ def _channel(
     return ChannelParameters((delay or 0.0) / MILLI, (jitter or 0.0) / MILLI, loss or 0.0)
 
 
-def _bags(plan: Sequence[GraphArguments], folder: Path) -> dict[Path, GraphArguments]:
-    """Return the conditions by the bags that they will be recorded to."""
+@dataclass(frozen=True)
+class Condition:
+    """A condition, and the bag that it is recorded to."""
+
+    bag: Path
+    arguments: GraphArguments
+    channel: ChannelParameters | None
+    lockstep: bool
+
+
+def _conditions(
+    plan: Sequence[GraphArguments],
+    folder: Path,
+    channel: ChannelParameters | None,
+    lockstep: bool,
+) -> list[Condition]:
+    """Return the conditions with bags of their own."""
     several = plan[0].seed != plan[-1].seed
-    return {
-        folder
-        / f"{Path(each.touched).stem}_{each.controller}{f'_seed{each.seed}' * several}": each
+    return [
+        Condition(
+            folder / f"{Path(each.touched).stem}_{each.controller}{f'_seed{each.seed}' * several}",
+            each,
+            channel,
+            lockstep,
+        )
         for each in plan
-    }
+    ]
 
 
-def _run_lockstep(
-    channel: ChannelParameters | None, condition: tuple[Path, GraphArguments]
-) -> tuple[Path, str]:
-    """Run and record one condition in lockstep; return its bag, and a line with its error."""
-    bag, arguments = condition
+def _set_aside(bag: Path) -> None:
+    """Rename the bag of a condition that was interrupted."""
+    if bag.exists():
+        folder = bag.parent.parent / "interrupted"
+        folder.mkdir(exist_ok=True)
+        bag.rename(folder / f"{bag.name}_{time.time_ns()}")
+
+
+def _run_lockstep(condition: Condition) -> str:
+    """Run and record one condition in lockstep; return a line with its error."""
     start = time.time_ns()
-    trial = lockstep_trial(arguments, channel=channel)
-    record_trial(bag, trial, arguments, start)
-    return bag, _line(arguments, trial_error(trial))
+    trial = lockstep_trial(condition.arguments, channel=condition.channel)
+    record_trial(condition.bag, trial, condition.arguments, start)
+    return _line(condition.arguments, trial_error(trial))
 
 
 def _run_live(
-    conditions: Sequence[tuple[Path, GraphArguments]], stop: Stop, show: Show
-) -> Iterator[tuple[Path, str]]:
-    """Run one condition after the other through the graph; yield bags, and lines with errors."""
-    for index, (bag, arguments) in enumerate(conditions):
+    conditions: Sequence[Condition], stop: Stop, show: Show
+) -> Iterator[tuple[int, str]]:
+    """Run one condition after the other through the graph; yield indices, lines with errors."""
+    for index, condition in enumerate(conditions):
+        bag, arguments = condition.bag, condition.arguments
 
         def asked(index: int = index, started: float = time.monotonic()) -> bool:
             part = (time.monotonic() - started) / (arguments.duration + AROUND)  # noqa: B023
@@ -227,7 +257,7 @@ def _run_live(
 
         run_to_end(Supervisor(graph(replace(arguments, bag=str(bag)))), asked)
         trials = analyse([bag], perceptual=False).trials
-        yield bag, _line(arguments, trials[0].metrics["nrmse_percent"] if trials else math.nan)
+        yield index, _line(arguments, trials[0].metrics["nrmse_percent"] if trials else math.nan)
         if stop():
             return
 
@@ -244,13 +274,13 @@ def _report(
     channel: ChannelParameters | None,
     folder: Path,
     json_file: Path | None,
-    jobs: int,
+    workers: Workers,
 ) -> bool:
     """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
     with stop_on_signal() as stop:
-        analysis = analyse(list(done), spread=partial(side_by_side, jobs=jobs, stop=stop))
+        analysis = analyse(list(done), spread=partial(workers.map, stop=stop))
     warnings = list(experiment_warnings(analysis, composed=arguments.composed))
-    expected = {} if lockstep else _in_lockstep(done, jobs)
+    expected = {} if lockstep else _in_lockstep(done, workers)
     beside = beside_lockstep(analysis, expected)
     notes = experiment_notes(arguments.rig, lockstep=lockstep, network=channel is not None)
     seeds = list(dict.fromkeys(given.seed for given in done.values()))
@@ -298,7 +328,7 @@ def _report(
     return {trial.segment.bag for trial in analysis.trials} == set(done)
 
 
-def _in_lockstep(done: Mapping[Path, GraphArguments], jobs: int) -> dict[Path, float]:
+def _in_lockstep(done: Mapping[Path, GraphArguments], workers: Workers) -> dict[Path, float]:
     """Return the errors of the same conditions in lockstep, %, by bag; none with real devices."""
     simulated = {
         bag: given
@@ -306,5 +336,5 @@ def _in_lockstep(done: Mapping[Path, GraphArguments], jobs: int) -> dict[Path, f
         if given.master == SIMULATED and given.slave in (SIMULATED, VIRTUAL)
     }
     with stop_on_signal() as stop:
-        errors = side_by_side(lockstep_error, list(simulated.values()), jobs, stop)
+        errors = workers.map(lockstep_error, list(simulated.values()), stop)
         return dict(zip(simulated, errors, strict=False))

@@ -21,10 +21,17 @@ from haptic_accel.analysis.fidelity import (
     summary,
     with_controllers,
 )
-from haptic_accel.cli.jobs import run_study, side_by_side
-from haptic_accel.cli.options import controllers_option, jobs_option, json_option, one_of, verb
+from haptic_accel.cli.options import (
+    controllers_option,
+    json_option,
+    one_of,
+    verb,
+    workers_options,
+)
 from haptic_accel.cli.output import save
+from haptic_accel.cli.studies import beside, run_study
 from haptic_accel.cli.tables import print_table
+from haptic_accel.cli.workers import Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.node_parameters import HIGHEST_RATE
@@ -63,7 +70,7 @@ BOUNDS = {"limited_bound": "limited bound", "bound": "bound"}
 )
 @click.option("--hands", type=click.IntRange(0, 1000), default=50, help="Number of random hands.")
 @click.option("--seed", default=1, help="Seed of the random hands.")
-@jobs_option
+@workers_options
 @json_option
 def fidelity(
     *,
@@ -75,7 +82,7 @@ def fidelity(
     recording_rates: Sequence[float],
     hands: int,
     seed: int,
-    jobs: int,
+    workers: Workers,
     json_file: Path | None,
 ) -> None:
     """Measure the tracking error of all controllers in lockstep.
@@ -93,13 +100,17 @@ def fidelity(
     cases = [case for trial in trials for case in with_controllers(trial, controllers)]
     for case in trials:
         graph(case.arguments)  # so that a wrong file is named before all trials
-    rows, end = run_study(
-        lambda stop, _: side_by_side(run_case, cases, jobs, stop), len(cases), "trials", _line
+    found, end = run_study(
+        lambda left, stop, _: workers.completed(run_case, left, stop),
+        cases,
+        "trials",
+        _line,
+        beside(json_file),
     )
-    if rows:
-        found = summary(rows)
-        _print(found)
-        save({"rows": rows, "summary": found}, json_file)
+    if rows := [*found.values()]:
+        means = summary(rows)
+        _print(means)
+        save({"rows": rows, "summary": means}, json_file)
     if end:
         raise end
 

@@ -29,6 +29,7 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import results_folder, save
 from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
+from haptic_accel.cli.workers import Workers
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import (
@@ -39,6 +40,7 @@ from haptic_accel.core.identification.evaluation import (
 from haptic_accel.core.identification.stops import LIMITED, STOPS_HIT, check_stops, check_travel
 from haptic_accel.core.model import ACTUATOR, POSTURES, HandleParameters
 from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.core.trial import run_identification
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.arguments import SIMULATED, IdentifyArguments
@@ -98,6 +100,7 @@ Recorded = dict[str, list[sweeps.IdentificationTrial]]
     help="Parameters of the model to fit.",
 )
 @options.word_options([*schema(sweeps.SweepParameters), "trials", "rig"])
+@options.workers_options
 @options.json_option
 @options.out_option
 def identify(
@@ -108,6 +111,7 @@ def identify(
     sources: Sequence[str],
     recording_rate: float,
     free: Sequence[str],
+    workers: Workers,
     json_file: Path | None,
     out: Path | None,
 ) -> None:
@@ -133,7 +137,11 @@ def identify(
         folder = results_folder(out, "identify_")
         try:
             if lockstep:
-                recorded, age = {grip: _run_lockstep(each) for grip, each in by_grip.items()}, 0.0
+                with stop_on_signal() as stop:
+                    runs = workers.map(_run_lockstep, list(by_grip.values()), stop)
+                    recorded, age = dict(zip(by_grip, runs, strict=False)), 0.0
+                if len(recorded) < len(by_grip):
+                    raise StoppedError("interrupted", INTERRUPTED)
             elif sources:
                 recorded, age = _read(_named(sources, arguments.grip), arguments, recording_rate)
             else:

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from haptic_accel.analysis.perception import perceive
-from haptic_accel.cli.jobs import run_study, side_by_side
-from haptic_accel.cli.options import jobs_option, json_option, verb
+from haptic_accel.cli.options import json_option, verb, workers_options
 from haptic_accel.cli.output import save
+from haptic_accel.cli.studies import beside, run_study
 from haptic_accel.cli.tables import Column, Row, print_results
+from haptic_accel.cli.workers import Workers
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import Vector
 from haptic_accel.core.network.channel import ChannelParameters
@@ -81,9 +82,9 @@ CONDITIONS = [
 
 
 @verb("haptic-accel bench network", "haptic-accel bench network --json network.json")
-@jobs_option
+@workers_options
 @json_option
-def network(*, jobs: int, json_file: Path | None) -> None:
+def network(*, workers: Workers, json_file: Path | None) -> None:
     """Measure the coupling of two hosts over simulated networks, in lockstep.
 
     Two arms of 0.1 kg, a hand at the master, and at the slave a wall of 3 kN/m or nothing: net
@@ -93,10 +94,14 @@ def network(*, jobs: int, json_file: Path | None) -> None:
     """
     items = [*CONDITIONS, *range(TRIALS)]
     found, end = run_study(
-        lambda stop, _: side_by_side(measure, items, jobs, stop), len(items), "conditions", _line
+        lambda left, stop, _: workers.completed(measure, left, stop),
+        items,
+        "conditions",
+        _line,
+        beside(json_file),
     )
-    worst = [result for result in found if isinstance(result, float)]
-    rows = [result for result in found if not isinstance(result, float)]
+    worst = [result for result in found.values() if isinstance(result, float)]
+    rows = [result for result in found.values() if not isinstance(result, float)]
     print_results(COLUMNS, rows, title="two arms on two hosts")
     if worst:
         print(f"{len(worst)} random networks: at most {max(worst):.2f} of the energy granted")

@@ -8,8 +8,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar, cast
 
 import click
 from click.shell_completion import CompletionItem
@@ -164,18 +165,39 @@ out_option = click.option(
     metavar="FOLDER",
     help="New folder for the results (default: results/<date and time>).",
 )
-jobs_option = click.option(
-    "--jobs",
-    type=click.IntRange(1, 1024),
-    default=len(os.sched_getaffinity(0)),
-    show_default="number of cores",
-    help="Number of trials that run side by side, without ROS; results do not depend on it.",
-)
 lockstep_option = click.option(
     "--lockstep",
     is_flag=True,
     help="Run without ROS, on the virtual rig: faster than real time, and repeatable.",
 )
+
+
+def workers_options(verb: F) -> F:
+    """Let a verb take the processes that run its conditions side by side."""
+
+    @wraps(verb)
+    def with_workers(*given: Any, jobs: int, executor: str, **settings: Any) -> Any:
+        # Its libraries take longer to import than a verb without conditions does.
+        from haptic_accel.cli.workers import Workers
+
+        return verb(*given, workers=Workers(jobs, executor), **settings)
+
+    jobs = click.option(
+        "--jobs",
+        type=click.IntRange(1, 1024),
+        default=len(os.sched_getaffinity(0)),
+        show_default="number of cores",
+        help="Number of trials that run side by side, without ROS; results do not depend on it.",
+    )
+    executor = click.option(
+        "--executor",
+        default="",
+        show_default=False,
+        metavar="ADDRESS",
+        help="Scheduler of dask.distributed, tcp://HOST:PORT, whose workers run the trials in"
+        " place of processes of this machine (extra cluster).",
+    )
+    return cast("F", jobs(executor(with_workers)))
 
 
 def controllers_option(known: Iterable[str], default: Iterable[str] = ()) -> Callable[[F], F]:

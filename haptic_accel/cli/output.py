@@ -63,14 +63,24 @@ def save(metrics: Any, json_file: Path | None) -> None:
         json_file.write_text(f"{text}\n", encoding="utf-8")
 
 
-def results_folder(out: Path | None, prefix: str = "") -> Path:
+def results_folder(out: Path | None, prefix: str = "", unfinished: str = "") -> Path:
     """Make and return the folder of a report: the one given, or ``results/<date and time>``.
+
+    Parameters
+    ----------
+    out : Path or None
+    prefix : str
+        Text before date and time.
+    unfinished : str
+        Name of a file in a folder that may exist, of a run that goes on; empty for none.
 
     Raises
     ------
     ParameterError
         It exists already or cannot be made.
     """
+    if out and unfinished and (out / unfinished).is_file():
+        return out
     return make_folder(out or Path("results") / f"{prefix}{datetime.now():%Y-%m-%d_%H-%M-%S}")
 
 

@@ -10,7 +10,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import click
@@ -18,7 +18,9 @@ import click
 from haptic_accel.cli import options
 from haptic_accel.cli.output import make_folder, save
 from haptic_accel.cli.running import run_shown
+from haptic_accel.cli.studies import beside, run_study
 from haptic_accel.cli.tables import Column, Row, print_results
+from haptic_accel.cli.workers import Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import PLAYED, SLAVE, SLAVE_SIGNALS
@@ -58,6 +60,7 @@ COLUMNS = (
 )
 @options.lockstep_option
 @options.controllers_option(CONTROLLERS)
+@options.workers_options
 @options.json_option
 @click.option(
     "--out",
@@ -70,6 +73,7 @@ def replay(
     *,
     lockstep: bool,
     controllers: Sequence[str],
+    workers: Workers,
     json_file: Path | None,
     out: Path | None,
 ) -> None:
@@ -87,7 +91,7 @@ def replay(
     arguments = [word for word in words if ":=" in word]
     if lockstep:
         each = [[bag, *arguments] for bag in bags] or [arguments]
-        _play(_planned(each), controllers, json_file, out)
+        _play(_planned(each), controllers, workers, json_file, out)
         return
     for option, given in (("controllers", controllers), ("json", json_file), ("out", out)):
         if given:
@@ -104,8 +108,22 @@ def replay(
     run_shown(processes, expected=_expected(asked) if sys.stdout.isatty() else 0.0)
 
 
+@dataclass(frozen=True)
+class Condition:
+    """A bag, the graph that it is played through, and the bag of the result."""
+
+    own: ReplayArguments
+    graph: GraphArguments
+    touched: str
+    out: Path | None
+
+
 def _play(
-    plan: Sequence[Replay], controllers: Sequence[str], json_file: Path | None, out: Path | None
+    plan: Sequence[Replay],
+    controllers: Sequence[str],
+    workers: Workers,
+    json_file: Path | None,
+    out: Path | None,
 ) -> None:
     """Play each bag through each controller, or its own; print and write the metrics."""
     if out:
@@ -114,20 +132,47 @@ def _play(
         if count > 1:
             raise ParameterError(f"out: two bags would be called {name}")
         make_folder(out)
-    done: list[Row] = []
-    for asked in plan:
-        track = _track(asked)
-        for controller in controllers or [asked.graph.controller]:
-            start, arguments = time.time_ns(), replace(asked.graph, controller=controller)
-            trial = replace(lockstep_trial(arguments, track=track), surface=asked.touched)
-            done.append(_metrics(asked.own.bag, trial, track))
-            if out:
-                record_trial(out / _name(asked, controller), trial, arguments, start)
+    conditions = [
+        Condition(
+            asked.own,
+            replace(asked.graph, controller=controller),
+            asked.touched,
+            out / _name(asked, controller) if out else None,
+        )
+        for asked in plan
+        for controller in controllers or [asked.graph.controller]
+    ]
+    found, end = run_study(
+        lambda left, stop, _: workers.completed(_played, left, stop),
+        conditions,
+        "conditions",
+        _line,
+        None if out else beside(json_file),
+    )
+    done = [*found.values()]
     print_results(COLUMNS, done, left=3, title="Replayed in lockstep", show_edge=False)
     for bag, lost in {row["bag"]: row["lost"] for row in done}.items():
         if lost:
             print(f"{bag}: {lost} samples are missing and hold the one before")
     save({"lockstep": True, "conditions": done}, json_file)
+    if end:
+        raise end
+
+
+def _played(condition: Condition) -> Row:
+    """Play a bag through a controller; record the result if a bag is given for it."""
+    start = time.time_ns()
+    track = _track(condition.own, condition.graph)
+    trial = lockstep_trial(condition.graph, track=track)
+    trial = replace(trial, surface=condition.touched)
+    metrics = _metrics(condition.own.bag, trial, track)
+    if condition.out:
+        record_trial(condition.out, trial, condition.graph, start)
+    return metrics
+
+
+def _line(row: Row) -> str:
+    return f"{Path(row['bag']).name} / {row['controller']}: {row['nrmse_percent']:.2f} %"
 
 
 def play_command(asked: Replay) -> str:
@@ -171,7 +216,7 @@ def _expected(asked: Replay) -> float:
     """Return the time that a replay takes, s; 0 where that is not known."""
     if asked.own.loop or asked.graph.slave != REPLAY:
         return asked.graph.duration
-    return _track(asked).seconds
+    return _track(asked.own, asked.graph).seconds
 
 
 def _in_lockstep(asked: Replay) -> Replay:
@@ -196,9 +241,9 @@ def _in_lockstep(asked: Replay) -> Replay:
     return replace(asked, graph=arguments, bag=None, touched=touched)
 
 
-def _track(asked: Replay) -> Track:
+def _track(own: ReplayArguments, played: GraphArguments) -> Track:
     """Return what is played of the slave, at the rate of the graph."""
-    own, played, rate = asked.own, asked.graph, asked.graph.rate
+    rate = played.rate
     parameters = ReplayParameters(
         own.bag, rate=played.recording_rate, column=played.recording_column, start=own.start
     )

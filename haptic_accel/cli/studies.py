@@ -1,0 +1,166 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Studies: independent conditions, with a line on each, whose results outlive an interruption."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.analysis.provenance import version
+from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.running import progress_bar, stop_on_signal
+from haptic_accel.cli.workers import Item, Result, Stop
+from haptic_accel.core.bounded_files import located, opened
+from haptic_accel.core.process import INTERRUPTED
+
+Show = Callable[[float], None]
+"""Shows how many conditions are done, where parts of one count."""
+
+LARGEST = 1 << 30
+"""Largest file of results that is read, bytes: a condition takes some 500."""
+
+
+class Journal:
+    """File with the results of a study that has not ended, from which it goes on.
+
+    A result counts for the condition, the version and the files that it was computed from.
+
+    Parameters
+    ----------
+    file : Path
+        The file need not exist.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self._known: dict[bytes, bytes] = {}
+        with located(file), suppress(FileNotFoundError), opened(file, LARGEST) as lines:
+            for line in lines:
+                digest, _, result = line.partition(b" ")
+                if result.endswith(b"\n"):  # or the study was killed while it was written
+                    self._known[digest] = result
+
+    def result(self, condition: Any) -> Any:
+        """Return the result of a condition; None if there is none."""
+        return json.loads(self._known.get(_digest(condition).encode(), b"null"))
+
+    def add(self, condition: Any, result: Any) -> None:
+        """Append the result of a condition, which must be JSON and not None."""
+        with located(self.file, unreadable=""), self.file.open("a", encoding="utf-8") as end:
+            end.write(f"{_digest(condition)} {json.dumps(result)}\n")
+
+    def remove(self) -> None:
+        """Delete the file, once the study has ended."""
+        self.file.unlink(missing_ok=True)
+
+
+def beside(json_file: Path | None) -> Journal | None:
+    """Return the journal of a study whose results go to a JSON file."""
+    return Journal(json_file.with_name(f"{json_file.name}.part")) if json_file else None
+
+
+def run_study(
+    start: Callable[[Sequence[Item], Stop, Show], Iterator[tuple[int, Result]]],
+    items: Sequence[Item],
+    unit: str,
+    line: Callable[[Result], str],
+    journal: Journal | None = None,
+) -> tuple[dict[int, Result], StoppedError | None]:
+    """Run the conditions of a study with a progress bar; print a line on each as it ends.
+
+    Parameters
+    ----------
+    start : callable
+        Starts the runs of items, side by side or live, and returns an iterator over indices and
+        results: `Workers.completed`.
+    items : sequence
+        Arguments of the conditions.
+    unit : str
+        Name of the conditions.
+    line : callable
+        Returns the line on a result; empty for none.
+    journal : Journal, optional
+        Results of an earlier, interrupted run of the study, which are not computed again.
+
+    Returns
+    -------
+    results : dict
+        Results of the conditions that have one, by index, in the order of the items.
+    end : StoppedError or None
+        Early end, by a signal or a graph that failed.
+    """
+    done: dict[int, Result] = {}
+    if journal:
+        known = ((index, journal.result(item)) for index, item in enumerate(items))
+        done = {index: result for index, result in known if result is not None}
+        if done:
+            print(f"{len(done)} of {len(items)} {unit} are taken from {journal.file}", flush=True)
+    left = [index for index in range(len(items)) if index not in done]
+    end: StoppedError | None = None
+    progress = progress_bar()
+    bar = progress.add_task(unit, total=len(items), completed=len(done))
+
+    def show(part: float) -> None:
+        progress.update(bar, completed=len(items) - len(left) + part)
+
+    with stop_on_signal() as stop:
+        results = start([items[index] for index in left], stop, show)  # before the bar's thread
+        try:
+            with progress:
+                for place, result in results:
+                    index = left[place]
+                    done[index] = result
+                    if journal:
+                        journal.add(items[index], result)
+                    if text := line(result):
+                        print(f"{len(done)} of {len(items)}: {text}", flush=True)
+                    progress.update(bar, completed=len(done))
+        except StoppedError as error:
+            end = error
+        if stop() and len(done) < len(items):
+            again = "; the same command goes on" if journal else ""
+            end = StoppedError(
+                f"interrupted after {len(done)} of {len(items)} {unit}{again}", INTERRUPTED
+            )
+    if journal and len(done) == len(items):
+        journal.remove()
+    return dict(sorted(done.items())), end
+
+
+def _digest(condition: Any) -> str:
+    """Return a text that differs between conditions, versions, and files that conditions name."""
+    digest = hashlib.blake2b(version().encode(), digest_size=16)
+    for part in _parts(condition):
+        digest.update(part)
+        digest.update(b"\0")
+    return digest.hexdigest()
+
+
+def _parts(value: Any) -> Iterator[bytes]:
+    """Yield a value's content: that of arrays too, and size and time of files that are named."""
+    if is_dataclass(value):
+        yield type(value).__name__.encode()
+        value = {each.name: getattr(value, each.name) for each in fields(value)}
+    if isinstance(value, Mapping):
+        value = [*value.items()]
+    if isinstance(value, np.ndarray):
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, (list, tuple)):
+        yield f"{len(value)}".encode()
+        for inner in value:
+            yield from _parts(inner)
+    else:
+        yield repr(value).encode()
+        if isinstance(value, str) and os.path.isfile(value):
+            status = os.stat(value)
+            yield f"{status.st_size} {status.st_mtime_ns}".encode()

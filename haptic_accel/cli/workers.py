@@ -1,0 +1,233 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Independent runs of a verb side by side: in processes of this machine, or on a cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import platform
+import re
+import signal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from haptic_accel.cli.ending import StoppedError
+from haptic_accel.core.bounded_files import located
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import ENDING
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+Runs = dict[int, "Future[Any]"]
+"""Runs that have not ended, by the index of their item."""
+
+Stop = Callable[[], bool]
+"""Returns true once the runs have to end."""
+
+POLL = 0.1
+"""Time between two looks for a signal that ends the verb, s."""
+
+ADDRESS = r"(tcp|tls)://[^/\s]+:\d+"
+"""Form of the address of a scheduler."""
+
+CONNECTING = 10.0
+"""Time in which the scheduler of a cluster has to answer, s."""
+
+MOST_LOST = 3
+"""Number of processes lost in succession, without a run that ends, at which the runs are given up:
+the default of dask.distributed (``allowed-failures``)."""
+
+COMPUTING = ("haptic_accel", "numpy", "scipy")
+"""Packages on which the digits of a result depend."""
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Processes that run conditions side by side. Results do not depend on them.
+
+    Parameters
+    ----------
+    count : int
+        Number of processes on this machine.
+    address : str
+        Address of a scheduler of dask.distributed, ``tcp://host:8786``, whose workers run the
+        conditions in place of processes of this machine; empty for none.
+    """
+
+    count: int
+    address: str = ""
+
+    def completed(
+        self, run: Callable[[Item], Result], items: Sequence[Item], stop: Stop
+    ) -> Iterator[tuple[int, Result]]:
+        """Start the runs; return an iterator over indices and results, as the runs end.
+
+        It ends early once the runs have to. The run of a lost process is started again.
+        Call it before anything starts a thread, which the processes would be copies of.
+
+        Parameters
+        ----------
+        run : callable
+            Function of a module, whose argument and result can be sent to another process.
+        items : sequence
+            Arguments of the runs.
+        stop : Stop
+
+        Raises
+        ------
+        ParameterError
+            The scheduler does not answer, or a worker has other software.
+        StoppedError
+            Processes were lost `MOST_LOST` times without a run that ended.
+        """
+        engine = _Cluster(self.address, run) if self.address else _Processes(self.count, run)
+        return _completed(engine, engine.start(dict(enumerate(items))), items, stop)
+
+    def map(
+        self, run: Callable[[Item], Result], items: Sequence[Item], stop: Stop
+    ) -> Iterator[Result]:
+        """Start the runs; return an iterator over their results, in the order of the items."""
+        return _in_order(self.completed(run, items, stop))
+
+
+class _Engine(Protocol):
+    """Executor of the runs."""
+
+    @property
+    def LOST(self) -> tuple[type[BaseException], ...]: ...
+
+    def start(self, items: dict[int, Any]) -> Runs: ...
+
+    def close(self) -> None: ...
+
+
+def _completed(
+    engine: _Engine, runs: Runs, items: Sequence[Any], stop: Stop
+) -> Iterator[tuple[int, Any]]:
+    lost = 0
+    try:
+        while runs and not stop():
+            wait(runs.values(), POLL, FIRST_COMPLETED)
+            ended = {index: each for index, each in runs.items() if each.done()}
+            failed = [each for each in ended.values() if _error(each, engine.LOST)]
+            for index, each in ended.items():
+                if each not in failed:
+                    lost = 0
+                    yield index, runs.pop(index).result()
+            if failed:
+                lost += 1
+                if lost == MOST_LOST:
+                    raise StoppedError(
+                        f"processes were lost {lost} times without a result:"
+                        f" {_error(failed[0], engine.LOST)}"
+                    )
+                runs = engine.start({index: items[index] for index in runs})
+    finally:
+        engine.close()
+
+
+def _error(run: Future[Any], kinds: tuple[type[BaseException], ...]) -> BaseException | None:
+    """Return the error of a run that has ended, if it is of these kinds."""
+    if run.cancelled():
+        return CancelledError("cancelled") if CancelledError in kinds else None
+    error = run.exception()
+    return error if isinstance(error, kinds) else None
+
+
+def _in_order(found: Iterable[tuple[int, Result]]) -> Iterator[Result]:
+    early: dict[int, Result] = {}
+    due = 0
+    for index, result in found:
+        early[index] = result
+        while due in early:
+            yield early.pop(due)
+            due += 1
+
+
+class _Processes:
+    """Processes of this machine."""
+
+    LOST = (BrokenProcessPool,)
+
+    def __init__(self, count: int, run: Callable[[Any], Any]) -> None:
+        self._count = count
+        self._run = run
+
+    def start(self, items: dict[int, Any]) -> Runs:
+        """Start runs in new processes: one that was lost takes the others of its pool with it."""
+        count = min(self._count, max(len(items), 1))
+        self._pool = ProcessPoolExecutor(count, initializer=_leave_signals)
+        return {index: self._pool.submit(self._run, item) for index, item in items.items()}
+
+    def close(self) -> None:
+        """End the processes, whatever they run."""
+        for process in multiprocessing.active_children():
+            process.terminate()
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _leave_signals() -> None:
+    """Leave the signals of the terminal to the verb, which ends its processes itself."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+class _Cluster:
+    """Workers of a scheduler of dask.distributed, which starts the runs of lost workers again."""
+
+    def __init__(self, address: str, run: Callable[[Any], Any]) -> None:
+        place = f"executor = {address!r}"
+        if not re.fullmatch(ADDRESS, address):
+            raise ParameterError(f"{place}: must be tcp://HOST:PORT or tls://HOST:PORT")
+        try:
+            from distributed import Client, KilledWorker
+        except ImportError:
+            raise ParameterError(
+                f"{place}: needs dask.distributed: pip install 'haptic_accel[cluster]'"
+            ) from None
+        try:
+            self._client = Client(address, timeout=CONNECTING, set_as_default=False)
+        except (OSError, ValueError) as error:
+            reason = str(error).partition("\n")[0] or type(error).__name__
+            raise ParameterError(f"{place}: no scheduler answers: {reason}") from None
+        self.LOST = (KilledWorker, CancelledError)
+        self._run = partial(_run_alike, run, software(), Path.cwd())
+
+    def start(self, items: dict[int, Any]) -> Runs:
+        """Send runs to the scheduler."""
+        pool = self._client.get_executor(pure=False)
+        return {index: pool.submit(self._run, item) for index, item in items.items()}
+
+    def close(self) -> None:
+        """Leave the cluster, which drops the runs that have not begun."""
+        self._client.close()
+
+
+def software() -> dict[str, str]:
+    """Return the versions of Python and of the packages on which results depend."""
+    found = {name: metadata.version(name) for name in COMPUTING}
+    return {"python": platform.python_version(), "processor": platform.machine(), **found}
+
+
+def _run_alike(
+    run: Callable[[Item], Result], expected: dict[str, str], folder: Path, item: Item
+) -> Result:
+    """Run an item in a folder, where the software is as expected: elsewhere digits may differ."""
+    found = software()
+    for name, version in expected.items():
+        if found[name] != version:
+            raise ParameterError(
+                f"executor: {name} {found[name]} on {platform.node()}, must be {version} as here"
+            )
+    with located(f"executor: '{folder}' on {platform.node()}", unreadable=""):
+        os.chdir(folder)  # names of files count from there
+    return run(item)

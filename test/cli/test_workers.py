@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import runs
+from haptic_accel.cli import workers as module
+from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.workers import Workers
+from haptic_accel.core.parameters import ParameterError
+from running import Command
+
+Start = Callable[..., Command]
+
+
+def never() -> bool:
+    return False
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Start a cluster as a lab does, of processes of this machine; yield its address."""
+    pytest.importorskip("distributed")
+    folder = tmp_path_factory.mktemp("cluster")
+    file = folder / "scheduler.json"
+    environment = os.environ | {"PYTHONPATH": str(Path(runs.__file__).parent)}
+    shared = ("--scheduler-file", str(file), "--no-dashboard")
+    programs = (
+        ("dask_scheduler", "--host", "127.0.0.1", "--port", "0", *shared),
+        ("dask_worker", "--nworkers", "2", "--nthreads", "1", *shared),
+    )
+    with (folder / "log").open("w") as log:
+        started = [
+            subprocess.Popen(
+                [sys.executable, "-m", f"distributed.cli.{program}", *words],
+                env=environment,
+                cwd=folder,
+                stdout=log,
+                stderr=log,
+            )
+            for program, *words in programs
+        ]
+        while not (file.exists() and file.read_text().endswith("}")):
+            assert started[0].poll() is None, (folder / "log").read_text()
+            time.sleep(0.1)
+        yield json.loads(file.read_text())["address"]
+        for process in reversed(started):
+            process.terminate()
+            process.wait()
+
+
+@pytest.fixture(params=["processes", "cluster"])
+def workers(request: pytest.FixtureRequest) -> Workers:
+    return Workers(2, request.getfixturevalue("scheduler") * (request.param == "cluster"))
+
+
+def test_results_come_in_the_order_of_the_items(workers: Workers) -> None:
+    items = [0.5, 0.0, 0.1, 0.0]
+    assert [*workers.map(runs.rested, items, never)] == items
+
+
+def test_no_items_give_no_results(workers: Workers) -> None:
+    assert [*workers.map(runs.negative, [], never)] == []
+
+
+def test_a_lost_process_loses_nothing(workers: Workers, tmp_path: Path) -> None:
+    items = [(number, tmp_path) for number in range(8)]
+    assert [*workers.map(runs.killed_once, items, never)] == [-number for number in range(8)]
+    assert (tmp_path / "was here").exists()
+
+
+def test_an_item_that_ends_every_process_is_given_up(workers: Workers) -> None:
+    with pytest.raises(StoppedError, match="processes were lost 3 times without a result"):
+        [*workers.map(runs.killed, [1], never)]
+
+
+def test_an_error_of_a_run_is_that_of_the_verb(workers: Workers) -> None:
+    with pytest.raises(ParameterError, match="number = 7: must be another"):
+        [*workers.map(runs.refused, [7], never)]
+
+
+def test_runs_end_once_they_have_to(workers: Workers) -> None:
+    asked = []
+
+    def soon() -> bool:
+        asked.append(time.monotonic())
+        return asked[-1] > asked[0] + 1.0
+
+    assert [*workers.map(runs.rested, [0.0, 5.0, 5.0, 5.0], soon)] == [0.0]
+
+
+def test_a_worker_with_other_software_is_refused(
+    scheduler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = module.software() | {"numpy": "0.1"}
+    monkeypatch.setattr(module, "software", lambda: here)
+    with pytest.raises(ParameterError, match=r"executor: numpy [\d.]+ on .*, must be 0.1 as here"):
+        [*Workers(1, scheduler).map(runs.negative, [1.0], never)]
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [
+        ("nonsense", "must be tcp://HOST:PORT"),
+        ("http://127.0.0.1:80", "must be tcp://HOST:PORT"),
+        ("tcp://127.0.0.1", "must be tcp://HOST:PORT"),
+    ],
+)
+def test_an_address_of_no_scheduler_is_refused(address: str, reason: str) -> None:
+    with pytest.raises(ParameterError, match=f"^executor = '{address}': {reason}"):
+        Workers(1, address).map(runs.negative, [1.0], never)
+
+
+def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "CONNECTING", 0.5)
+    with pytest.raises(ParameterError, match="^executor = 'tcp://127.0.0.1:1': no scheduler"):
+        Workers(1, "tcp://127.0.0.1:1").map(runs.negative, [1.0], never)
+
+
+@pytest.mark.quiet
+def test_a_cluster_gives_the_same_to_the_last_digit(
+    scheduler: str, haptic_accel: Start, tmp_path: Path
+) -> None:
+    for name, engine in (("here", ["--jobs", "1"]), ("there", ["--executor", scheduler])):
+        command = haptic_accel(
+            *("bench", "fidelity", "taps", "--controllers", "none,inverse", "--rate", "500"),
+            *engine,
+            *("--json", f"{name}.json"),
+        )
+        assert command.end() == 0, command.text
+    here, there = ((tmp_path / f"{name}.json").read_text() for name in ("here", "there"))
+    assert len(json.loads(here)["rows"]) == 6
+    assert there == here
+
+
+@pytest.mark.quiet
+def test_an_experiment_on_a_cluster_is_analysed_as_any(
+    scheduler: str, haptic_accel: Start, tmp_path: Path
+) -> None:
+    command = haptic_accel(
+        *("experiment", "--lockstep", "surface:=text", "duration:=2", "--out", "report"),
+        *("--executor", scheduler, "--json", "table.json"),
+    )
+    assert command.end() == 0, command.text
+    conditions = json.loads((tmp_path / "table.json").read_text())["conditions"]
+    assert [each["controller"] for each in conditions] == ["none", "constant", "dynamic"]
