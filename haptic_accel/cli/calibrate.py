@@ -36,9 +36,6 @@ if TYPE_CHECKING:
 
 MASTER, SLAVE = "master", "slave"
 
-SERIAL, CAN_SERIAL = "serial", "can_serial"
-"""Devices that have a board."""
-
 ARRIVAL = 2.0
 """Time to wait for samples beyond their duration, s."""
 
@@ -48,11 +45,6 @@ class CalibrateArguments(PortParameters):
     """Arguments of a calibration."""
 
     side: str = parameter(MASTER, "side of the board", choices=(MASTER, SLAVE))
-    device: str = parameter(
-        SERIAL,
-        "device whose parameters to write: can_serial with an arm on a CAN bus",
-        choices=(SERIAL, CAN_SERIAL),
-    )
     axis: str = like(CalibrationParameters, "axis")
     seconds: float = parameter(
         2.0, "time to measure in each position", unit="s", low=0.1, high=600.0
@@ -150,8 +142,7 @@ def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Cal
             "board": identity.serial_number,
         },
     }
-    part = values if arguments.device == SERIAL else {"handle": values}
-    nodes = {f"{arguments.side}_device": {arguments.device: part}}
+    nodes = {f"{arguments.side}_device": {"serial": values}}
     head = [
         f"Board {identity.serial_number}, {datetime.now():%Y-%m-%d %H:%M}, by gravity"
         f" (haptic-accel calibrate), {arguments.seconds:g} s in each position.",

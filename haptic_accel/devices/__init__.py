@@ -28,9 +28,7 @@ _MASTERS: dict[str, type[Device]] = {
     "replay": ReplayMaster,
     "can": CanMaster,
     "serial": SerialMaster,
-    "can_serial": combined(CanMaster, SerialMaster),
     "crtk": CrtkMaster,
-    "crtk_serial": combined(CrtkMaster, SerialMaster),
 }
 _SLAVES: dict[str, type[Device]] = {
     "simulated": SimulatedSlave,
@@ -38,10 +36,11 @@ _SLAVES: dict[str, type[Device]] = {
     "replay": ReplaySlave,
     "can": CanSlave,
     "serial": SerialSlave,
-    "can_serial": combined(CanSlave, SerialSlave),
     "crtk": CrtkSlave,
-    "crtk_serial": combined(CrtkSlave, SerialSlave),
 }
+for _devices in (_MASTERS, _SLAVES):
+    _devices["can_serial"] = combined(_devices, "can", "serial")
+    _devices["crtk_serial"] = combined(_devices, "crtk", "serial")
 
 MASTERS = with_outside(_MASTERS, MASTERS_GROUP, RESERVED)
 SLAVES = with_outside(_SLAVES, SLAVES_GROUP, RESERVED)

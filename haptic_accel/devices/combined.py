@@ -5,28 +5,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import field, make_dataclass
 from typing import Any, ClassVar
 
 from haptic_accel.core.model import Vector
-from haptic_accel.core.parameters import Checked
 from haptic_accel.devices.interface import LATER, Device, Joints, Reading, Sample
 
 
 class CombinedDevice(Device):
     """Arm that measures position and velocity, and handle or tool that measures acceleration.
 
-    A subclass names both classes, and in `Parameters` a dataclass with a field `arm` and a field
-    `handle` of their parameters. Both are opened or none; both are closed even if one fails.
+    A subclass names both classes. Both are opened or none; both are closed even if one fails.
+
+    Parameters
+    ----------
+    arm, handle
+        Parameters of each.
+    rate : float
+    seed : int
     """
 
     ArmDevice: ClassVar[type[Device]]
     HandleDevice: ClassVar[type[Device]]
 
-    def __init__(self, parameters: Any, rate: float, seed: int) -> None:
-        self._arm = self.ArmDevice(parameters.arm, rate, seed)
-        self._handle = self.HandleDevice(parameters.handle, rate, seed)
+    def __init__(self, arm: Any, handle: Any, rate: float, seed: int) -> None:
+        self._arm = self.ArmDevice(arm, rate, seed)
+        self._handle = self.HandleDevice(handle, rate, seed)
         self._parts = {"arm": self._arm, "handle": self._handle}
 
     def open(self) -> None:
@@ -105,15 +110,19 @@ class CombinedDevice(Device):
         }
 
 
-def combined(arm: type[Device], handle: type[Device]) -> type[CombinedDevice]:
-    """Return the class of a device with an arm of one class, and a handle or tool of another."""
-    parts = {"arm": arm.Parameters, "handle": handle.Parameters}
-    parameters = make_dataclass(
-        f"{arm.__name__}{handle.__name__}Parameters",
-        [(name, kind, field(default_factory=kind)) for name, kind in parts.items()],
-        bases=(Checked,),
-        frozen=True,
-    )
-    members = {"ArmDevice": arm, "HandleDevice": handle, "AHEAD": handle.AHEAD}
-    name = f"{arm.__name__}{handle.__name__}"
-    return type(name, (CombinedDevice,), {"Parameters": parameters, **members})
+def combined(devices: Mapping[str, type[Device]], arm: str, handle: str) -> type[CombinedDevice]:
+    """Return the class of a device with the arm of one device, and the handle or tool of another.
+
+    It has the parameters of both.
+
+    Parameters
+    ----------
+    devices : mapping
+        Device classes by name.
+    arm, handle : str
+        Names of the two.
+    """
+    parts = {"ArmDevice": devices[arm], "HandleDevice": devices[handle]}
+    name = "".join(part.__name__ for part in parts.values())
+    own = {"PARAMETERS_OF": (arm, handle), "AHEAD": devices[handle].AHEAD}
+    return type(name, (CombinedDevice,), {**parts, **own})

@@ -6,12 +6,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from haptic_accel.core.model import LATER, Reading, Sample, Vector
 
 __all__ = ["LATER", "Device", "DeviceError", "Joints", "Reading", "Sample"]
+
+D = TypeVar("D", bound="Device")
 
 
 class Joints(NamedTuple):
@@ -38,7 +40,7 @@ class Device(ABC):
     Parameters
     ----------
     parameters
-        An instance of the class' `Parameters`.
+        An instance of the class' `Parameters`, or one for each name in `PARAMETERS_OF`.
     rate : float
         Rate at which it will be read, Hz.
     seed : int
@@ -54,14 +56,32 @@ class Device(ABC):
     CHANGEABLE: ClassVar[tuple[str, ...]] = ()
     """Dotted names of the parameters that `change` accepts."""
 
-    PARAMETERS_OF: ClassVar[str] = ""
-    """Name of the device whose parameters it has, too; empty for its own."""
+    PARAMETERS_OF: ClassVar[tuple[str, ...]] = ()
+    """Names of the devices whose parameters it has in place of own ones, in the order in which
+    it is built with them."""
 
     POINTED: ClassVar[bool] = False
     """True if it has a simulated hand that `point` leads."""
 
     @abstractmethod
     def __init__(self, parameters: Any, rate: float, seed: int) -> None: ...
+
+    @classmethod
+    def from_options(
+        cls: type[D], name: str, options: Mapping[str, Any], rate: float, seed: int
+    ) -> D:
+        """Build the device of a name with its part of the parameters of all devices, by name.
+
+        Parameters
+        ----------
+        name : str
+        options : mapping
+            Parameters by device.
+        rate : float
+        seed : int
+        """
+        own = [options[each] for each in cls.PARAMETERS_OF or (name,)]
+        return cls(*[*own, rate, seed])
 
     @abstractmethod
     def open(self) -> None:

@@ -57,7 +57,7 @@ class SimulatedMaster(SimulatedDevice):
 class PointerMaster(SimulatedMaster):
     """The simulated master whose hand is led by points in place of its script."""
 
-    PARAMETERS_OF = "simulated"
+    PARAMETERS_OF = ("simulated",)
     POINTED = True
     REACH = WORKSPACE
 

@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +17,14 @@ import yaml
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.parameters import checked, shown
+from haptic_accel.graph.former_names import current_names, warning_of
 from haptic_accel.graph.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
 from haptic_accel.materials.folders import preset_file
 
 SURFACE = "simulated.surface."
 """Prefix of the slave device's parameters of a surface."""
+
+_LOG = logging.getLogger(__name__)
 
 _PARAMETERS = "ros__parameters"
 
@@ -76,12 +81,17 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
     if not isinstance(content.value, dict):
         content.wrong(f"must map nodes to {_PARAMETERS}")
     values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
+    given: set[str] = set()
     for key, section in content.members():
         if not isinstance(section.value, dict) or set(section.value) != {_PARAMETERS}:
             content.refuse(f"{shown(key)}: must hold {_PARAMETERS}, nothing else", key)
         flat = dict(_flat(section.get(_PARAMETERS, {})))
         if USE_SIM_TIME in flat:
             check_clock(flat.pop(USE_SIM_TIME).value)
+        with content.located(key):
+            current = current_names({each: value.value for each, value in flat.items()})
+        given.update(current)
+        flat = {now: flat[each] for each, now in current.items()}
         name = key.rpartition("/")[2]
         for executable in NODES if name in _WILDCARDS else [name]:
             if executable not in NODES:
@@ -90,10 +100,18 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
             known = _known(flat, executable, name)
             if namespace is None or _holds(key, f"{namespace}/{executable}"):
                 values[executable] |= known
+    if warning := warning_of(given):
+        _warn(f"{shown(str(path))}: {warning}")
     if namespace is not None:
         for executable in NODES:
             _check_reached(content, f"{namespace}/{executable}")
     return values
+
+
+@cache
+def _warn(line: str) -> None:
+    """Log a warning once, however often a file is read."""
+    _LOG.warning("%s", line)
 
 
 def check_reached(path: Path, node: str) -> None:

@@ -360,7 +360,8 @@ def _check_devices(arguments: Arguments, options: Values) -> None:
         name = getattr(arguments, arm, "")
         if name in kinds and name not in (names.SIMULATED, names.POINTER):  # which always can
             try:
-                kinds[name](options[f"{arm}_device"][name], arguments.rate, arguments.seed)
+                own = options[f"{arm}_device"]
+                kinds[name].from_options(name, own, arguments.rate, arguments.seed)
             except DeviceError as error:  # without its library
                 raise ParameterError(f"{arm} = {name!r}: {error}") from None
 

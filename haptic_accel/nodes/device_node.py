@@ -77,14 +77,14 @@ class DeviceNode(ManagedNode):
         super().__init__(
             executable,
             [
-                f"{kind.PARAMETERS_OF or name}.{field}"
+                f"{name}.{field}"
                 for name, kind in devices.items()
                 for field in kind.CHANGEABLE
+                if not kind.PARAMETERS_OF  # which are those of another
             ],
         )
         p = self.parameters
         self._kind = devices[p.device]
-        self._options_name = self._kind.PARAMETERS_OF or p.device
         self.device = self._build_device()
         self.safety = SafetyLayer(self.options[SAFETY], p.rate)
         self.arm = arm.position.source
@@ -185,9 +185,9 @@ class DeviceNode(ManagedNode):
 
     def change(self, values: dict[str, Any]) -> None:
         """Change parameters of the running device."""
-        name = self._options_name
+        name, *_ = self._kind.PARAMETERS_OF or (self.parameters.device,)
         for changed in values:
-            if not changed.startswith(f"{name}."):
+            if changed not in [f"{name}.{field}" for field in self._kind.CHANGEABLE]:
                 raise ParameterError(f"{changed}: the device is {self.parameters.device}")
         known = {
             key: self.get_parameter(key).value for key in schema(self._kind.Parameters, f"{name}.")
@@ -271,7 +271,7 @@ class DeviceNode(ManagedNode):
 
     def _build_device(self) -> Device:
         p = self.parameters
-        return self._kind(self.options[self._options_name], p.rate, p.seed)
+        return self._kind.from_options(p.device, self.options, p.rate, p.seed)
 
     def _autostart(self) -> None:
         """Configure and activate; raise the error that prevents it."""

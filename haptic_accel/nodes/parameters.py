@@ -30,6 +30,7 @@ from haptic_accel.core.parameters import (
     shown,
 )
 from haptic_accel.graph.files import check_reached
+from haptic_accel.graph.former_names import current_names, warning_of
 from haptic_accel.graph.node_parameters import (
     NODES,
     USE_SIM_TIME,
@@ -176,12 +177,15 @@ class ParameterNode(SupervisedNode):
             for name, parameter in self.get_parameters_by_prefix("").items()
             if name not in _OF_EVERY_NODE
         }
-        for name in given:
+        names = current_names(given)
+        if warning := warning_of(given):
+            self.get_logger().warning(warning)
+        for name, now in names.items():
             self.undeclare_parameter(name)
             # A file may give every node (/**) what only some of them have.
-            if not any(name in node_schema(executable) for executable in NODES):
+            if not any(now in node_schema(executable) for executable in NODES):
                 raise ParameterError(f"{name}: no such parameter")
-        return given
+        return {now: given[name] for name, now in names.items()}
 
     def _declare(self, given: dict[str, Any]) -> None:
         """Declare all parameters with their descriptors and checked values.

@@ -5,16 +5,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter, schema
+from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter
 from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError, Sample
-from haptic_accel.devices.combined import CombinedDevice
+from haptic_accel.devices.combined import CombinedDevice, combined
 from haptic_accel.devices.interface import LATER
+from haptic_accel.devices.serial.protocol import Identity
+from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParameters
+from haptic_accel.emulators.can_arm import EmulatedArm
+from haptic_accel.emulators.can_line import CanLine, SlcanPort
+from haptic_accel.emulators.faults import CAN_FAULTS, Faults
+from haptic_accel.emulators.loop import run
+from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
+from haptic_accel.graph.files import read_parameter_file
+from haptic_accel.graph.node_parameters import node_parameters
+from running import wait_until
 
 
 @dataclass(frozen=True)
@@ -86,16 +101,7 @@ class Handle(Noted):
     name = "the handle"
 
 
-@dataclass(frozen=True)
-class BothParameters:
-    arm: NotedParameters = field(default_factory=NotedParameters)
-    handle: NotedParameters = field(default_factory=NotedParameters)
-
-
-class Both(CombinedDevice):
-    Parameters = BothParameters
-    ArmDevice = Arm
-    HandleDevice = Handle
+Both = combined({"lab_arm": Arm, "lab_handle": Handle}, "lab_arm", "lab_handle")
 
 
 @pytest.fixture
@@ -105,20 +111,13 @@ def log(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     return events
 
 
-def built(**values: Any) -> Both:
+def built(**values: Any) -> CombinedDevice:
+    """Build one whose parts have parameters ``arm__NAME`` and ``handle__NAME``."""
     flat = {name.replace("__", "."): value for name, value in values.items()}
-    return Both(from_flat(BothParameters, flat), 1000.0, 0)
-
-
-def test_parameters_are_those_of_both_by_part() -> None:
-    assert set(schema(Both.Parameters)) == {
-        "arm.level",
-        "arm.broken",
-        "handle.level",
-        "handle.broken",
-        "arm.silent",
-        "handle.silent",
+    options = {
+        f"lab_{part}": from_flat(NotedParameters, flat, f"{part}.") for part in ("arm", "handle")
     }
+    return Both.from_options("lab", options, 1000.0, 0)
 
 
 def test_motion_is_the_arm_s_and_acceleration_the_handle_s() -> None:
@@ -189,28 +188,83 @@ def test_one_is_closed_though_the_other_fails(log: list[tuple[Any, ...]], broken
 
 # Arms on CAN with boards on serial lines
 
+RATE = 100.0  # Hz
 
-@pytest.mark.parametrize("devices", [MASTERS, SLAVES])
-def test_parameters_are_those_of_both_parts(devices: dict) -> None:
-    names = set(schema(devices["can_serial"].Parameters))
-    arm = set(schema(devices["can"].Parameters, "arm."))
-    handle = set(schema(devices["serial"].Parameters, "handle."))
-    assert names == arm | handle
+NEW = """
+slave_device:
+  ros__parameters:
+    can: {{channel: {arm}, {can}}}
+    serial: {{port: {board}}}
+"""
+FORMER = """
+slave_device:
+  ros__parameters:
+    can_serial:
+      arm: {{channel: {arm}, {can}}}
+      handle: {{port: {board}}}
+"""
+CAN = (
+    "interface: slcan, options: '{\"sleep_after_open\": 0}', heartbeat_timeout: 2.0,"
+    " estimates_timeout: 1.0, start_timeout: 10.0"
+)
+
+
+@contextmanager
+def plugged(options: dict[str, Any], board: Path) -> Iterator[None]:
+    """Plug in the drives of an arm, and a board that is shaken by 5 m/s^2."""
+    rig = SimulatedSlave(SimulatedSlaveParameters(), RATE, 0)
+    arm = EmulatedArm(options["can"], rig, rate=RATE, watchdog=0.4)
+    identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, 0.0, "tool-1")
+    emulated = EmulatedBoard(identity, board, lambda time: 5.0)
+    ending = threading.Event()
+    line = CanLine(
+        SlcanPort(Path(options["can"].channel)), [arm], RATE, Faults("", CAN_FAULTS, 1.0)
+    )
+    parts = [line, SerialLines([emulated])]
+    thread = threading.Thread(target=run, args=(parts, ending.is_set))
+    thread.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        thread.join()
+        line.close()
+        emulated.close()
+
+
+@pytest.mark.parametrize("text", [NEW, FORMER], ids=["new", "former"])
+def test_arm_and_board_are_given_as_when_either_is_alone(tmp_path: Path, text: str) -> None:
+    file, arm, board = (tmp_path / name for name in ("mine.yaml", "arm", "board"))
+    file.write_text(text.format(arm=arm, board=board, can=CAN))
+    given = read_parameter_file(file)["slave_device"]
+    _, options = node_parameters("slave_device", given)
+    with plugged(options, board):
+        device = SLAVES["can_serial"].from_options("can_serial", options, RATE, 0)
+        with closing(device):
+            device.open()
+
+            def shaken() -> bool:
+                sample = device.read(round((time.monotonic() - 0.05) * RATE) / RATE)
+                return isinstance(sample, Sample) and sample.acceleration == pytest.approx(
+                    5.0, abs=0.01
+                )
+
+            wait_until(shaken, "a sample of both")
+            assert "can: slcan" in device.remark
+            assert "board tool-1" in device.remark
 
 
 @pytest.mark.parametrize("devices", [MASTERS, SLAVES])
 def test_a_part_that_is_not_there_is_named_and_both_are_closed(devices: dict) -> None:
-    kind = devices["can_serial"]
-    parameters = from_flat(
-        kind.Parameters,
-        {
-            "arm.interface": "virtual",
-            "arm.channel": "nobody",
-            "arm.start_timeout": 0.1,
-            "handle.port": "/dev/none",
-        },
-    )
-    device = kind(parameters, 1000.0, 0)
+    side = "master_device" if devices is MASTERS else "slave_device"
+    values = {
+        "can.interface": "virtual",
+        "can.channel": "nobody",
+        "can.start_timeout": 0.1,
+        "serial.port": "/dev/none",
+    }
+    _, options = node_parameters(side, values)
+    device = devices["can_serial"].from_options("can_serial", options, 1000.0, 0)
     with pytest.raises((RuntimeError, ParameterError), match="can: virtual nobody: no heartbeat"):
         device.open()
     device.close()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -13,12 +14,14 @@ from hypothesis import strategies as st
 from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.files import (
     parameter_text,
     read_parameter_file,
     surface_parameters,
 )
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
+from haptic_accel.graph.processes import graph_parameters
 from haptic_accel.materials.folders import config_folder, preset_file
 
 
@@ -81,6 +84,65 @@ def test_a_file_may_give_every_node_the_clock_that_it_has(tmp_path: Path) -> Non
     file.write_text("/**: {ros__parameters: {use_sim_time: true}}")
     with pytest.raises(ParameterError, match="use_sim_time = True: must be false: .* clock"):
         read_parameter_file(file)
+
+
+FORMER_NAMES = """
+/**:
+  ros__parameters: {can_serial.arm.channel: can0}
+master_device:
+  ros__parameters:
+    can_serial: {handle: {port: /dev/board, rearm: auto}}
+    crtk_serial: {arm: {namespace: /MTML}}
+slave_device:
+  ros__parameters: {can_serial: {arm: {channel: can1}}}
+"""
+
+
+def test_former_names_are_read_with_one_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(FORMER_NAMES)
+    values = graph_parameters(GraphArguments(params_file=str(file)))
+    assert read_parameter_file(file)["master_device"] == {
+        "can.channel": "can0",
+        "serial.port": "/dev/board",
+        "serial.rearm": "auto",
+        "crtk.namespace": "/MTML",
+    }
+    assert values["slave_device"]["can.channel"] == "can1"
+    assert caplog.messages == [
+        f"{file}: can_serial.arm.* is can.* now, can_serial.handle.* is serial.* now,"
+        " crtk_serial.arm.* is crtk.* now; the former names are read until the next release"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        (
+            "can_serial.handle.port: /dev/a, serial.port: /dev/b",
+            "can_serial.handle.port = /dev/a: must be /dev/b, as serial.port is: both are"
+            " serial.port now",
+        ),
+        (
+            "can_serial.handle.port: /dev/a, crtk_serial.handle.port: /dev/b",
+            "must be /dev/b, as crtk_serial.handle.port is",
+        ),
+        ("can_serial.handle.prt: /dev/a", "can_serial.handle.prt = '/dev/a': no such parameter"),
+    ],
+)
+def test_former_names_that_mean_nothing_or_two_things_are_refused(
+    tmp_path: Path, given: str, reason: str
+) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"master_device: {{ros__parameters: {{{given}}}}}")
+    with pytest.raises(ParameterError, match=re.escape(reason)):
+        read_parameter_file(file)
+    file.write_text(
+        "master_device: {ros__parameters: {can_serial.handle.port: /dev/a, serial.port: /dev/a}}"
+    )
+    assert read_parameter_file(file)["master_device"] == {"serial.port": "/dev/a"}
 
 
 def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import re
 import pytest
 
 from haptic_accel.core.parameters import ParameterError, allowed_values
+from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.graph.node_parameters import NODES, node_parameters, node_schema
 
 OLDER = {"safety.arm.max_age": 0.2, "safety.actuator.max_age": 0.2}
@@ -23,6 +24,14 @@ def test_every_parameter_is_described_and_its_default_allowed(executable: str) -
             assert specification.admits(default), name
         if specification.choices:
             assert default in (*specification.choices, ""), name
+
+
+@pytest.mark.parametrize(
+    ("executable", "devices"), [("master_device", MASTERS), ("slave_device", SLAVES)]
+)
+def test_a_device_with_the_parameters_of_others_adds_none(executable: str, devices: dict) -> None:
+    parts = {name.partition(".")[0] for name in node_schema(executable)}
+    assert set(devices) - parts == set(devices) & {"pointer", "can_serial", "crtk_serial"}
 
 
 FRAGMENT = re.compile(r"(?i)(of|what|which|how|when|where|if|its?|this|that|those|and|or)\b")

@@ -429,6 +429,17 @@ def test_where_recovery_is_manual_a_service_arms(bench: Bench) -> None:
     assert (answer.success, answer.message) == (False, "emergency stop")
 
 
+@pytest.mark.parametrize("bench", [("can_serial.handle.port:=/dev/board",)], indirect=True)
+def test_a_node_reads_the_former_name_of_a_parameter(
+    capfd: pytest.CaptureFixture[str], bench: Bench
+) -> None:
+    assert bench.node.get_parameter("serial.port").value == "/dev/board"
+    assert not bench.node.has_parameter("can_serial.handle.port")
+    assert (
+        capfd.readouterr().err.count("[master_device]: can_serial.handle.* is serial.* now") == 1
+    )
+
+
 @pytest.mark.parametrize("bench", [("autostart:=false",)], indirect=True)
 def test_states_open_enable_and_close_the_device(bench: Bench) -> None:
     def state() -> str:

@@ -1,0 +1,54 @@
+# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Names that parameters of nodes had before 0.2, which are read in 0.2 for the last time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from haptic_accel.core.parameters import ParameterError, shown
+
+FORMER = {
+    **{"can_serial.arm.": "can.", "can_serial.handle.": "serial."},
+    **{"crtk_serial.arm.": "crtk.", "crtk_serial.handle.": "serial."},
+}
+"""Beginnings of former names, and of those in their place."""
+
+
+def current_names(values: Mapping[str, Any]) -> dict[str, str]:
+    """Return the name that each of the given parameters has now, by that under which it was given.
+
+    Parameters
+    ----------
+    values : mapping
+        Values by dotted name.
+
+    Raises
+    ------
+    ParameterError
+        A parameter has different values under two names.
+    """
+    names = {name: _current(name) for name in values}
+    given = {now: name for name, now in names.items()}
+    for name, now in names.items():
+        if name != given[now] and values[name] != values[given[now]]:
+            raise ParameterError(
+                f"{name} = {shown(str(values[name]))}: must be {shown(str(values[given[now]]))},"
+                f" as {given[now]} is: both are {now} now"
+            )
+    return names
+
+
+def warning_of(names: Iterable[str]) -> str:
+    """Return the warning of the former ones among names; empty where there is none."""
+    begun = {old for name in names for old in FORMER if name.startswith(old)}
+    text = ", ".join(f"{old}* is {new}* now" for old, new in FORMER.items() if old in begun)
+    return text and f"{text}; the former names are read until the next release"
+
+
+def _current(name: str) -> str:
+    """Return the name now of a parameter."""
+    old = next(filter(name.startswith, FORMER), "")
+    return FORMER.get(old, "") + name.removeprefix(old)
