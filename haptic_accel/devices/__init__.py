@@ -12,7 +12,7 @@ from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.can.device import CanMaster, CanSlave
 from haptic_accel.devices.combined import combined
 from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
-from haptic_accel.devices.interface import Device, DeviceError, Sample
+from haptic_accel.devices.interface import Device, DeviceDescription, DeviceError, Sample
 from haptic_accel.devices.outside import MASTERS_GROUP, SLAVES_GROUP, with_outside
 from haptic_accel.devices.playback import ReplayMaster, ReplaySlave
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
@@ -45,4 +45,4 @@ for _devices in (_MASTERS, _SLAVES):
 MASTERS = with_outside(_MASTERS, MASTERS_GROUP, RESERVED)
 SLAVES = with_outside(_SLAVES, SLAVES_GROUP, RESERVED)
 
-__all__ = ["MASTERS", "RESERVED", "SLAVES", "Device", "DeviceError", "Sample"]
+__all__ = ["MASTERS", "RESERVED", "SLAVES", "Device", "DeviceDescription", "DeviceError", "Sample"]

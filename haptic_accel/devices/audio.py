@@ -19,7 +19,7 @@ from haptic_accel.core.actuator.held_force import HeldForce
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
-from haptic_accel.devices.interface import LATER, Device, DeviceError, Joints, Reading, Sample
+from haptic_accel.devices.interface import LATER, Device, DeviceDescription, DeviceError, Reading
 from haptic_accel.devices.simulated import SimulatedDevice
 
 AUDIO = "audio"
@@ -203,7 +203,7 @@ class AudioActuator(Device):
     """
 
     Parameters = AudioParameters
-    AHEAD = True
+    description = DeviceDescription(ahead=True)
 
     def __init__(
         self,
@@ -218,6 +218,7 @@ class AudioActuator(Device):
         self._full_scale = parameters.largest_force
         self._rate = rate
         self._device = device
+        self.parts = (device,)
         self._latency = latency
         self._clock = clock
         self._force = HeldForce()
@@ -326,14 +327,6 @@ class AudioActuator(Device):
         """Lead the hand of the master."""
         self._device.point(position)
 
-    def arm(self) -> bool | None:
-        """Arm the device."""
-        return self._device.arm()
-
-    def joints(self, sample: Sample, force: Vector) -> Joints:
-        """Return the joints of the device."""
-        return self._device.joints(sample, force)
-
     def close(self) -> None:
         """Silence the card at once, and close the device."""
         with ExitStack() as closing:
@@ -350,22 +343,7 @@ class AudioActuator(Device):
             f" {card.rate:g} Hz, supplied {card.lead * 1e3:.1f} ms ahead, full scale"
             f" {self._full_scale:g} N{calibrated}"
         )
-        return "; ".join(filter(None, (self._device.remark, own)))
-
-    @property
-    def unguarded(self) -> str:
-        """Warning of the device; the card itself runs dry, and is silent."""
-        return self._device.unguarded
-
-    @property
-    def problem(self) -> str:
-        """Problem of the device."""
-        return self._device.problem
-
-    @property
-    def ended(self) -> bool:
-        """True once the device has ended."""
-        return self._device.ended
+        return "; ".join(filter(None, (super().remark, own)))
 
     @property
     def late(self) -> int:

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from typing import Any, ClassVar
 
 from haptic_accel.core.model import Vector
-from haptic_accel.devices.interface import LATER, Device, Joints, Reading, Sample
+from haptic_accel.devices.interface import LATER, Device, DeviceDescription, Reading
 
 
 class CombinedDevice(Device):
@@ -32,12 +32,12 @@ class CombinedDevice(Device):
     def __init__(self, arm: Any, handle: Any, rate: float, seed: int) -> None:
         self._arm = self.ArmDevice(arm, rate, seed)
         self._handle = self.HandleDevice(handle, rate, seed)
-        self._parts = {"arm": self._arm, "handle": self._handle}
+        self.parts = self._arm, self._handle
 
     def open(self) -> None:
         """Open both, or leave both closed."""
         with ExitStack() as opened:
-            for device in self._parts.values():
+            for device in self.parts:
                 opened.callback(device.close)
                 device.open()
             opened.pop_all()
@@ -64,48 +64,17 @@ class CombinedDevice(Device):
         if arm_force is not None:
             self._arm.write(time, arm_force=arm_force)
 
-    def arm(self) -> bool | None:
-        """Arm both; return False if one cannot, None if one takes a while."""
-        answers = self._arm.arm(), self._handle.arm()
-        if False in answers:
-            return False
-        return None if None in answers else True
-
-    def joints(self, sample: Sample, force: Vector) -> Joints:
-        """Return the arm's joints."""
-        return self._arm.joints(sample, force)
-
     def close(self) -> None:
         """Leave both without force, one also when the other fails."""
         with ExitStack() as closing:
-            for device in self._parts.values():
+            for device in self.parts:
                 closing.callback(device.close)
-
-    @property
-    def remark(self) -> str:
-        """Remarks of both."""
-        return "; ".join(device.remark for device in self._parts.values() if device.remark)
-
-    @property
-    def unguarded(self) -> str:
-        """Warnings of both."""
-        return "; ".join(each.unguarded for each in self._parts.values() if each.unguarded)
-
-    @property
-    def problem(self) -> str:
-        """Problems of both."""
-        return "; ".join(device.problem for device in self._parts.values() if device.problem)
-
-    @property
-    def late(self) -> int:
-        """Number of forces that either part applied late."""
-        return self._arm.late + self._handle.late
 
     def status(self) -> dict[str, int]:
         """Return the counts of both, with the part as prefix."""
         return {
             f"{part}_{name}": count
-            for part, device in self._parts.items()
+            for part, device in zip(("arm", "handle"), self.parts, strict=True)
             for name, count in device.status().items()
         }
 
@@ -124,5 +93,5 @@ def combined(devices: Mapping[str, type[Device]], arm: str, handle: str) -> type
     """
     parts = {"ArmDevice": devices[arm], "HandleDevice": devices[handle]}
     name = "".join(part.__name__ for part in parts.values())
-    own = {"PARAMETERS_OF": (arm, handle), "AHEAD": devices[handle].AHEAD}
-    return type(name, (CombinedDevice,), {**parts, **own})
+    described = DeviceDescription((arm, handle), ahead=devices[handle].description.ahead)
+    return type(name, (CombinedDevice,), {**parts, "description": described})

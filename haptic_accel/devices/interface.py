@@ -6,12 +6,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from haptic_accel.core.model import LATER, Reading, Sample, Vector
+from haptic_accel.core.parameters import Checked
 
-__all__ = ["LATER", "Device", "DeviceError", "Joints", "Reading", "Sample"]
+__all__ = ["LATER", "Device", "DeviceDescription", "DeviceError", "Joints", "Reading", "Sample"]
 
 D = TypeVar("D", bound="Device")
 
@@ -29,39 +31,67 @@ class DeviceError(RuntimeError):
     """Failure to open a device or to get an answer; the message is one line fit to be shown."""
 
 
+@dataclass(frozen=True)
+class NoParameters(Checked):
+    """No parameters."""
+
+
+@dataclass(frozen=True)
+class DeviceDescription:
+    """What the graph has to know of a device's class before one is built.
+
+    Attributes
+    ----------
+    parameters_of : tuple of str
+        Names of the devices whose parameters it has in place of own ones, in the order in which
+        it is built with them.
+    changeable : tuple of str
+        Dotted names of the parameters that `Device.change` accepts, own ones or those of the
+        first in `parameters_of`.
+    ahead : bool
+        `Device.write` accepts an actuator force ahead of its due time; the device applies it then
+        by its own clock.
+    pointed : bool
+        It has a simulated hand that `Device.point` leads.
+    """
+
+    parameters_of: tuple[str, ...] = ()
+    changeable: tuple[str, ...] = ()
+    ahead: bool = False
+    pointed: bool = False
+
+    def owners(self, name: str) -> tuple[str, ...]:
+        """Return the names of the devices whose parameters a device of a name has."""
+        return self.parameters_of or (name,)
+
+
 class Device(ABC):
     """Arm with an accelerometer, and at the master an actuator in the handle.
 
-    A subclass names its parameter dataclass in `Parameters`; the device nodes declare its
-    fields as ROS parameters below the device's name. Times are seconds on the caller's
-    clock, from any origin and never backwards; a device with a clock of its own may ignore
-    them.
+    A subclass names its parameter dataclass in `Parameters`, if it has parameters; the device
+    nodes declare its fields as ROS parameters below the device's name. Where the defaults of
+    `DeviceDescription` do not hold, it has a `description` of its own. Times are seconds on the
+    caller's clock, from any origin and never backwards; a device with a clock of its own may
+    ignore them.
 
     Parameters
     ----------
     parameters
-        An instance of the class' `Parameters`, or one for each name in `PARAMETERS_OF`.
+        An instance of the class' `Parameters`, or one for each name in `parameters_of` of its
+        description.
     rate : float
         Rate at which it will be read, Hz.
     seed : int
         Seed of its random numbers, if it has any.
     """
 
-    Parameters: ClassVar[type]
+    Parameters: ClassVar[type] = NoParameters
 
-    AHEAD: ClassVar[bool] = False
-    """True if `write` accepts an actuator force ahead of its due time; the device applies it then
-    by its own clock."""
+    description: ClassVar[DeviceDescription] = DeviceDescription()
 
-    CHANGEABLE: ClassVar[tuple[str, ...]] = ()
-    """Dotted names of the parameters that `change` accepts."""
-
-    PARAMETERS_OF: ClassVar[tuple[str, ...]] = ()
-    """Names of the devices whose parameters it has in place of own ones, in the order in which
-    it is built with them."""
-
-    POINTED: ClassVar[bool] = False
-    """True if it has a simulated hand that `point` leads."""
+    parts: Sequence[Device] = ()
+    """Devices that it is made of, its arm first: their joints, remarks, warnings and problems are
+    its own, and it arms them all."""
 
     @abstractmethod
     def __init__(self, parameters: Any, rate: float, seed: int) -> None: ...
@@ -80,7 +110,7 @@ class Device(ABC):
         rate : float
         seed : int
         """
-        own = [options[each] for each in cls.PARAMETERS_OF or (name,)]
+        own = [options[each] for each in cls.description.owners(name)]
         return cls(*[*own, rate, seed])
 
     @abstractmethod
@@ -128,8 +158,8 @@ class Device(ABC):
         ----------
         time : float
             The tick read last at which the forces are due, or now for forces that come after
-            it. With `AHEAD`, the time to come at which the actuator's force is due; one for a
-            time that has passed acts at once, and discards those that are not due yet.
+            it. Described as `ahead`, the time to come at which the actuator's force is due; one
+            for a time that has passed acts at once, and discards those that are not due yet.
         arm_force : tuple of float, optional
             Force of the arm's motors in its base frame, N.
         actuator_force : float, optional
@@ -147,14 +177,14 @@ class Device(ABC):
         Parameters
         ----------
         parameters
-            An instance of the class' `Parameters` that differs in `CHANGEABLE` only.
+            An instance of the class' `Parameters` that differs in `changeable` ones only.
 
         Raises
         ------
         ParameterError
             They cannot be changed now; nothing has changed.
         """
-        raise NotImplementedError(f"{type(self).__name__} names no CHANGEABLE parameter")
+        raise NotImplementedError(f"{type(self).__name__} has no changeable parameter")
 
     def point(self, position: Vector) -> None:
         """Lead the simulated hand to a position in the arm's base frame, m."""
@@ -168,7 +198,10 @@ class Device(ABC):
         bool or None
             True if it succeeded; None if that takes a while to find out.
         """
-        return True
+        answers = [part.arm() for part in self.parts]
+        if False in answers:
+            return False
+        return None if None in answers else True
 
     @abstractmethod
     def close(self) -> None:
@@ -183,6 +216,8 @@ class Device(ABC):
         force : tuple of float
             Force of the arm's motors at that time, N.
         """
+        if self.parts:
+            return self.parts[0].joints(sample, force)
         return Joints(("x", "y", "z"), sample.position, sample.velocity, force)
 
     @property
@@ -193,22 +228,22 @@ class Device(ABC):
     @property
     def remark(self) -> str:
         """Remark for the log once it is open; empty for none."""
-        return ""
+        return _joined(part.remark for part in self.parts)
 
     @property
-    def unguarded(self) -> str:
+    def hang_warning(self) -> str:
         """Warning that a force may outlast this process where it hangs; empty where none can."""
-        return ""
+        return _joined(part.hang_warning for part in self.parts)
 
     @property
     def problem(self) -> str:
         """Reason why there are no samples or no forces, in one line; empty if there is none."""
-        return ""
+        return _joined(part.problem for part in self.parts)
 
     @property
     def ended(self) -> bool:
         """True once it has ended, and the graph with it: the end of a recording."""
-        return False
+        return any(part.ended for part in self.parts)
 
     @property
     def late(self) -> int:
@@ -216,8 +251,13 @@ class Device(ABC):
 
         Forces that were given to `write` after their due time do not count.
         """
-        return 0
+        return sum(part.late for part in self.parts)
 
     def status(self) -> dict[str, int]:
         """Return counts for the diagnostics, by name."""
         return {}
+
+
+def _joined(lines: Iterable[str]) -> str:
+    """Return those of some lines that are not empty as one."""
+    return "; ".join(filter(None, lines))

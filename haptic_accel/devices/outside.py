@@ -8,12 +8,11 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, cast
 
 from haptic_accel.core.parameters import Checked, one_line, schema
-from haptic_accel.devices.interface import Device, DeviceError
+from haptic_accel.devices.interface import Device, DeviceDescription, DeviceError
 
 MASTERS_GROUP, SLAVES_GROUP = "haptic_accel.masters", "haptic_accel.slaves"
 """Groups of entry points: drivers of the master's and of the slave's arm."""
@@ -50,34 +49,45 @@ def with_outside(
                 "driver %r of package %s: not used: its name %s", each.name, package, reason
             )
             continue
-        found[each.name] = _loaded(each, package)
+        found[each.name] = _loaded(each, package, found)
     return found
 
 
-def _loaded(entry: EntryPoint, package: str) -> type[Device]:
+def _loaded(entry: EntryPoint, package: str, known: Mapping[str, type[Device]]) -> type[Device]:
     """Return the class of a driver, or one that states why there is none."""
     try:
         kind = entry.load()
     except Exception as error:  # whatever a module of somebody else raises
         return _unusable(f"package {package}: {type(error).__name__}: {one_line(error)}")
+    if problem := _problem(kind, known):
+        return _unusable(f"package {package}: {entry.value}: {problem}")
+    return cast(type[Device], kind)
+
+
+def _problem(kind: Any, known: Mapping[str, type[Device]]) -> str:
+    """Return what makes a loaded object no driver; empty if it is one."""
     if not (isinstance(kind, type) and issubclass(kind, Device)):
-        return _unusable(f"package {package}: {entry.value}: must be a subclass of Device")
-    parameters = getattr(kind, "Parameters", None)
+        return "must be a subclass of Device"
+    described, parameters = kind.description, kind.Parameters
+    if not isinstance(described, DeviceDescription):
+        return "description must be a DeviceDescription"
+    own = {name: each for name, each in known.items() if not each.description.parameters_of}
+    for name in described.parameters_of:
+        if name not in own:
+            return f"description.parameters_of: {name}: must be one of {', '.join(own)}"
+    if described.parameters_of:
+        parameters = own[described.parameters_of[0]].Parameters
     if not (isinstance(parameters, type) and issubclass(parameters, Checked)):
-        return _unusable(
-            f"package {package}: {entry.value}: Parameters must be a Checked dataclass"
-        )
+        return "Parameters must be a Checked dataclass"
     try:
-        schema(parameters)
+        names = schema(parameters)
         parameters()
     except Exception as error:  # a field of a type that no parameter has, or without a default
-        return _unusable(f"package {package}: {entry.value}: Parameters: {one_line(error)}")
-    return kind
-
-
-@dataclass(frozen=True)
-class _NoParameters(Checked):
-    """No parameters."""
+        return f"Parameters: {one_line(error)}"
+    for name in described.changeable:
+        if name not in names:
+            return f"description.changeable: {name}: must be one of {', '.join(names)}"
+    return ""
 
 
 def _unusable(reason: str) -> type[Device]:
@@ -86,8 +96,6 @@ def _unusable(reason: str) -> type[Device]:
     def refuse(device: Device, parameters: Any, rate: float, seed: int) -> None:
         raise DeviceError(reason)
 
-    kind: Any = type(
-        "UnusableDevice", (Device,), {"Parameters": _NoParameters, "__init__": refuse}
-    )
+    kind: Any = type("UnusableDevice", (Device,), {"__init__": refuse})
     kind.__abstractmethods__ = frozenset()  # none of its methods is ever called
     return cast(type[Device], kind)

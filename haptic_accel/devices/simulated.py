@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
@@ -16,7 +16,7 @@ from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, Vibrating
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.core.surfaces.texture import Texture
-from haptic_accel.devices.interface import Device
+from haptic_accel.devices.interface import Device, DeviceDescription
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
@@ -42,7 +42,7 @@ class SimulatedMaster(SimulatedDevice):
     """Hand, handle, voice coil and arm."""
 
     Parameters = MasterRigParameters
-    CHANGEABLE = tuple(schema(GripParameters, "grip."))
+    description = DeviceDescription(changeable=tuple(schema(GripParameters, "grip.")))
 
     _rig: MasterRig
 
@@ -57,8 +57,7 @@ class SimulatedMaster(SimulatedDevice):
 class PointerMaster(SimulatedMaster):
     """The simulated master whose hand is led by points in place of its script."""
 
-    PARAMETERS_OF = ("simulated",)
-    POINTED = True
+    description = replace(SimulatedMaster.description, parameters_of=("simulated",), pointed=True)
     REACH = WORKSPACE
 
     def __init__(self, parameters: MasterRigParameters, rate: float, seed: int) -> None:
@@ -96,7 +95,7 @@ class SimulatedSlave(SimulatedDevice):
     """Tool and arm on a surface."""
 
     Parameters = SimulatedSlaveParameters
-    CHANGEABLE = tuple(schema(SurfaceParameters, "surface."))
+    description = DeviceDescription(changeable=tuple(schema(SurfaceParameters, "surface.")))
 
     _rig: SlaveRig
 

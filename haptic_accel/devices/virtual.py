@@ -12,6 +12,7 @@ from haptic_accel.core.bounded_work import without_bounded_work
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import parameter
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
+from haptic_accel.devices.interface import DeviceDescription
 from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.materials.scenes import read_scene
 
@@ -30,7 +31,7 @@ class VirtualSlave(SimulatedDevice):
     """Tool and arm in a scene."""
 
     Parameters = VirtualSlaveParameters
-    CHANGEABLE = ("scene",)
+    description = DeviceDescription(changeable=("scene",))
 
     _rig: VirtualRig
 

@@ -218,7 +218,7 @@ def _kinds(classes: Mapping[str, Any]) -> dict[str, type]:
 
 def _device_parts(devices: Mapping[str, Any], safety: type) -> dict[str, type]:
     """Return the parameters of a device node's parts, by name."""
-    own = {name: kind for name, kind in devices.items() if not kind.PARAMETERS_OF}
+    own = {name: kind for name, kind in devices.items() if not kind.description.parameters_of}
     return {**_kinds(own), SAFETY: safety, POSITION_SERVO: PositionServoParameters}
 
 

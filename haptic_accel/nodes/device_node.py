@@ -77,14 +77,15 @@ class DeviceNode(ManagedNode):
         super().__init__(
             executable,
             [
-                f"{name}.{field}"
+                f"{kind.description.owners(name)[0]}.{field}"
                 for name, kind in devices.items()
-                for field in kind.CHANGEABLE
-                if not kind.PARAMETERS_OF  # which are those of another
+                for field in kind.description.changeable
             ],
         )
         p = self.parameters
         self._kind = devices[p.device]
+        self._owner = self._kind.description.owners(p.device)[0]
+        self._parameters_kind = devices[self._owner].Parameters
         self.device = self._build_device()
         self.safety = SafetyLayer(self.options[SAFETY], p.rate)
         self.arm = arm.position.source
@@ -109,7 +110,9 @@ class DeviceNode(ManagedNode):
             self._inboxes[ACTUATOR] = self.inbox(arm.actuator_force)
         self._senders = dict.fromkeys(self._inboxes, 0)
         # The newest is enough; of more, none may hold up a tick.
-        self._points = self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.POINTED else None
+        self._points = (
+            self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.description.pointed else None
+        )
         self._queries = Queries(self, arm)
         self._motions = Motions(self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm)
         self.side = DeviceSide(
@@ -119,7 +122,7 @@ class DeviceNode(ManagedNode):
             p.latency,
             steady_now,
             kinds=tuple(self._inboxes),
-            ahead=(ACTUATOR,) if self.device.AHEAD else (),
+            ahead=(ACTUATOR,) if self.device.description.ahead else (),
             servo=self._motions.servo,
             receive=self._receive,
         )
@@ -144,8 +147,8 @@ class DeviceNode(ManagedNode):
             self.device.open()
             if self.device.remark:
                 self.get_logger().info(self.device.remark)
-            if self.device.unguarded:
-                self.get_logger().warning(self.device.unguarded)
+            if self.device.hang_warning:
+                self.get_logger().warning(self.device.hang_warning)
             self.side.start(self.device)
         except Exception as error:  # rclpy would keep it to itself
             self._failure = error
@@ -185,14 +188,12 @@ class DeviceNode(ManagedNode):
 
     def change(self, values: dict[str, Any]) -> None:
         """Change parameters of the running device."""
-        name, *_ = self._kind.PARAMETERS_OF or (self.parameters.device,)
+        name, kind = self._owner, self._parameters_kind
         for changed in values:
-            if changed not in [f"{name}.{field}" for field in self._kind.CHANGEABLE]:
+            if changed not in [f"{name}.{field}" for field in self._kind.description.changeable]:
                 raise ParameterError(f"{changed}: the device is {self.parameters.device}")
-        known = {
-            key: self.get_parameter(key).value for key in schema(self._kind.Parameters, f"{name}.")
-        }
-        parameters: Any = from_flat(self._kind.Parameters, known | values, f"{name}.")
+        known = {key: self.get_parameter(key).value for key in schema(kind, f"{name}.")}
+        parameters: Any = from_flat(kind, known | values, f"{name}.")
         self.device.change(parameters)
         self.options[name] = parameters
 

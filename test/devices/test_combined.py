@@ -78,7 +78,7 @@ class Noted(Device):
         return self.name
 
     @property
-    def unguarded(self) -> str:
+    def hang_warning(self) -> str:
         return self.name if self.parameters.silent else ""
 
     @property
@@ -126,8 +126,8 @@ def test_motion_is_the_arm_s_and_acceleration_the_handle_s() -> None:
     assert device.status() == {"arm_count": 1, "handle_count": 2}
     assert device.late == 3
     assert device.remark == "the arm; the handle"
-    assert device.unguarded == ""
-    assert built(arm__silent=True).unguarded == "the arm"
+    assert device.hang_warning == ""
+    assert built(arm__silent=True).hang_warning == "the arm"
     assert not device.ended
 
 

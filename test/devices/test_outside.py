@@ -12,6 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.process import module_command
@@ -19,12 +21,13 @@ from haptic_accel.core.topics import HANDLE_ACCELERATION
 from haptic_accel.devices import RESERVED
 from haptic_accel.graph.arguments import PLAYED_TOPICS
 from haptic_accel.graph.node_parameters import NODES
+from observing import Observer
 from running import Command
 
 DRIVER = """
 from dataclasses import dataclass
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.devices import Device, Sample
+from haptic_accel.devices import Device, DeviceDescription, Sample
 
 @dataclass(frozen=True)
 class LabParameters(Checked):
@@ -45,10 +48,36 @@ class LabMaster(Device):
 
     def close(self): ...
 
+class Described(LabMaster):
+    description = DeviceDescription(changeable=("bias",))
+
+    def change(self, parameters):
+        self._bias = parameters.bias
+
+class Borrowing(Device):
+    description = DeviceDescription(parameters_of=("serial", "can"))
+
+    def __init__(self, serial, can, rate, seed):
+        self._bias = serial.calibration.gain + can.start_timeout
+
+    open = LabMaster.open
+    read = LabMaster.read
+    write = LabMaster.write
+    close = LabMaster.close
+
 class Wrong: ...
 
 class WithoutParameters(LabMaster):
     Parameters = dict
+
+class Undescribed(LabMaster):
+    description = {"ahead": True}
+
+class OfNobody(LabMaster):
+    description = DeviceDescription(parameters_of=("can_serial",))
+
+class Unchangeable(LabMaster):
+    description = DeviceDescription(changeable=("gain",))
 """
 
 Install = Callable[..., None]
@@ -104,6 +133,34 @@ def test_a_driver_runs_with_its_parameters(
     assert recorded[-1].tolist() == [0.0, 0.0, 7.0]
 
 
+def test_a_driver_is_built_with_the_parameters_that_it_is_described_to_have(
+    install: Install, haptic_accel: Callable[..., Command], tmp_path: Path
+) -> None:
+    install("lab", "lab_arm:Borrowing")
+    (tmp_path / "lab.yaml").write_text(
+        "master_device: {ros__parameters: {serial.calibration.gain: 4.0, can.start_timeout: 3.0}}"
+    )
+    words = "master:=lab", "params_file:=lab.yaml", "rate:=200.0", "duration:=0.5", "bag:=bag"
+    graph = haptic_accel("teleop", *words)
+    assert graph.end() == 0, graph.text
+    recorded = read_bag(tmp_path / "bag").signals[HANDLE_ACCELERATION.name].values
+    assert recorded[-1].tolist() == [0.0, 0.0, 7.0]
+
+
+def test_a_parameter_is_changed_as_the_driver_is_described(
+    install: Install, haptic_accel: Callable[..., Command], observer: Observer
+) -> None:
+    install("lab", "lab_arm:Described")
+    graph = haptic_accel("teleop", "master:=lab", "rate:=200.0", "record:=false")
+    graph.wait_for("engaged")
+    value = Parameter("lab.bias", value=7.0).to_parameter_msg()
+    request = SetParameters.Request(parameters=[value])
+    (result,) = observer.call(SetParameters, "master_device/set_parameters", request).results
+    assert result.successful, result.reason
+    felt = observer.collect((HANDLE_ACCELERATION,), 3)[HANDLE_ACCELERATION.name]
+    assert felt[-1].accel.linear.z == 7.0
+
+
 @pytest.mark.parametrize(
     ("target", "reason"),
     [
@@ -111,6 +168,15 @@ def test_a_driver_runs_with_its_parameters(
         ("lab_arm:Missing", "AttributeError: module 'lab_arm' has no attribute 'Missing'"),
         ("lab_arm:Wrong", "lab_arm:Wrong: must be a subclass of Device"),
         ("lab_arm:WithoutParameters", "lab_arm:WithoutParameters: Parameters must be a Checked"),
+        ("lab_arm:Undescribed", "lab_arm:Undescribed: description must be a DeviceDescription"),
+        (
+            "lab_arm:OfNobody",
+            "lab_arm:OfNobody: description.parameters_of: can_serial: must be one of simulated,",
+        ),
+        (
+            "lab_arm:Unchangeable",
+            "lab_arm:Unchangeable: description.changeable: gain: must be one of bias",
+        ),
     ],
 )
 def test_a_broken_driver_is_named_where_it_is_asked_for(

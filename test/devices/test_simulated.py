@@ -237,8 +237,8 @@ def test_status_counts_what_was_cut() -> None:
 
 @both
 def test_what_can_be_changed_is_among_the_parameters(device_class: type[Device]) -> None:
-    assert device_class.CHANGEABLE
-    assert set(device_class.CHANGEABLE) <= set(schema(device_class.Parameters))
+    assert device_class.description.changeable
+    assert set(device_class.description.changeable) <= set(schema(device_class.Parameters))
 
 
 def test_a_slave_goes_on_on_another_surface() -> None:

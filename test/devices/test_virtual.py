@@ -72,4 +72,4 @@ def test_a_running_device_does_not_wait_for_a_scene_to_be_examined(
 
 
 def test_what_can_be_changed_is_among_the_parameters() -> None:
-    assert set(VirtualSlave.CHANGEABLE) <= set(schema(VirtualSlaveParameters))
+    assert set(VirtualSlave.description.changeable) <= set(schema(VirtualSlaveParameters))

@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 import rclpy
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
+from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
@@ -28,7 +30,7 @@ from haptic_accel.core.actuator.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_A
 from haptic_accel.core.emergency_stop import RECENT
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.devices import MASTERS, DeviceError, Sample
+from haptic_accel.devices import MASTERS, DeviceDescription, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.graph.claims import claim_signal
 from haptic_accel.nodes.graph_node import GraphNode
@@ -440,6 +442,24 @@ def test_a_node_reads_the_former_name_of_a_parameter(
     )
 
 
+@pytest.mark.parametrize(
+    ("bench", "refusal"),
+    [
+        (("device:=pointer",), ""),
+        (("device:=serial", "serial.port:=/dev/none", "autostart:=false"), "the device is serial"),
+    ],
+    indirect=["bench"],
+)
+def test_the_parameters_of_another_device_are_changed_where_they_are_used(
+    bench: Bench, refusal: str
+) -> None:
+    posture = Parameter("simulated.grip.posture", value="hook").to_parameter_msg()
+    request = SetParameters.Request(parameters=[posture])
+    (result,) = bench.call(SetParameters, "master_device/set_parameters", request).results
+    assert result.successful == (not refusal)
+    assert refusal in result.reason
+
+
 @pytest.mark.parametrize("bench", [("autostart:=false",)], indirect=True)
 def test_states_open_enable_and_close_the_device(bench: Bench) -> None:
     def state() -> str:
@@ -556,7 +576,7 @@ def test_a_force_that_comes_late_is_applied_on_arrival_and_counted(bench: Bench)
 def late_at_device(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Make the device one that applies forces itself; the list holds how many were late there."""
     counted = [7]
-    monkeypatch.setattr(Witness, "AHEAD", True)
+    monkeypatch.setattr(Witness, "description", DeviceDescription(ahead=True))
     monkeypatch.setattr(Witness, "late", property(lambda device: counted[0]))
     return counted
 

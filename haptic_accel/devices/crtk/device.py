@@ -99,7 +99,7 @@ class CrtkArm(Device):
         return f"crtk: no crtk_msgs: {self._p.arm} must be enabled by other means"
 
     @property
-    def unguarded(self) -> str:
+    def hang_warning(self) -> str:
         """Warning that CRTK has no word on forces that are no longer sent."""
         return (
             f"crtk: if this process hangs, only a watchdog of {self._p.arm}'s own ends its force;"

@@ -14,7 +14,14 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.devices.connection import AUTO, MANUAL
-from haptic_accel.devices.interface import LATER, Device, DeviceError, Reading, Sample
+from haptic_accel.devices.interface import (
+    LATER,
+    Device,
+    DeviceDescription,
+    DeviceError,
+    Reading,
+    Sample,
+)
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.protocol import Samples
@@ -263,7 +270,7 @@ class SerialMaster(SerialDevice):
     """Handle with an accelerometer and a voice coil."""
 
     Parameters = SerialMasterParameters
-    AHEAD = True
+    description = DeviceDescription(ahead=True)
 
     def arm(self) -> bool | None:
         """Request that the board allow forces again; return False without a board."""

@@ -85,7 +85,7 @@ def test_an_arm_is_read_and_pushed_and_left_without_force(
 
 
 def test_who_relies_on_the_arm_s_own_watchdog_is_told() -> None:
-    assert "only a watchdog of /somebody/slave's own" in built().unguarded
+    assert "only a watchdog of /somebody/slave's own" in built().hang_warning
 
 
 def test_an_arm_is_enabled_when_it_is_opened(start: Callable[..., Command]) -> None:
