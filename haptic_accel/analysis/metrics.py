@@ -287,7 +287,7 @@ COMPENSATOR = "compensator"
 
 
 def _deviation(segment: Segment) -> list[str]:
-    """Return where the handle did not respond as the compensator was told, and since when.
+    """Return the bands and times at which the handle differed from the compensator's plant model.
 
     A compensator that reported has judged that itself, with samples as they came: of a bag with
     lost samples and late forces more would be said than is true.

@@ -24,7 +24,7 @@ from haptic_accel.graph.node_parameters import NODES, node_schema
 
 @dataclass(frozen=True)
 class Rig:
-    """A virtual rig by its name, with parameters of its own.
+    """Virtual rig by name, with changed parameters.
 
     Parameters
     ----------

@@ -310,12 +310,12 @@ class _Known:
 
     @property
     def told(self) -> Plant | None:
-        """The plant as the compensator was told."""
+        """Plant model of the compensator."""
         found = self.controllers.get(PLANT)
         return found.coupled() if found else None
 
     def plant(self, condition: Condition) -> Plant | None:
-        """Return the plant under a condition: as simulated, or as the compensator was told."""
+        """Return the plant of a condition: the simulated one, or the compensator's model."""
         if self.rig is None:
             return self.told
         grip = self.rig.master.grip

@@ -207,7 +207,7 @@ def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
 
 
 def _deviations(analysis: Analysis) -> list[str]:
-    """Return a sentence on trials whose handle was not as the compensator was told."""
+    """Return a sentence on trials whose handle differed from the compensator's plant model."""
     said = ([*t.notes, *t.segment.delivery.warnings] for t in analysis.trials)
     found = [next((line for line in lines if DEVIATES in line), "") for lines in said]
     found = list(filter(None, found))

@@ -142,7 +142,7 @@ class Across:
 
 
 def host_of(recorded: Bag) -> Host | None:
-    """Return what a bag says of two hosts; None for a graph on one host, or without a tool."""
+    """Return a bag's facts about two hosts; None for a graph on one host, or without a tool."""
     arguments = recorded.facts.get("arguments")
     tool = recorded.signals.get(topics.TOOL_ACCELERATION.name)
     if not isinstance(arguments, dict) or tool is None:

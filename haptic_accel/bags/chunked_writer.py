@@ -69,7 +69,7 @@ class _Pending:
 
 @dataclass(frozen=True)
 class _Mark:
-    """State of the file after one of its chunks: length, checksum, and what it holds."""
+    """State of the file after a chunk: length, checksum and contents."""
 
     end: int
     sum: int
@@ -274,7 +274,7 @@ class ChunkedWriter:
         )
 
     def _put_index(self, metadata_index: bytes) -> None:
-        """Write the index of the file, which has a checksum of its own, and the file's end."""
+        """Write the index of the file with its checksum, and the end of the file."""
         start, self._sum = self._end, 0
         offsets = b""
         for kind, records in {

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes a bag on a thread of its own, so that nothing waits for the disk."""
+"""Writer of bags on a separate thread, so that nothing waits for the disk."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Load:
 
 
 class BagWriter:
-    """Writes messages to a bag on a thread of its own, from a bounded queue.
+    """Writer of messages to a bag, on a separate thread with a bounded queue.
 
     Parameters
     ----------

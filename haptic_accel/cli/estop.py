@@ -148,13 +148,13 @@ def _devices(node: Node, *, everywhere: bool) -> Iterator[tuple[str, str]]:
 
 
 def _is_elsewhere(node: Node, namespace: str, arm: ArmTopics) -> bool:
-    """Return whether an arm is on a peer host, so that the coupler says here where it is."""
+    """Return whether an arm is on a peer host, whose state the coupler reports here."""
     senders = node.get_publishers_info_by_topic(f"{namespace}/{arm.position.name}")
     return any(sender.node_name == "coupler" for sender in senders)
 
 
 def _release(namespace: str) -> str:
-    """Release the graph of a namespace; return a line that says who takes forces again."""
+    """Release the graph of a namespace; return a line on the devices that take forces again."""
     from haptic_accel.cli.joining import connected
 
     for _ in range(ATTEMPTS):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Joining a running graph from a process of its own.
+"""Join a running graph from a separate process.
 
 Imports ROS, which takes a while: load it where it is used.
 """

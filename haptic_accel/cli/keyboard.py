@@ -25,7 +25,7 @@ BACKGROUND_PERIOD = 0.5
 
 @contextmanager
 def on_key(key: bytes, act: Callable[[], None]) -> Iterator[bool]:
-    """Call a function, on a thread of its own, whenever a key is pressed, without Enter.
+    """Call a function on a separate thread whenever a key is pressed, without Enter.
 
     Nothing is read where the standard input is no terminal, or another program's. Ctrl-C and the
     like remain signals. The terminal is as it was before when the context is left.

@@ -86,7 +86,7 @@ def _status(
 
 
 def _exit(act: Callable[[], int | None], name: str) -> NoReturn:
-    """Exit with the status that a function returns, or with that of its error, told in one line.
+    """Exit with the status of a function, or with that of its error after one line about it.
 
     An error that is no answer to the user's words, nor to the state of the machine, is a fault of
     this program, and raised.

@@ -173,7 +173,7 @@ lockstep_option = click.option(
 
 
 def workers_options(verb: F) -> F:
-    """Let a verb take the processes that run its conditions side by side."""
+    """Add the options for the processes that run conditions side by side."""
 
     @wraps(verb)
     def with_workers(*given: Any, jobs: int, executor: str, **settings: Any) -> Any:
@@ -201,7 +201,7 @@ def workers_options(verb: F) -> F:
 
 
 def controllers_option(known: Iterable[str], default: Iterable[str] = ()) -> Callable[[F], F]:
-    """Let a verb take several controllers."""
+    """Add the option for several controllers."""
     names = list(known)
     return click.option(
         "--controllers",
@@ -216,17 +216,17 @@ def controllers_option(known: Iterable[str], default: Iterable[str] = ()) -> Cal
 def words(
     *kinds: type[Checked], describe: Describe | None = None, metavar: str = "[key:=value ...]"
 ) -> Callable[[F], F]:
-    """Let a verb take ``key:=value`` words, in any order among its options."""
+    """Add an argument of ``key:=value`` words, in any order among the options."""
     return click.argument("words", cls=Words, kinds=kinds, describe=describe, metavar=metavar)
 
 
 def arguments(kind: type[Checked]) -> Callable[[F], F]:
-    """Let a verb take ``key:=value`` words, which it receives as the dataclass they declare."""
+    """Add an argument of ``key:=value`` words, which the verb receives as a dataclass."""
     return click.argument("arguments", cls=Words, kinds=[kind], metavar="[key:=value ...]")
 
 
 def word_options(names: Iterable[str]) -> Callable[[F], F]:
-    """Let a verb take some of its words as options too."""
+    """Add options that mean the same as some of the words."""
 
     def declare(verb: F) -> F:
         for name in reversed([*names]):

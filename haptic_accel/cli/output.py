@@ -24,7 +24,7 @@ LINE_ENDS = "\n\t"
 
 @contextmanager
 def printable_output() -> Iterator[None]:
-    """Let the standard streams escape what a terminal would obey, as names in files may have it.
+    """Escape control characters on the standard streams, as names in files may hold some.
 
     The streams stay the same objects, and what `rich` writes, which has passed `print_table` and
     colours it, is left alone.

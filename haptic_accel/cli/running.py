@@ -93,7 +93,7 @@ def _write(data: bytes) -> None:
 
 
 def _lose_output() -> None:
-    """Lead the standard output to nowhere, and the standard error if nobody reads it either."""
+    """Redirect the standard output to nowhere, and the standard error if it has no reader."""
     look = select.poll()
     look.register(2, 0)
     lost = (1, 2) if look.poll(0) else (1,)
@@ -188,7 +188,7 @@ def run_shown(
 
 
 def _hints(processes: Sequence[Process], keys: bool) -> Iterator[str]:
-    """Say how to look at a graph, stop it and end it."""
+    """Yield hints on viewing, stopping and ending a graph."""
     stop = "space" if keys else "haptic-accel estop in another terminal"
     yield f"emergency stop: {stop}; end: Ctrl-C"
     if any(process.executable == SCOPE for process in processes):

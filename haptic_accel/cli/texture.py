@@ -143,7 +143,7 @@ def import_file(file: Path, rate: float, calibration: float | None, out: Path) -
 @click.option("--out", type=FILE, metavar="FILE", show_default="NAME.png", help="Plot to write.")
 @json_option
 def show(model: str, out: Path | None, json_file: Path | None) -> None:
-    """Show where a model comes from, what it covers, and its spectra."""
+    """Show a model's provenance, range and spectra."""
     found = read_texture(preset_file("texture", model))
     order, moving = found.lsf.shape[1], found.ma_lsf.shape[1]
     rms = _rms(found)

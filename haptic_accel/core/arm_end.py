@@ -65,7 +65,7 @@ class ArmEnd:
         self.half.engage()
 
     def outgoing(self, state: State, motion: Motion, now: float, system: int) -> bytes | None:
-        """Return the packet that is due, None if none is; a free arm is said to be at rest.
+        """Return the packet that is due, None if none is; a free arm is reported at rest.
 
         Parameters are those of `Endpoint.outgoing`, with the motion as measured.
         """

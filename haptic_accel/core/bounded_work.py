@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Work by libraries that know no bounds, in a process of its own that is ended at them."""
+"""Work by libraries without limits, in a separate process that is ended at its limits."""
 
 from __future__ import annotations
 

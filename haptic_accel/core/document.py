@@ -38,7 +38,7 @@ _NUMBER, _TEXT = Specification("number"), Specification("text")
 
 @dataclass(frozen=True)
 class Document:
-    """A value in a document; each method that does not find what it returns refuses it.
+    """Value in a document; a method that does not find its type of content raises an error.
 
     Attributes
     ----------

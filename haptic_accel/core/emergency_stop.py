@@ -63,7 +63,7 @@ class EmergencyStop:
         self._heard = self._coupler_heard = -math.inf
 
     def is_settled(self, now: float) -> bool:
-        """Return whether every stop from before the node's start has been heard."""
+        """Return whether every stop from before the node's start has been received."""
         return now - self._started >= SETTLING
 
     def stop(self) -> bool:

@@ -54,7 +54,7 @@ class PointMass:
         self._position = self._velocity = self._force = ZERO
 
     def advance(self, time: float) -> None:
-        """Let the present forces act until a time in s, in whole samples."""
+        """Integrate the present forces until a time in s, in whole samples."""
         samples = round(time * RATE) - self._tick
         self._tick += samples
         step, (fx, fy, fz) = 1.0 / RATE / STEPS, self._force

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Connection that a thread of its own reads, and makes again after it was lost."""
+"""Connection that a separate thread reads, and restores after a loss."""
 
 from __future__ import annotations
 

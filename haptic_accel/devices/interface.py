@@ -38,7 +38,7 @@ class NoParameters(Checked):
 
 @dataclass(frozen=True)
 class DeviceDescription:
-    """What the graph has to know of a device's class before one is built.
+    """Properties of a class of devices that the graph needs before it builds one.
 
     Attributes
     ----------

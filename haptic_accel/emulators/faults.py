@@ -109,7 +109,7 @@ class Faults:
         self._beginning = min(self._beginning, self._now)
 
     def inject(self, name: str, seconds: float = math.inf) -> None:
-        """Let a fault act from now on, for a time in s."""
+        """Activate a fault for a time in s."""
         self._ends[name] = self._now + seconds
 
     def active(self, name: str) -> bool:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pseudo-terminal with a name of its own, as a USB port has."""
+"""Pseudo-terminal with a name in the file system, as a USB port has."""
 
 from __future__ import annotations
 

@@ -238,7 +238,7 @@ def graph_parameters(arguments: Arguments) -> Values:
 
 
 def _check_given(path: Path, content: Values, set_here: Values) -> None:
-    """Refuse a file whose values the arguments would replace: nobody would notice."""
+    """Refuse a file whose values the arguments would replace without notice."""
     for node, own in set_here.items():
         for name, value in content[node].items():
             if own.get(name, value) != value:
@@ -355,7 +355,7 @@ def _check_replay(arguments: GraphArguments, options: Values) -> None:
 
 
 def _check_devices(arguments: Arguments, options: Values) -> None:
-    """Build each arm's device once, so that it refuses what it cannot be built with."""
+    """Build each arm's device once, so that it refuses wrong parameters."""
     for arm, kinds in (("master", MASTERS), ("slave", SLAVES)):
         name = getattr(arguments, arm, "")
         if name in kinds and name not in (names.SIMULATED, names.POINTER):  # which always can

@@ -122,7 +122,7 @@ def stop_at_once(words: Sequence[str]) -> Signalled | None:
 
 
 def stop_senders(domain: int, namespace: str) -> int:
-    """Let the nodes of this machine that send a graph's signals carry out the emergency stop.
+    """Signal the emergency stop to the nodes of this machine that send a graph's signals.
 
     Parameters
     ----------

@@ -119,7 +119,7 @@ class Lines:
         self._thread.start()
 
     def say(self, name: str, line: str) -> None:
-        """Let a line be shown, or drop it."""
+        """Queue a line to be shown, or drop it."""
         with self._news:
             if len(self._waiting) < WAITING_LINES:
                 self._waiting.append((name, line))
@@ -219,11 +219,11 @@ class Supervisor:
         return Outcome(first, statuses.get(first, 0), statuses, lines, self._lines.error)
 
     def say(self, line: str) -> None:
-        """Let `on_line` have a line of no executable in its turn; never waits."""
+        """Queue a line of no executable for `on_line`, without waiting."""
         self._lines.say("", line)
 
     def stop_forces(self) -> None:
-        """Let every node take its forces off at once; from any thread."""
+        """Make every node remove its forces at once; from any thread."""
         for child in list(self._running.values()):
             child.send_signal(EMERGENCY)
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages about the peer: heard, no longer heard, and the points to check then."""
+"""Messages about a peer that is received or lost, with hints for a loss."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def described(route: Route, side: str, transport: str) -> str:
 
 
 def advice(route: Route, side: str, transport: str) -> str:
-    """Return what to check while the peer is not heard."""
+    """Return hints on a peer from which nothing is received."""
     other = "slave" if side == "master" else "master"
     return (
         f"{described(route, side, transport)}: check that the firewalls of both hosts let this"

@@ -106,7 +106,7 @@ class LocalEnd:
         return True
 
     def write_note(self, line: str) -> None:
-        """Tell the other end a line about this one, which no datagram that is carried can.
+        """Send a line about this end, apart from the datagrams that are carried.
 
         Any thread may, as it does not touch what waits. Without room the line is lost.
         """

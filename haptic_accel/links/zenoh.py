@@ -79,7 +79,7 @@ def check_keys(folder: str) -> Path:
 
 
 def refusal(logged: str) -> str | None:
-    """Return what a line of Zenoh's log says for a user.
+    """Return the reason in a line of Zenoh's log, for a user.
 
     Empty for a warning that is no refusal, as when a connection is lost; None for no line of it.
     """
@@ -197,7 +197,7 @@ class ZenohCarrier:
         return config
 
     def _follow_log(self) -> None:
-        """Take Zenoh's log from the standard output: there alone it says why a peer is refused."""
+        """Read Zenoh's log from the standard output, which alone explains a refused peer."""
         reading, writing = os.pipe()
         rest = os.dup(1)
         os.dup2(writing, 1)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Turns a mesh into a grid of distances, in a process of its own.
+"""Conversion of a mesh into a grid of distances, in a separate process.
 
 Readers of meshes take what a file claims for its size, and the distances take time that grows with
 its faces.

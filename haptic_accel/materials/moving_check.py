@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compiles an MJCF file in a process of its own, as it may ask for any amount of time and memory.
+"""Compilation of an MJCF file in a separate process, with limits of time and memory.
 
 Counts of copies, sizes of meshes and tables, and files that it includes are all within its bounds:
 where one is beyond, the compiler of MuJoCo does not return.

@@ -234,7 +234,7 @@ def _lines(name: str, file: io.BufferedReader) -> Iterator[str]:
 
 
 def _found(name: str, kind: str, wanted: Sequence[str], titles: Sequence[str]) -> str:
-    """Return the first of the wanted titles that a file has."""
+    """Return the first of the given column titles that a file has."""
     found = next((title for title in wanted if title in titles), None)
     if found is None:
         raise ParameterError(

@@ -258,7 +258,7 @@ class CouplingNode(GraphNode):
             force.send(now, ZERO)
 
     def _step_aside(self, aside: bool) -> None:
-        """Let other nodes send the arms' forces, or send them again."""
+        """Pause or resume sending the arms' forces, for other senders."""
         if aside != self._aside:
             self._aside = aside
             for force in self.forces.values():

@@ -26,7 +26,7 @@ STARTING_TIME = 30.0
 
 
 def empty_loop(rate: float, seconds: float) -> dict[str, Any]:
-    """Run the loop in a process of its own.
+    """Run the loop in a separate process.
 
     Parameters
     ----------

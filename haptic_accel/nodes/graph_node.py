@@ -167,7 +167,7 @@ class GraphNode(TopicNode):
         self.leave_signals()
 
     def leave_signals(self) -> None:
-        """Let other nodes of this machine send the signals of this one."""
+        """Release this node's claims of signals, for other nodes of this machine."""
         for claimed in self._claims:
             claimed.close()
 

@@ -200,7 +200,7 @@ def set_parameters(node: str, values: Mapping[str, Any]) -> GraphRequest:
 
 
 def set_controller(name: str) -> GraphRequest:
-    """Let another controller compute the actuator's force."""
+    """Change the controller of the actuator's force."""
     return set_parameters("compensator", {"controller": name})
 
 
@@ -231,7 +231,7 @@ def set_scene(name: str) -> GraphRequest:
 
 
 def set_grip(posture: str) -> GraphRequest:
-    """Let the simulated hand hold the handle with another grip."""
+    """Change the grip of the simulated hand."""
     return set_parameters("master_device", {POSTURE: posture})
 
 

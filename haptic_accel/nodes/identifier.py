@@ -168,7 +168,7 @@ class Identifier(GraphNode):
             self._fail(f"{STOPPED}: force taken off")
 
     def _look(self) -> None:
-        """End the run when nobody subscribes or the handle sends no acceleration."""
+        """End the run without a subscriber or without acceleration of the handle."""
         now = time.monotonic()
         if self._origin is None:
             if now - self._started > PATIENCE:

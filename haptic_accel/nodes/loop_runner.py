@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The loop of one host by the machine's clock, and the nodes that show what it does."""
+"""Loop of one host by the machine's clock, and the nodes that report it."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class LoopRunner:
         self._look_due, self._offset = 0.0, 0
 
     def begin(self) -> None:
-        """Let the next tick be one from now on: those that passed before are not missed."""
+        """Start at the next tick; earlier ones do not count as missed."""
         times = [FORCES_TIME + RECEIVING_TIME * each.received for each in self._devices.values()]
         self._keeper = RateKeeper(self._rate, lead=wake_time() + sum(times))
         self._arrivals = {arm: ArrivalKeeper(self._rate) for arm in self._devices}

@@ -35,7 +35,7 @@ LOG_FOLDERS = ("ROS_LOG_DIR", "ROS_HOME", "HOME")
 
 
 def middleware_defaults(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables to add to an environment; what it names already is kept.
+    """Return the variables to add to an environment; those already set are kept.
 
     The range LOCALHOST would keep a graph on its machine too, but adds shared memory, which
     held up all publishing of a process when another joined. It remains the default beside a

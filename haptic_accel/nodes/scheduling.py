@@ -376,7 +376,7 @@ def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: S
 
 
 def sharpen_timers() -> None:
-    """Let timers fire when due: the kernel's default slack of 50 us was half of our lateness."""
+    """Set the timer slack to its minimum; the kernel's 50 us were half of the lateness."""
     libc = ctypes.CDLL(None)
     if hasattr(libc, "prctl"):
         libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)

@@ -97,7 +97,7 @@ class RemoteParameters:
 def admitted(
     executable: str, wanted: Iterable[str], given: Given
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the wanted parameters that have a value of a node's schema, and why others have none.
+    """Return requested parameters with valid values, and the reasons against the others.
 
     Parameters
     ----------

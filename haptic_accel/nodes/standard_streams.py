@@ -54,7 +54,7 @@ class LossyStream(io.RawIOBase):
 
 
 def unblock_standard_streams() -> None:
-    """Let this process write its log to whoever reads it, and lose lines that nobody does.
+    """Write the log of this process without blocking; drop lines without a reader.
 
     A pipe takes 64 KiB, a terminal that is stopped by Ctrl-S less. Then a write blocks, and so
     did every node behind a supervisor that was stopped or whose own output was not read: with

@@ -60,7 +60,7 @@ class _Release:
 
 
 class GraphStop:
-    """The coupler's part in the emergency stop: says whether all is stopped, and releases all.
+    """Emergency stop in the coupler: its state over all nodes, and its release.
 
     The service `estop` stops at once. A release is passed on to the devices, and answered when
     they have: all are released, or none.
@@ -83,7 +83,7 @@ class GraphStop:
         self._told = False
 
     def follow(self) -> bool:
-        """Follow what was said and asked; return whether the stop has changed."""
+        """Process reports and requests; return whether the stop has changed."""
         told, now = self._told, time.monotonic()
         for word in self._words.take():
             self._stop.heard(word, now)

@@ -43,11 +43,11 @@ class Wire:
         self._receivers.remove(receiver)
 
     def offer(self) -> None:
-        """Let samples be sent here from now on."""
+        """Announce to the receivers that samples come on this wire from now on."""
         self._tell(True)
 
     def withdraw(self) -> None:
-        """Let samples come as messages again, from whoever sends them."""
+        """Announce to the receivers that samples come as messages again, from any sender."""
         self._tell(False)
 
     def _tell(self, offered: bool) -> None:

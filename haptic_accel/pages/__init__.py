@@ -23,7 +23,7 @@ def asset(name: str) -> str:
 
 
 def template(name: str) -> jinja2.Template:
-    """Return the template of a page; what it is given is escaped unless marked as safe.
+    """Return the template of a page; values are escaped unless marked as safe.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Server of the live scope's page and of the data that it shows, on a thread of its own."""
+"""Server of the live page and its data, on a separate thread."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class HeldForce:
         insort(self._waiting, (due, force))
 
     def replace(self, force: float) -> None:
-        """Hold a force in N at once, and discard those that are not due yet."""
+        """Apply a force in N at once, and discard those that are not due yet."""
         self._waiting.clear()
         self._held = force
 

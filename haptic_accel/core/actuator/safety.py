@@ -188,7 +188,7 @@ class Watchdog:
             self.tripped = ""
 
     def arm(self) -> None:
-        """Let the next valid command through; the silence after the last one still counts."""
+        """Accept the next valid command; the time since the last one still counts."""
         self.tripped = ""
 
     def news(self, now: float) -> str:
@@ -243,12 +243,12 @@ class _Channel(ABC, Generic[Force]):
         return self._hold(now, force)
 
     def contend(self, now: float) -> Force | None:
-        """Let go while several publishers send it; their commands are not missed."""
+        """Apply no force while several publishers send it; none of them counts as missed."""
         self.watchdog.rest()
         return self.let_go(now) if self._held != self._none else None
 
     def let_go(self, now: float) -> Force:
-        """Hold no force from now on; return it."""
+        """Apply no force from now on; return zero."""
         self._commanded = now
         return self._hold(now, self._none)
 
@@ -285,7 +285,7 @@ class _Channel(ABC, Generic[Force]):
         return self._slew * max(0.0, min(now - self._commanded, self._period))
 
     def _hold(self, now: float, force: Force) -> Force:
-        """Hold a force from now on; return it."""
+        """Apply a force from now on; return it."""
         self._held = force
         return force
 
@@ -413,7 +413,7 @@ class _ActuatorChannel(_Channel[float]):
         return math.copysign(most, force)
 
     def _hold(self, now: float, force: float) -> float:
-        """Hold a force from now on, and add up the effect of the one before."""
+        """Apply a force from now on, and integrate the effect of the one before."""
         if self._ticked is not None:
             time = now - self._since
             self._push += self._held * time

@@ -167,7 +167,7 @@ class Compensation:
         return (self._waiting or self._follower or self._active).name
 
     def select(self, name: str) -> None:
-        """Let another controller take over, without a jump in force.
+        """Change to another controller without a jump in force.
 
         For `LISTENING` it only receives samples, so that its filters settle, then it is faded in
         over `FADING`. A fade that has begun is completed before another controller starts. While

@@ -213,7 +213,7 @@ class Fallback:
             self._replace()
 
     def _replace(self) -> None:
-        """Let the next best take over."""
+        """Change to the next best controller."""
         if self._on_trial:
             self._pause = min(2.0 * self._pause, LONGEST_PAUSE)
         self._worse = self._idle = 0.0
@@ -232,7 +232,7 @@ class Fallback:
         self._prospect.reset()
 
     def _reconsider(self) -> None:
-        """Let the controller return when it has been foreseen to be better for long enough."""
+        """Return to the controller once it has been predicted to be better for long enough."""
         prospect, ratio = self._prospect, self.supervisor.ratio
         power = self._power(prospect.output)
         if power < LEAST_DESIRED**2:
@@ -255,7 +255,7 @@ class Fallback:
             self._try(NONE)
 
     def _try(self, substitute: str) -> None:
-        """Let the controller's force grow, or a part of it beside a substitute."""
+        """Increase the share of the controller's force, beside a substitute's."""
         self.substitute = substitute
         self._probing = bool(substitute)
         self._pace = self._step * FADING / TRIAL

@@ -60,7 +60,7 @@ ORDINARY = GripRange()
 
 
 class ResponseSupervisor:
-    """Tells in which bands the handle does not respond as the plant model says.
+    """Monitor of the bands in which the handle's response differs from the plant model.
 
     The measured acceleration is compared with the one that the model expects for the forces that
     were really applied. Their ratio is 1 on the handle as described. In each band its deviation

@@ -210,7 +210,7 @@ class PassiveHalf:
         self._p = parameters
 
     def new_session(self) -> None:
-        """Begin with a peer that was not heard before, or that has started anew.
+        """Begin with a new peer, or one that has restarted.
 
         A half that has acted shares its energy with it; that is how a half that started anew
         learns that energy was granted before.
@@ -296,7 +296,7 @@ class PassiveHalf:
         self._led_velocity = ZERO
 
     def _settle(self) -> None:
-        """Write off what forces that still act could give, as nobody will measure it."""
+        """Subtract the energy that present forces could give, which is not measured any more."""
         self.energy -= self._under_way
         self._clear()
 

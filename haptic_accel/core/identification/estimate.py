@@ -46,7 +46,7 @@ _AT_RANGE = 0.999  # of the range: a converter's largest step may lie a little b
 
 
 class RecordingError(ValueError):
-    """A recording is not fit for identification; the message is one line that says why."""
+    """Recording that is not fit for identification; the message is one line with the reason."""
 
 
 @dataclass(frozen=True)

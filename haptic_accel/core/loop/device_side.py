@@ -171,7 +171,7 @@ class DeviceSide:
         self._work = ArmWork()
 
     def begin(self, tick: int) -> None:
-        """Begin a tick: its sample is wanted."""
+        """Begin a tick, whose sample is due."""
         self.tick = tick
         self._waiting.append(tick)
 
@@ -226,7 +226,7 @@ class DeviceSide:
             self._write_due(due / self.rate, due, [kind])
 
     def free(self) -> None:
-        """Let a zero force of the arm take effect, as if the last sample had caused it."""
+        """Apply a zero force of the arm, as if computed from the last sample."""
         self.commands[ARM].forces.put(self.tick, self._moment(self.tick), ZERO)
 
     def refuse(self, kind: str) -> None:

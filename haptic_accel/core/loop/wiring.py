@@ -236,7 +236,7 @@ class HostLoop:
 
 
 def release(sides: Mapping[str, DeviceSide], now: float) -> list[Pull]:
-    """Let a zero force take effect on each arm as if a sample of a time, s, had caused it."""
+    """Apply a zero force to each arm, as if computed from the sample of a time, s."""
     pulls = [Pull(arm, round(now * NANOSECONDS), ZERO) for arm in sides]
     for arm, stamp, force in pulls:
         if sides[arm].sampling:

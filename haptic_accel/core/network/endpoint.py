@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One host's end of a coupling over a network: what it says to its peer, and what it knows of it.
+"""Network endpoint of a coupling: outgoing packets and the peer's last state.
 
 It has no clock: times are the caller's. `now` is monotonic, in s; `system` is the host's system
 time, in ns, which the peer's need not agree with.
@@ -211,7 +211,7 @@ class Endpoint:
         return self.peer.shipped if self.peer and self._is_echoed(self.peer) else 0.0
 
     def fresh(self, now: float, timeout: float) -> bool:
-        """Return whether the peer was heard within a time in s."""
+        """Return whether a packet of the peer was received within a time in s."""
         return now - self.session.heard <= timeout
 
     def round_trip_age(self, now: float) -> float:

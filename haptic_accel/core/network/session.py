@@ -115,7 +115,7 @@ class Session:
         return self.lost / (came + self.lost) if came else 0.0
 
     def admits(self, packet: Packet, now: float) -> Admission:
-        """Count a packet; return what it may be used for."""
+        """Count a packet; return its permitted use."""
         if reason := self._reason(packet, now):
             self.refuse(reason, now)
             if packet.session in self._former:

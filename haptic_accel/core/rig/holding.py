@@ -35,7 +35,7 @@ class Holding:
         self._silence = 0.0
 
     def ends(self, seconds: float) -> bool:
-        """Let time pass; return True, once, when the arm has been let go."""
+        """Advance to a time; return True, once, when the arm has been released."""
         self._silence += seconds
         if not (self._free and PUT_BACK_AFTER < self._silence < math.inf):
             return False

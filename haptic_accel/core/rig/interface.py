@@ -41,7 +41,7 @@ class Rig(Protocol):
     """
 
     def advance(self, time: float) -> None:
-        """Let physics run until a time; one that has passed changes nothing."""
+        """Integrate the physics until a time; a past time changes nothing."""
 
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""

@@ -166,7 +166,7 @@ class MasterRig:
         return float(state[Y_A] - state[Y_H])
 
     def advance(self, time: float) -> None:
-        """Let physics run until a time in s; a time that has passed changes nothing."""
+        """Integrate the physics until a time in s; a past time changes nothing."""
         due = round(time / self._step) - self._now
         longest = self._stall if self._started else 0
         if due > longest:
@@ -313,7 +313,7 @@ class MasterRig:
             self._system.inputs[F_A] = self._commands.popleft()[1]
 
     def _put_back(self) -> None:
-        """Let hand and handle rest where they began."""
+        """Set hand and handle to rest at their initial position."""
         self._explored_since = None
         self._hand_until = self._now
         self._system.state[:] = 0.0

@@ -131,7 +131,7 @@ class SlaveRig:
         return mass * (x - free_x), 0.0, mass * (z - free_z)
 
     def advance(self, time: float) -> None:
-        """Let physics run until a time in s; a time that has passed changes nothing."""
+        """Integrate the physics until a time in s; a past time changes nothing."""
         passed = round(time / self._clock_step) - self._now
         if passed <= 0:
             return
@@ -202,14 +202,14 @@ class SlaveRig:
         self._v_x, self._v_z = velocity_x, velocity_z
 
     def _put_back(self) -> None:
-        """Let the tip rest where it began, above the surface."""
+        """Set the tip to rest at its initial position, above the surface."""
         self._lift = 0.0
         self._x, self._v_x = 0.0, 0.0
         self._z, self._v_z = self._p.tool.height, 0.0
         self._low_passed = 0.0
 
     def _move(self, due: float) -> None:
-        """Let the tip move for a time in s."""
+        """Move the tip for a time in s."""
         steps = max(1, math.ceil(due / self._longest_step - 1e-6))
         step = due / steps
         decay = math.exp(-self._corner * step)

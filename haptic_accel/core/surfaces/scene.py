@@ -105,7 +105,7 @@ class Scene:
     mover: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
-        """Check that each object has a name of its own."""
+        """Check that the objects' names differ."""
         counts = Counter(each.name for each in self.objects)
         for name, count in counts.items():
             if count > 1:

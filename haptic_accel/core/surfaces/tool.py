@@ -73,7 +73,7 @@ class VirtualTool:
         self.put_back()
 
     def put_back(self) -> None:
-        """Let the tool rest where it began."""
+        """Set the tool to rest at its initial position."""
         self.position: Vector = self._start(self.scene)
         self.velocity: Vector = ZERO
         self._meet(self.scene)
@@ -176,7 +176,7 @@ class VirtualTool:
         self._near = near
 
     def _integrate(self, force: Vector) -> None:
-        """Let the forces act for one period."""
+        """Integrate the forces over one period."""
         tool, near = self._p, self._near
         mass, slow = tool.mass, tool.slip_velocity**2
         stiffness = sum(touch.object.material.stiffness for touch in near)

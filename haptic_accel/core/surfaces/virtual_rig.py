@@ -125,7 +125,7 @@ class VirtualRig:
         return self.contact.force if self.contact else ZERO
 
     def advance(self, time: float) -> None:
-        """Let all samples until a time in s pass; a time that has passed changes nothing."""
+        """Integrate all samples until a time in s; a past time changes nothing."""
         passed = math.floor(time * self._rate + _WHOLE) - self._now
         if passed <= 0:
             return
@@ -179,7 +179,7 @@ class VirtualRig:
         return {"texture_saturated": sum(each.saturated for each in self._vibrations.values())}
 
     def _sample(self) -> None:
-        """Let one sampling period pass."""
+        """Integrate one sampling period."""
         contact = self.contact = self._tool.advance(self._force)
         touched = contact.object.material if contact else None
         self._acceleration = sum(

@@ -376,7 +376,7 @@ class BoardLink(Connection):
             self._align(first, arrival)
 
     def _align(self, sampled: float, now: float) -> None:
-        """Let the board follow the grid, and note the time of a sample relative to it."""
+        """Synchronize the board with the grid, and store a sample's time relative to it."""
         rate = self._required.grid_rate
         if not rate:
             self.aligned = True

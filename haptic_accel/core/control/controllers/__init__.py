@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controllers by name. A new one is a class in a file of its own and a line here."""
+"""Controllers by name; a new one is a class in a separate file and a line here."""
 
 from __future__ import annotations
 

@@ -358,7 +358,7 @@ class NormalEquations:
     def spectra(
         self, power: FloatArray, response: ComplexArray, target: ComplexArray | float = 1.0
     ) -> ComplexArray:
-        """Return tracking and force, travel, and what is wanted of the taps.
+        """Return tracking and force, travel, and the costs of the taps.
 
         Parameters
         ----------
