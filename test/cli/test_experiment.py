@@ -196,13 +196,13 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
 def test_ctrl_c_reports_what_was_done_and_the_same_command_goes_on(
     haptic_accel: Start, tmp_path: Path, domain: int
 ) -> None:
-    command = haptic_accel("experiment", "--lockstep", "duration:=15", "--out", "report")
+    command = haptic_accel("experiment", "--lockstep", "duration:=8", "--out", "report")
     command.wait_for("2 of 9")
     assert command.end(signal.SIGINT) == 130, command.text
     assert "Traceback" not in command.text
     assert "interrupted after" in command.text
     assert (tmp_path / "report" / "index.html").is_file()
-    again = haptic_accel("experiment", "--lockstep", "duration:=15", "--out", "report")
+    again = haptic_accel("experiment", "--lockstep", "duration:=8", "--out", "report")
     assert again.end() == 0, again.text
     assert "of 9 conditions are taken from report/unfinished.part" in again.text
     assert not (tmp_path / "report" / "unfinished.part").exists()

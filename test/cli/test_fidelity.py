@@ -105,22 +105,22 @@ def test_chosen_conditions_give_the_same_with_any_number_of_jobs(
 def test_what_is_done_is_saved_at_ctrl_c_and_the_same_command_goes_on(
     haptic_accel: Start, tmp_path: Path
 ) -> None:
-    words = ("bench", "fidelity", "hands", "--controllers", "none", "--hands", "16")
+    words = ("bench", "fidelity", "hands", "--controllers", "none", "--hands", "8")
     command = haptic_accel(*words, "--json", "figures.json")
-    command.wait_for("2 of 16: ")
+    command.wait_for("2 of 8: ")
     assert command.end(signal.SIGINT) == 130, command.text
     assert "Traceback" not in command.text
     figures = json.loads((tmp_path / "figures.json").read_text())
     done = len(figures["rows"])
-    assert 2 <= done < 16
-    assert f"interrupted after {done} of 16 trials; the same command goes on" in command.text
+    assert 2 <= done < 8
+    assert f"interrupted after {done} of 8 trials; the same command goes on" in command.text
     assert figures["summary"][0]["trials"] == done
     again, whole = (
         haptic_accel(*words, "--json", f"{name}.json") for name in ("figures", "whole")
     )
     for command in (again, whole):
         assert command.end() == 0, command.text
-    assert f"{done} of 16 trials are taken from figures.json.part" in again.text
+    assert f"{done} of 8 trials are taken from figures.json.part" in again.text
     assert (tmp_path / "figures.json").read_text() == (tmp_path / "whole.json").read_text()
     assert not (tmp_path / "figures.json.part").exists()
 
