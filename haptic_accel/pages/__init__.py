@@ -8,6 +8,7 @@ The plots are drawn by uPlot (MIT), which is here whole because a page must not 
 
 from __future__ import annotations
 
+import re
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,32 @@ import jinja2
 
 _FOLDER = Path(__file__).parent
 
+_IMPORT = re.compile(r'^import (?:{[^}]*} from )?"\./(.+)";\n', re.MULTILINE)
+"""An import of a module in ``assets``."""
+
+_EXPORT = re.compile(r"^export (?=async|class|const|function|let)", re.MULTILINE)
+
 
 def asset(name: str) -> str:
     """Return a script or style sheet of the folder ``assets``, to be put into a page."""
     return (_FOLDER / "assets" / name).read_text(encoding="utf-8")
+
+
+def modules(name: str) -> dict[str, str]:
+    """Return a script and the modules that it imports by name, each after those it imports."""
+    text = asset(name)
+    found: dict[str, str] = {}
+    for imported in _IMPORT.findall(text):
+        found |= modules(imported)
+    return {**found, name: text}
+
+
+def script(name: str) -> str:
+    """Return a script as one with the modules that it imports, for a page that is one file.
+
+    All share one scope: no two may declare the same name, and none is imported by another name.
+    """
+    return _EXPORT.sub("", _IMPORT.sub("", "\n".join(modules(name).values())))
 
 
 def template(name: str) -> jinja2.Template:
@@ -37,6 +60,7 @@ def template(name: str) -> jinja2.Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["script"] = script
     return environment.get_template(name)
 
 

@@ -28,7 +28,7 @@ from aiohttp.typedefs import Handler
 
 from haptic_accel.core.decimals import defined
 from haptic_accel.core.parameters import ParameterError, shown
-from haptic_accel.pages import asset, template
+from haptic_accel.pages import asset, modules, template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
 from haptic_accel.scope.frames import ON_DEMAND, SOUND, Cursor, plots_frame
 from haptic_accel.scope.windows import Windows
@@ -510,10 +510,8 @@ def _pages(choices: Mapping[str, list[str]], *, control: bool) -> dict[str, tupl
     return {
         "/": (page.encode(), "text/html"),
         "/scope.css": ("\n".join(styles).encode(), "text/css"),
-        "/scene.js": (asset("scene.js").encode(), "text/javascript"),
-        "/sound.js": (asset("sound.js").encode(), "text/javascript"),
-        "/scope.js": (asset("scope.js").encode(), "text/javascript"),
         "/uPlot.js": (asset("uPlot.iife.min.js").encode(), "text/javascript"),
+        **{f"/{k}": (v.encode(), "text/javascript") for k, v in modules("scope.js").items()},
     }
 
 

@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
+// The pointer that leads the simulated hand: mouse, pen, finger or arrow keys in the side view.
+import { send } from "./connection.js";
+import { clamp, counters, here, isKnown } from "./places.js";
+import { mapping, view } from "./side_view.js";
+
+const PRESSED = 0.01; // m by which the full pressure of a pen lowers the hand
+const KEY_STEP = 0.002; // m that an arrow key moves the hand
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
+let drawing = null; // in which the hand may be led; null if it may not
+let grip = null; // the pointer that leads, where it began and where the hand is to be
+
+/** Let the hand be led within a drawing of the scene, or with null not at all. */
+export function leadWithin(given) {
+  drawing = given;
+}
+
+/** Return true while a pointer leads the hand. */
+export const isGripped = () => grip !== null;
+
+const mayBegin = () => drawing && !grip && isKnown(here.handle);
+
+const reached = (place) => place.map((value, axis) => clamp(value, drawing.view[axis]));
+
+/** Where a pointer wants the hand, m in the master's base frame. */
+function wanted(event) {
+  const { scale } = mapping(drawing);
+  const moved = [event.clientX - grip.began[0], grip.began[1] - event.clientY];
+  const [x, z] = moved.map((pixels, axis) => grip.hand[axis] + (pixels * devicePixelRatio) / scale);
+  return reached([x, z - (event.pointerType === "pen" ? PRESSED * event.pressure : 0)]);
+}
+
+function grab(event) {
+  if (!mayBegin() || event.button) return;
+  view.setPointerCapture(event.pointerId);
+  grip = { id: event.pointerId, began: [event.clientX, event.clientY], hand: here.handle };
+  grip.point = wanted(event);
+  lead();
+}
+
+/** Send the point for each picture, also while the pointer rests: so it is known to lead. */
+function lead() {
+  if (!grip) return;
+  sendPoint(grip.point);
+  requestAnimationFrame(lead);
+}
+
+function sendPoint(point) {
+  send({ point });
+  counters.points++;
+}
+
+/** Let the hand go. */
+export function letGo() {
+  if (grip) send({ point: null });
+  grip = null;
+}
+
+function step(event) {
+  const direction = ARROWS[event.key];
+  if (!direction || !mayBegin()) return;
+  event.preventDefault();
+  sendPoint(reached(here.handle.map((value, axis) => value + KEY_STEP * direction[axis])));
+  send({ point: null });
+}
+
+/** Let pointers and keys in the side view lead the hand. */
+export function listenToPointers() {
+  view.addEventListener("pointerdown", grab);
+  view.addEventListener("pointermove", (event) => {
+    if (grip?.id === event.pointerId) grip.point = wanted(event);
+  });
+  for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
+    view.addEventListener(end, (event) => grip?.id === event.pointerId && letGo());
+  }
+  view.addEventListener("keydown", step);
+}
