@@ -1,0 +1,34 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
+// The trials of the page, which stand in it as JSON.
+import { byId } from "./elements.js";
+
+/** What the page was written with: `trials`, `excerpt` in s, and the `first` trial to show. */
+export const data = JSON.parse(byId("data").textContent);
+
+const traces = new Map();
+
+/** Return the values of a signal that is packed as 16-bit integers, in its own unit. */
+export function unpacked(packed) {
+  const bytes = Uint8Array.from(atob(packed.data), (c) => c.charCodeAt(0));
+  const view = new DataView(bytes.buffer);
+  return Float64Array.from(
+    { length: bytes.length / 2 },
+    (_, i) => view.getInt16(2 * i, true) * packed.scale,
+  );
+}
+
+/** Return the signals of a trial's part, "whole" or "detail", by name, and their `time` in s. */
+export function trace(trial, part) {
+  const key = `${trial.name}/${part}`;
+  if (!traces.has(key)) {
+    const { begin, step, signals } = trial[part];
+    const found = {};
+    for (const name of Object.keys(signals)) found[name] = unpacked(signals[name]);
+    const length = Math.max(0, ...Object.values(found).map((values) => values.length));
+    found.time = Float64Array.from({ length }, (_, i) => begin + i * step);
+    traces.set(key, found);
+  }
+  return traces.get(key);
+}

@@ -1,0 +1,88 @@
+// SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+// SPDX-License-Identifier: Apache-2.0
+
+// Plots of a trial's signals: over time, and desired against actual acceleration.
+import { HEIGHT, draw, legend, line, upright } from "./analysis_chart.js";
+import { data, trace, unpacked } from "./analysis_data.js";
+import { axis, colour } from "./axes.js";
+import { byId } from "./elements.js";
+
+/** Draw those of the curves that have values over times in s; `x` holds options of that axis. */
+function overTime(id, name, time, label, curves, { height, places, x }) {
+  const found = curves.filter(([values]) => values);
+  const options = {
+    name: `${name} over time`,
+    series: [legend("time", places, " s"), ...found.map(([, curve]) => curve)],
+    scales: { x: { time: false, ...x } },
+    axes: [axis("time (s)"), upright(label)],
+    height,
+  };
+  draw(id, options, found.length ? [time, ...found.map(([values]) => values)] : null);
+}
+
+/** Draw accelerations and error of a trial: the view "whole", "detail", or "excerpt" of it. */
+export function drawTime(trial, view) {
+  const { time, desired, actual, error } = trace(trial, view === "whole" ? "whole" : "detail");
+  const [min, max] =
+    view === "excerpt" ? [trial.begin, trial.begin + data.excerpt] : [time[0], time[time.length - 1]];
+  const form = { places: 3, x: { min, max } };
+  const curves = [
+    [desired, line("desired", "desired", 2, " m/s²", { width: 2 })],
+    [actual, line("actual", "actual", 2, " m/s²", { width: 1.2 })],
+  ];
+  const errors = [[error, line("error", "line", 2, " m/s²")]];
+  const name = `Acceleration of ${trial.name}`;
+  overTime("time", name, time, "acceleration (m/s²)", curves, { ...form, height: HEIGHT + 40 });
+  overTime("error", `Error of ${trial.name}`, time, "error (m/s²)", errors, { ...form, height: HEIGHT - 60 });
+}
+
+/** Draw a signal of the whole trial in its unit, and where it ends on both sides if that is known. */
+export function drawWhole(trial, name, unit, limit) {
+  const found = trace(trial, "whole");
+  const curves = [[found[name], line(name, "curve-1", 3, ` ${unit}`)]];
+  if (limit && found[name]) {
+    for (const end of [limit, -limit]) {
+      const stop = line(end > 0 ? "stop" : "other stop", "line", 1, ` ${unit}`, { dash: [6, 4] });
+      curves.push([found.time.map(() => end), stop]);
+    }
+  }
+  const form = { places: 2, height: HEIGHT - 40 };
+  overTime(name, `${name} of ${trial.name}`, found.time, `${name} (${unit})`, curves, form);
+}
+
+/** Draw the desired against the actual acceleration of a trial, and the regression's line. */
+export function drawCloud(trial) {
+  const cloud = trial.cloud;
+  const slope = cloud?.slope ?? null;
+  const r2 = `R² ${cloud?.r2.toFixed(2)}`;
+  const words =
+    slope === null
+      ? `${r2}: too little in common for a regression.`
+      : `desired = ${slope.toFixed(2)} × actual, ${r2}`;
+  byId("slope").textContent = cloud ? words : "";
+  if (!cloud) return draw("cloud", {}, null);
+  const actual = unpacked(cloud.actual);
+  const desired = unpacked(cloud.desired);
+  const most = (values) => values.reduce((far, value) => Math.max(far, Math.abs(value)), 0);
+  const reach = 1.05 * Math.max(most(actual), most(desired), 1e-9);
+  // The lines go from end to end, where there need not be a sample.
+  const x = [-reach, ...actual, reach];
+  const fitted = slope === null ? [] : [x.map((value) => cloud.middle[1] + slope * (value - cloud.middle[0]))];
+  const points = { show: true, size: 3, width: 0, fill: () => colour("desired") };
+  draw(
+    "cloud",
+    {
+      name: `Desired against actual acceleration of ${trial.name}, ${r2}`,
+      series: [
+        legend("actual", 2, " m/s²"),
+        line("desired", "desired", 2, " m/s²", { paths: () => null, points }),
+        ...fitted.map(() => line("regression", "line", 2, " m/s²", { width: 2 })),
+        line("1:1", "text", 2, " m/s²", { dash: [6, 4], width: 1 }),
+      ],
+      scales: { x: { time: false, range: [-reach, reach] }, y: { range: [-reach, reach] } },
+      axes: [axis("actual (m/s²)"), upright("desired (m/s²)")],
+      height: HEIGHT + 40,
+    },
+    [x, [null, ...desired, null], ...fitted, x],
+  );
+}
