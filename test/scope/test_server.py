@@ -25,6 +25,7 @@ from yarl import URL
 
 from fuzzing import fuzz, mutated
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.pages import modules
 from haptic_accel.scope import server as served
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import (
@@ -38,6 +39,7 @@ from running import wait_until
 
 START = 1_800_000_000 * NANOSECONDS
 TOKEN = "a-token_of.a~test"
+ASSETS = ("/scope.css", "/uPlot.js", *(f"/{name}" for name in modules("scope.js")))
 
 
 class Source:
@@ -178,7 +180,7 @@ def test_everything_the_page_needs_comes_from_here(started: Started) -> None:
 
     async def use(session: aiohttp.ClientSession) -> list[tuple[str, int, str]]:
         found = []
-        for path in ("/scope.js", "/sound.js", "/scope.css", "/uPlot.js"):
+        for path in ASSETS:
             async with session.get(url.with_path(path)) as answer:
                 found.append((answer.content_type, answer.status, await answer.text()))
         return found

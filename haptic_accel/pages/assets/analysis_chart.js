@@ -46,10 +46,7 @@ export function draw(id, options, series) {
   charts.delete(id);
   place.replaceChildren();
   if (!series) {
-    const words = document.createElement("p");
-    words.className = "quiet";
-    words.textContent = "Not recorded in this trial.";
-    place.append(words);
+    place.innerHTML = '<p class="quiet">Not recorded in this trial.</p>';
     return;
   }
   for (const { label } of hidden) {

@@ -13,10 +13,8 @@ const traces = new Map();
 export function unpacked(packed) {
   const bytes = Uint8Array.from(atob(packed.data), (c) => c.charCodeAt(0));
   const view = new DataView(bytes.buffer);
-  return Float64Array.from(
-    { length: bytes.length / 2 },
-    (_, i) => view.getInt16(2 * i, true) * packed.scale,
-  );
+  const value = (_, i) => view.getInt16(2 * i, true) * packed.scale;
+  return Float64Array.from({ length: bytes.length / 2 }, value);
 }
 
 /** Return the signals of a trial's part, "whole" or "detail", by name, and their `time` in s. */

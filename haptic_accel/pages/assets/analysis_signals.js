@@ -31,9 +31,9 @@ export function drawTime(trial, view) {
     [actual, line("actual", "actual", 2, " m/s²", { width: 1.2 })],
   ];
   const errors = [[error, line("error", "line", 2, " m/s²")]];
-  const name = `Acceleration of ${trial.name}`;
-  overTime("time", name, time, "acceleration (m/s²)", curves, { ...form, height: HEIGHT + 40 });
-  overTime("error", `Error of ${trial.name}`, time, "error (m/s²)", errors, { ...form, height: HEIGHT - 60 });
+  const [high, low] = [40, -60].map((more) => ({ ...form, height: HEIGHT + more }));
+  overTime("time", `Acceleration of ${trial.name}`, time, "acceleration (m/s²)", curves, high);
+  overTime("error", `Error of ${trial.name}`, time, "error (m/s²)", errors, low);
 }
 
 /** Draw a signal of the whole trial in its unit, and where it ends on both sides if that is known. */
@@ -67,7 +67,8 @@ export function drawCloud(trial) {
   const reach = 1.05 * Math.max(most(actual), most(desired), 1e-9);
   // The lines go from end to end, where there need not be a sample.
   const x = [-reach, ...actual, reach];
-  const fitted = slope === null ? [] : [x.map((value) => cloud.middle[1] + slope * (value - cloud.middle[0]))];
+  const fit = (value) => cloud.middle[1] + slope * (value - cloud.middle[0]);
+  const fitted = slope === null ? [] : [x.map(fit)];
   const points = { show: true, size: 3, width: 0, fill: () => colour("desired") };
   draw(
     "cloud",

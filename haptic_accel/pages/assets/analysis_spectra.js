@@ -53,7 +53,7 @@ export function drawSpectra(trial, { logarithmic, others }) {
     const curve = `curve-${index % CURVES}`;
     const more = { dash: DASHES[index % DASHES.length] };
     curves.push(line(others ? one.controller : "actual", curve, 4, "", more));
-    coherent.push(others ? line(one.controller, curve, 2, "", more) : line("coherence", "curve-2", 2, "", more));
+    coherent.push(line(...(others ? [one.controller, curve] : ["coherence", "curve-2"]), 2, "", more));
     amplitudes.push(part(one.spectra.actual));
     coherences.push(one.spectra.coherence.slice(first));
   });

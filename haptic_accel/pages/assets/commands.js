@@ -32,13 +32,8 @@ export async function command(action, value) {
     const { message } = await answer.json();
     tell(message, answer.ok ? "OK" : "error");
   } catch {
-    const urgent = action === "estop" && value;
-    tell(
-      urgent
-        ? "The stop did not reach the scope. Use the hardware, or haptic-accel estop."
-        : `${action}: the scope does not answer`,
-      "error",
-    );
+    const urgent = "The stop did not reach the scope. Use the hardware, or haptic-accel estop.";
+    tell(action === "estop" && value ? urgent : `${action}: the scope does not answer`, "error");
   }
 }
 

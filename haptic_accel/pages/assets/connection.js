@@ -68,7 +68,7 @@ export function connect(handlers = on) {
   });
 }
 
-/** Replace a connection that broke without a word, which stays open here for ever; after a silence in ms. */
+/** After a silence in ms, replace a connection that broke without a word: here it stays open for ever. */
 export function renew(silence) {
   const waited = Math.min(silence, performance.now() - openedAt);
   if (waited <= RENEW || socket.readyState !== WebSocket.OPEN) return;

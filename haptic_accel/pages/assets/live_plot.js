@@ -50,7 +50,7 @@ export class Limit {
     this.since = 0;
   }
 
-  /** Adapt to the largest magnitude shown, to a smaller one after `patience` in s; return true if the limit changed. */
+  /** Adapt to the largest magnitude shown, to a smaller one after a time in s; return true on a change. */
   meet(magnitude, patience = SHRINK) {
     const wanted = Math.max(this.least, roundUp(1.05 * Math.max(magnitude, 1e-9)));
     const now = performance.now() / 1000;

@@ -10,28 +10,17 @@ const BAND = 1.0; // s whose range the pale band of a gauge shows
 const QUIET = 1.0; // s without samples after which a gauge shows nothing
 const FULL = 0.95; // of its limit, from which on a gauge warns
 
-// Element, name of the metric, digits after the point, factor to the unit that is shown.
-const NUMBERS = [
-  ["nrmse", "nrmse_percent", 1],
-  ["slope", "slope", 2],
-  ["r2", "r2", 2],
-  ["rms_desired", "rms_desired", 2],
-  ["rms_actual", "rms_actual", 2],
-  ["age_p50", "age_p50", 0, 1e6],
-  ["age_p99", "age_p99", 0, 1e6],
-  ["rate", "rate", 0],
-  ["force-peak", "peak_force", 2],
-  ["travel-peak", "peak_travel", 2, 1e3],
-];
-
 // Quantity, factor to the unit that is shown, that unit.
 const GAUGES = [["force", 1, "N"], ["travel", 1e3, "mm"]];
 
 const trackOf = (name) => document.querySelector(`[data-gauge=${name}] .track`);
 
-/** Show the metrics of the last seconds, in SI units but for the NRMSE in percent. */
+/** Show the metrics of the last seconds, by name, where the page says with which digits and factor. */
 export function showNumbers(metrics) {
-  for (const [id, name, ...form] of NUMBERS) setText(byId(id), digits(metrics[name], ...form));
+  for (const place of document.querySelectorAll("[data-metric]")) {
+    const { metric, digits: places, factor } = place.dataset;
+    setText(place, digits(metrics[metric], places, factor));
+  }
 }
 
 /** Show how the actuator's forces kept their deadlines, in µs, and its limits in N and m. */

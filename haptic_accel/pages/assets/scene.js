@@ -27,10 +27,7 @@ export const scene = {
   forget,
   letGo,
   redraw: redrawPlane,
-
-  get gripped() {
-    return isGripped();
-  },
+  isGripped,
 
   /** Take places by name, in m, m/s and N. */
   take(places) {

@@ -86,7 +86,7 @@ let plotsRest = 0; // ms that they then leave to the scene and the sound
 
 function draw(moment) {
   requestAnimationFrame(draw);
-  const pause = calm.matches && !scene.gripped ? CALM : sound.heldUp ? HEARD : 0;
+  const pause = calm.matches && !scene.isGripped() ? CALM : sound.heldUp ? HEARD : 0;
   if (moment - drawnAt < pause) return;
   // A picture that comes late shows what the plots in the one before have cost.
   if (plottedAt === drawnAt) plotsRest = LEFT * Math.max(0, moment - drawnAt - PROMPT);

@@ -12,6 +12,7 @@ const LEAST_TOP = 0.1; // m/s²/√Hz, lowest upper end of that axis; the sensor
 const DECADES = 3; // of the vertical axis
 
 let top = 1; // m/s²/√Hz, upper end of the axis
+const values = (u, splits) => splits.map((v) => (v === null ? "" : String(+v.toPrecision(1))));
 const curve = (name, width) => ({ stroke: () => colour(name), width, points: { show: false } });
 
 /** The plot itself. */
@@ -23,13 +24,7 @@ export const spectraPlot = livePlot(
       y: { distr: 3, range: () => [top / 10 ** DECADES, top] },
     },
     series: [{}, curve("desired", 2), curve("actual", 1.4)],
-    axes: [
-      axis("frequency (Hz)"),
-      axis("m/s²/√Hz", {
-        size: 62,
-        values: (u, splits) => splits.map((v) => (v === null ? "" : String(+v.toPrecision(1)))),
-      }),
-    ],
+    axes: [axis("frequency (Hz)"), axis("m/s²/√Hz", { size: 62, values })],
   },
   [[LOWEST, HIGHEST], [null, null], [null, null]],
 );
