@@ -30,11 +30,17 @@ def asset(name: str) -> str:
 
 def modules(name: str) -> dict[str, str]:
     """Return a script and the modules that it imports by name, each after those it imports."""
-    text = asset(name)
     found: dict[str, str] = {}
-    for imported in _IMPORT.findall(text):
-        found |= modules(imported)
-    return {**found, name: text}
+
+    def add(module: str) -> None:
+        text = asset(module)
+        for imported in _IMPORT.findall(text):
+            if imported not in found:
+                add(imported)
+        found[module] = text
+
+    add(name)
+    return found
 
 
 def script(name: str) -> str:
