@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A network between two hosts with delay, jitter, loss and blackouts, from a seed."""
+"""Simulated network between two hosts: delay, jitter, loss and blackouts from a seed."""
 
 from __future__ import annotations
 
@@ -25,30 +25,34 @@ class ChannelParameters(Checked):
 
     delay: float = parameter(0.0, "mean one-way delay", "s", 0, 10.0)
     jitter: float = parameter(
-        0.0, "largest deviation of a packet's delay from the mean; uniform", "s", 0, 10.0
+        0.0,
+        "maximum deviation of a packet's delay from the mean (uniform distribution)",
+        "s",
+        0,
+        10.0,
     )
     loss: float = parameter(0.0, "fraction of packets that are lost", low=0, high=1.0)
     duplication: float = parameter(
-        0.0, "fraction of packets that arrive twice, each with a delay of its own", low=0, high=1.0
+        0.0, "fraction of packets that arrive twice, each with its own delay", low=0, high=1.0
     )
 
 
 class Channel(Generic[T]):
-    """One direction of a network; packets overtake each other where the jitter allows it.
+    """One direction of a simulated network; jitter can change the order of packets.
 
-    It has no clock: times are the caller's, in s and never backwards.
+    The channel has no clock: the caller passes times in s, which never decrease.
 
     Parameters
     ----------
     parameters : ChannelParameters
     seed : int
     blackouts : sequence of (float, float)
-        Start and end of each time, s, in which every packet that is sent is lost.
+        Start and end of each blackout, s. Packets sent during a blackout are lost.
 
     Attributes
     ----------
     parameters : ChannelParameters
-        May be replaced while packets are on their way, which keep the delay they have.
+        May be replaced at any time. Packets already in transit keep their delay.
 
     Examples
     --------
@@ -72,16 +76,16 @@ class Channel(Generic[T]):
 
     @property
     def travelling(self) -> int:
-        """Number of packets on their way, one that is doubled counted twice."""
+        """Number of packets in transit; a duplicated packet counts twice."""
         return len(self._travelling)
 
     @property
     def next_arrival(self) -> float:
-        """Time of the next arrival, s; infinite with no packet on its way."""
+        """Time of the next arrival, s; infinite if no packet is in transit."""
         return self._travelling[0][0] if self._travelling else math.inf
 
     def send(self, packet: T, now: float) -> None:
-        """Put a packet on its way, or lose it."""
+        """Send a packet; it may get lost."""
         lost, twice, *places = self._random.random(4).tolist()
         p = self.parameters
         if lost < p.loss or any(start <= now < end for start, end in self._blackouts):
@@ -91,7 +95,7 @@ class Channel(Generic[T]):
             heapq.heappush(self._travelling, (arrival, next(self._order), packet))
 
     def arrived(self, now: float) -> list[T]:
-        """Return the packets that have arrived, in the order of their arrival."""
+        """Return the packets that have arrived, in order of arrival."""
         found = []
         while self._travelling and self._travelling[0][0] <= now:
             found.append(heapq.heappop(self._travelling)[2])

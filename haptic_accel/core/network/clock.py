@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Offset of a peer's clock from packets that echo each other.
+"""Clock offset between two hosts, estimated from packets that echo each other.
 
-Times are system times in ns, of which those of the two hosts need not agree.
+Times are system times in ns. The system times of the two hosts may differ.
 """
 
 from __future__ import annotations
@@ -16,21 +16,23 @@ from typing import NamedTuple
 from haptic_accel.core.sampling import NANOSECONDS
 
 INTERVAL = NANOSECONDS
-"""Time in which the exchange of least round trip is kept, ns."""
+"""Length of an interval, ns. Of each interval the exchange with the shortest round trip is
+kept."""
 
 WINDOW = 120
-"""Number of intervals to which a line is fitted."""
+"""Number of intervals in the line fit."""
 
 FEWEST = 10
-"""Intervals from which on the drift is estimated; until then the exchange of least round trip
-counts."""
+"""Minimum number of intervals for a drift estimate. With fewer, the exchange with the shortest
+round trip determines the offset."""
 
 SLACK = 1e-3
-"""Deviation from the line, beyond what both round trips allow, above which a clock was set, s."""
+"""Deviation from the line, beyond the uncertainty of both round trips, that indicates a clock
+step, s."""
 
 
 class Exchange(NamedTuple):
-    """Middle of an exchange by the own clock, ns; offset that it shows, and its round trip, s."""
+    """Local time at the middle of an exchange, ns; measured offset and round trip, s."""
 
     time: int
     offset: float
@@ -38,15 +40,15 @@ class Exchange(NamedTuple):
 
 
 class ClockOffset:
-    """Peer's clock minus the own one: a line through the best exchange of every second.
+    """Peer's clock minus the local clock: a line through the best exchange of each second.
 
-    The way there and back need not take equally long: the offset is known to half a round trip.
+    The delays of the two directions may differ, so the offset is known to half a round trip.
 
     Attributes
     ----------
     bound : float
-        Half of the least round trip, and the distance of the line from its exchange, s; infinite
-        before the first exchange.
+        Half of the shortest round trip plus the distance of the line from that exchange, s.
+        Infinite before the first exchange.
     drift : float
         Change of the offset, s/s.
 
@@ -64,17 +66,17 @@ class ClockOffset:
         self._restart()
 
     def add(self, sent: int, received: int, replied: int, arrived: int) -> None:
-        """Take an exchange.
+        """Add an exchange.
 
         Parameters
         ----------
         sent, arrived : int
-            Own time of the packet's sending, and of the reply's arrival, ns.
+            Local times of the packet's transmission and of the reply's arrival, ns.
         received, replied : int
-            Peer's time of the packet's reception, and of the reply's sending, ns.
+            Peer's times of the packet's reception and of the reply's transmission, ns.
         """
         away, held = arrived - sent, replied - received
-        if held < 0 or away <= held:  # a clock was set meanwhile
+        if held < 0 or away <= held:  # a clock was set during the exchange
             return
         interval, round_trip = arrived // INTERVAL, (away - held) / NANOSECONDS
         new = interval != self._interval
@@ -92,7 +94,7 @@ class ClockOffset:
             self._fit()
 
     def offset(self, now: int) -> float:
-        """Return the offset at an own time in ns, s; 0 before the first exchange."""
+        """Return the offset at a local time in ns, s; 0 before the first exchange."""
         return self._offset + self.drift * (now - self._origin) / NANOSECONDS
 
     def _restart(self) -> None:
@@ -101,19 +103,19 @@ class ClockOffset:
         self.drift, self.bound = 0.0, math.inf
 
     def _close(self) -> None:
-        """Fit the line to the intervals that are over; begin anew after a clock was set."""
+        """Fit the line to the completed intervals; restart the estimate after a clock step."""
         if self._exchanges and self._differs(last := self._exchanges[-1]):
             self._restart()
             self._exchanges.append(last)
         self._fit()
 
     def _differs(self, exchange: Exchange) -> bool:
-        """Return whether an exchange can only be explained by a clock that was set."""
+        """Return whether only a clock step can explain an exchange."""
         difference = abs(exchange.offset - self.offset(exchange.time))
         return difference > exchange.round_trip / 2 + self.bound + SLACK
 
     def _fit(self) -> None:
-        """Fit the line to the exchanges there are."""
+        """Fit the line to the available exchanges."""
         if not self._exchanges:
             return
         best = min(self._exchanges, key=lambda each: each.round_trip)
@@ -121,7 +123,8 @@ class ClockOffset:
         self._origin, self._offset, self.drift = best.time, best.offset, 0.0
         if len(self._exchanges) < FEWEST:
             return
-        # What holds up one way makes a round trip longer, and its exchange worse, by as much.
+        # A delay in one direction lengthens the round trip, and the exchange's error, by its
+        # duration.
         weights = [each.round_trip**-2 for each in self._exchanges]
         times = [(each.time - best.time) / NANOSECONDS for each in self._exchanges]
         offsets = [each.offset for each in self._exchanges]

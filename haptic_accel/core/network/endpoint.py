@@ -3,8 +3,8 @@
 
 """Network endpoint of a coupling: outgoing packets and the peer's last state.
 
-It has no clock: times are the caller's. `now` is monotonic, in s; `system` is the host's system
-time, in ns, which the peer's need not agree with.
+The endpoint has no clock: the caller passes the times. `now` is monotonic, in s; `system` is the
+host's system time, in ns, which may differ from the peer's.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from haptic_accel.core.network.session import Admission, Session
 from haptic_accel.core.sampling import NANOSECONDS, same_rate
 
 PACKET_PERIOD = 1e-3
-"""Shortest interval between packets, s; below 1 kHz there is one a sample. Jitter counts for
-the tool's acceleration only where it holds up several packets in a row: with 10 ms of it and 10 %
-loss a sample is played 3 ms after the mean delay of the network, and 8 ms after it with a packet
-every 2 ms."""
+"""Shortest interval between packets, s; below 1 kHz each sample has one packet. Jitter delays the
+tool's acceleration only if it delays several successive packets. With 10 ms of jitter and 10 %
+loss, a sample is played 3 ms after the network's mean delay. With a packet every 2 ms, it is
+played 8 ms after the mean delay."""
 
 EARLY = 0.25
-"""Share of the interval by which a packet may be sent before it is due: the caller's ticks do
-not come exactly in time."""
+"""Fraction of the interval by which a packet may be sent early, since the caller's ticks
+jitter."""
 
 REMEMBERED = 4096
-"""Packets whose time is remembered for their echo: 4 s."""
+"""Number of packets whose times are stored for their echoes: 4 s."""
 
 CLOCKS_AGREE = 2e-3
-"""Offset of the clocks, beyond its bound, above which it is warned of, s."""
+"""Clock offset, beyond its bound, that causes a warning, s."""
 
 
 class State(NamedTuple):
-    """State of a host; meanings as in `Packet`."""
+    """State of a host; see `Packet` for the fields."""
 
     ready: bool = False
     engaged: bool = False
@@ -48,7 +48,7 @@ class State(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Motion of an arm as a packet has it: stamp in ns, m from where it engaged, m/s."""
+    """Motion of an arm in a packet: stamp, ns; position from engagement, m; velocity, m/s."""
 
     stamp: int = 0
     position: Vector = ZERO
@@ -56,7 +56,7 @@ class Motion(NamedTuple):
 
 
 class Endpoint:
-    """Makes the packets for the peer, and admits the peer's.
+    """Create the packets for the peer, and accept the peer's packets.
 
     Parameters
     ----------
@@ -65,20 +65,20 @@ class Endpoint:
     rate : float
         Samples per second.
     session : int
-        Random number of this run, of 64 bit and not 0, from `random_session`.
+        Random 64-bit number of this run, not 0, from `random_session`.
 
     Attributes
     ----------
     peer : Packet or None
         Newest packet of the peer: its state, motion and energy.
     session : Session
-        Admission of packets, with its counts and the number of the own session.
+        Filter of received packets, with counts and the local session number.
     clock : ClockOffset
-        Peer's clock minus the own one.
+        Offset of the peer's clock from the local one.
     playout : Playout
-        Samples of the peer.
+        Playout of the peer's samples.
     delay : float
-        Time that the newest packet took, as the clocks' offset has it, s.
+        Transit time of the newest packet, based on the estimated clock offset, s.
 
     Examples
     --------
@@ -109,30 +109,30 @@ class Endpoint:
         self.delay = 0.0
 
     def sampled(self, stamp: int, acceleration: float) -> None:
-        """Take a sample of the tool's acceleration, m/s^2, to be sent with the next packets.
+        """Queue a sample of the tool's acceleration, m/s^2, for the next packets.
 
-        One that is no finite number counts as not sampled.
+        A sample that is not finite counts as missing.
         """
         if not abs(acceleration) <= LARGEST_SAMPLE:
             return
         number = round(stamp * self._rate / NANOSECONDS)
         if number != self._next_sample:
-            self._samples.clear()  # a packet has successive samples only
+            self._samples.clear()  # a packet holds successive samples only
         self._samples.append(acceleration)
         self._next_sample = number + 1
 
     def outgoing(
         self, state: State, motion: Motion, shipped: float, now: float, system: int
     ) -> bytes | None:
-        """Return the packet that is due now, None if none is; one is whenever the state changes.
+        """Return the packet that is due now, or None; a change of state makes one due.
 
         Parameters
         ----------
         state : State
         motion : Motion
-            Newest motion of the own arm.
+            Newest motion of the local arm.
         shipped : float
-            Energy given to the peer, cumulative, J.
+            Cumulative energy given to the peer, J.
         now, system : float, int
         """
         if state == self._said and now < self._due - EARLY * self._period:
@@ -155,7 +155,7 @@ class Endpoint:
             received,
             *state,
             *motion,
-            # Energy counts for a pair of sessions: none is given before the peer is known.
+            # Energy counts for a pair of sessions, so none is given before the peer is known.
             shipped if session == peer else 0.0,
             self._rate,
             self._next_sample - len(self._samples),
@@ -163,10 +163,10 @@ class Endpoint:
         ).pack()
 
     def incoming(self, data: bytes, now: float, system: int) -> Packet | None:
-        """Return the packet of a datagram if it is the peer's, fresh and newer than those before.
+        """Return the packet of a datagram if it is valid, fresh and newer than all before.
 
-        The samples of one that was overtaken are played too: no other may have them. Of one that
-        is not fresh only the session is used, to be answered.
+        Samples of an overtaken packet are still played, as no other packet may contain them. Of a
+        packet that is not fresh, only the session is used, for the reply.
         """
         try:
             packet = unpack(data)
@@ -193,7 +193,8 @@ class Endpoint:
         if admission is Admission.OVERTAKEN:
             return None
         if self.peer and packet.shipped < self.peer.shipped:
-            # One of both numbers is wrong, and the larger would never be reached again.
+            # One of the two values is wrong. If the larger one is, later values would never reach
+            # it.
             self.session.refuse("the peer's account of energy contradicts itself", now)
             self.session.renew()
             return None
@@ -207,7 +208,7 @@ class Endpoint:
 
     @property
     def shipped(self) -> float:
-        """Energy that the peer gave to this run, J; what a former run was given does not count."""
+        """Energy that the peer gave to this run, J, without that given to an earlier run."""
         return self.peer.shipped if self.peer and self._is_echoed(self.peer) else 0.0
 
     def fresh(self, now: float, timeout: float) -> bool:
@@ -215,10 +216,10 @@ class Endpoint:
         return now - self.session.heard <= timeout
 
     def round_trip_age(self, now: float) -> float:
-        """Return how long ago the own arm was where the peer's newest packet knows it to be, s.
+        """Return the age of the newest local position that the peer acknowledged, s.
 
-        It is measured by the own clock: the peer's packet says which of the own ones it has seen.
-        Infinite before the first echo.
+        The local clock measures it, from the echo in the peer's packet. Infinite before the first
+        echo.
         """
         if not (self.peer and self._is_echoed(self.peer)):
             return math.inf
@@ -226,11 +227,11 @@ class Endpoint:
         return now - measured if sequence == self.peer.echo else math.inf
 
     def age(self, system: int) -> float:
-        """Return the age of the peer's position by the clocks' offset, s; 0 without one."""
+        """Return the age of the peer's position from the clock offset, s; 0 without an offset."""
         return self._age_of(self.peer.stamp, system) if self.peer and self.peer.stamp else 0.0
 
     def problems(self, system: int, now: float) -> dict[str, str]:
-        """Return what is wrong between the hosts: lines for the user by kind of problem."""
+        """Return the problems between the hosts: a line for the user for each kind of problem."""
         refused, offset, bound = (
             self.session.problem(now),
             self.clock.offset(system),
@@ -268,5 +269,5 @@ class Endpoint:
         return packet.echo_session == self.session.own
 
     def _age_of(self, moment: int, system: int) -> float:
-        """Return the age of a moment of the peer's clock, s."""
+        """Return the age of a time of the peer's clock, s."""
         return (system - moment) / NANOSECONDS + self.clock.offset(system)

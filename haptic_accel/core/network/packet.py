@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The datagram that the two hosts of a coupling send each other: one layout, both ways."""
+"""Datagram between the two hosts of a coupling, with one layout for both directions."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.topics import ARMS
 
 VERSION = 2
-"""Version of the layout; hosts of different versions refuse each other."""
+"""Version of the layout; hosts with different versions reject each other's packets."""
 
 MOST_SAMPLES = 16
-"""Most samples of the tool's acceleration in a packet: at 1 kHz, with a packet for each sample,
-each is sent sixteen times."""
+"""Maximum number of acceleration samples in a packet. At 1 kHz, with a packet per sample, each
+sample is sent sixteen times."""
 
 LARGEST_SAMPLE = 1e6
-"""Largest magnitude of a sample that is sent, m/s^2: far above any accelerometer's range."""
+"""Maximum magnitude of a sample, m/s^2: far above any accelerometer's range."""
 
 _MAGIC = b"hapt"
-_COUNT = 7  # place of the number of samples; magic and version are the same in every version
-_CHECK = struct.Struct("<I")  # CRC-32 of everything before
+_COUNT = 7  # index of the number of samples; all versions share magic and version
+_CHECK = struct.Struct("<I")  # CRC-32 of the preceding bytes
 _READY, _ENGAGED, _STOPPED = 1, 2, 4
 
 
 @cache
 def _layout(count: int) -> struct.Struct:
-    """Return the layout of a packet with a number of samples, without the check."""
+    """Return the layout of a packet with a given number of samples, without the checksum."""
     return struct.Struct(f"<4sB3BQ2qQ3q2Iq3d3d2dq{count}f")
 
 
 class Packet(NamedTuple):
-    """State of one host, its arm's motion, and on the slave's side the tool's acceleration.
+    """State of a host and its arm's motion; from the slave's side also the tool's acceleration.
 
-    Every packet carries the whole state, so that none of them has to arrive.
+    Each packet carries the complete state, so that the loss of a packet does no harm.
 
     Attributes
     ----------
@@ -48,30 +48,30 @@ class Packet(NamedTuple):
     session : int
         Random number of the sender's session, not 0.
     sequence : int
-        Number of the packet in its session.
+        Number of the packet within its session.
     sent : int
         System time of the sender, ns.
     echo_session, echo, echo_sent : int
-        Session, sequence and `sent` of the newest packet that the sender received; session 0 for
-        none. A packet is fresh for whom it answers: whose session this is.
+        Session, sequence and `sent` of the newest packet that the sender received; session 0 if
+        none. A packet is fresh for the host whose session `echo_session` is.
     echo_received : int
-        System time of the sender at that packet's reception, ns.
+        System time of the sender when that packet was received, ns.
     ready, engaged, stopped : bool
-        The sender could engage; is engaged; follows an emergency stop.
+        The sender is ready to engage; is engaged; is under an emergency stop.
     stops : int
-        Number of emergency stops that began at the sender.
+        Number of emergency stops that began on the sender's side.
     engagement : int
-        Number of times that the sender engaged.
+        Number of engagements of the sender.
     stamp : int
-        System time of the sender at which the position was measured, ns.
+        System time of the sender when the position was measured, ns.
     position, velocity : tuple of float
-        Motion of the sender's arm: relative to where it engaged, m, and in m/s.
+        Motion of the sender's arm: position relative to engagement, m, and velocity, m/s.
     shipped : float
-        Energy that the sender gave to the session that it answers, J.
+        Energy that the sender gave to the session named by `echo_session`, J.
     rate : float
-        Samples per second of the sender.
+        Sampling rate of the sender, Hz.
     first : int
-        Number of the first sample: its stamp in s times the rate, rounded.
+        Number of the first sample: its stamp in s, multiplied by the rate and rounded.
     samples : tuple of float
         Acceleration of the tool along the actuator's axis, m/s^2, at most `MOST_SAMPLES`.
     """
@@ -119,7 +119,7 @@ def unpack(data: bytes) -> Packet:
     Raises
     ------
     ValueError
-        It is none, damaged, or of another version.
+        The datagram is no packet, is damaged, or has another version.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def unpack(data: bytes) -> Packet:
         raise ValueError("damaged packet")
     _, _, side, flags, _, *values = layout.unpack(content)
     session, real, samples = values[0], values[10:18], values[19:]
-    # A number that is not finite makes a sum that is not.
+    # A non-finite value makes the sum non-finite.
     possible = math.isfinite(sum(real)) and sum(map(abs, samples)) <= MOST_SAMPLES * LARGEST_SAMPLE
     if side >= len(ARMS) or not (possible and session and real[-1] > 0):
         raise ValueError("damaged packet")

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Playout of samples that come over a network: as early as they can be had without gaps."""
+"""Playout of samples from a network: minimum delay without gaps."""
 
 from __future__ import annotations
 
@@ -21,52 +21,54 @@ CONCEALED: Final = "concealed"
 KINDS: Final = (WAITING, TRUE, REPAIRED, CONCEALED)
 
 QUANTILE = 0.99
-"""Share of samples that are to have arrived when they are due."""
+"""Fraction of samples that must have arrived when they are due."""
 
 WINDOW = 3.0
-"""Time whose arrivals count, s: hundreds of packets; a drift of 100 ppm is 0.3 ms in it."""
+"""Time window of the arrival statistics, s: hundreds of packets. A drift of 100 ppm amounts to 0.3
+ms in it."""
 
 LOWERING = 1e-3
-"""Least rate at which the target falls, s/s: after a lull the next burst needs it again. The
-excess fades out with the time constant `WINDOW`."""
+"""Minimum rate at which the target falls, s/s: it must stay high for the next burst. The excess
+decays with the time constant `WINDOW`."""
 
 STEPS = 50
-"""Samples in which the delay changes by one sample: a change of pace by 2 %, which is not felt."""
+"""Number of samples in which the delay changes by one sample: a change of pace by 2 %, which users
+do not feel."""
 
 SLACK = 0.5
-"""Delay beyond the one sample that whole numbers cost before it is lowered, samples: the tick
-may jitter by half of it without a change of pace."""
+"""Minimum excess delay that is lowered, in samples, beyond one sample of rounding. A tick may
+jitter by half of it without a change of pace."""
 
 TOLERANCE = 0.02
-"""Lag behind the target that counts as none, samples: rounding of times."""
+"""Maximum lag behind the target that counts as zero, in samples: rounding of times."""
 
 DECAY = 0.02
-"""Time in which a prediction fades out, s: in gaps on the simulated surfaces its error (NRMSE) is
-44 to 79 %, within a point of that with 15 or 40 ms; the last value faded out in 5 ms errs by 88
-to 137 %."""
+"""Time in which a prediction fades out, s. In gaps on the simulated surfaces its error (NRMSE) is
+44 to 79 %, and differs by less than a point for 15 or 40 ms. Holding the last value and fading it
+out in 5 ms gives errors of 88 to 137 %."""
 
 RESTING = 0.05
-"""Time constant of the mean that it fades to, s: an accelerometer at rest shows gravity."""
+"""Time constant of the mean to which predictions fade, s: an accelerometer at rest measures
+gravity."""
 
 MISSED = 0.04
-"""Delay beyond what is needed that is not waited off but left out, s: ticks were missed, or a host
-stood still; a texture is felt as late from here on (Okamoto et al., IEEE Trans. Haptics 2(3),
-2009)."""
+"""Excess delay above which samples are skipped, s: ticks were missed, or a host paused. From this
+delay on users feel a texture as late (Okamoto et al., IEEE Trans. Haptics 2(3), 2009)."""
 
 JUMP = 1.0
-"""Change of a sample's age that is a new clock rather than the network, s."""
+"""Change of a sample's age that indicates a new clock rather than network delay, s."""
 
 
 class Played(NamedTuple):
-    """A sample as it is played.
+    """Output of the playout for one tick.
 
     Attributes
     ----------
     value : float
-        In the unit of the samples; while waiting their former mean, 0 at first.
+        In the unit of the samples; while waiting the mean of earlier samples, 0 at first.
     kind : str
-        ``waiting`` before the first, ``true`` as received, ``repaired`` from a repetition after
-        the loss of a packet, ``concealed`` where nothing was received in time.
+        ``waiting`` before the first sample, ``true`` as received, ``repaired`` from a repetition
+        after the loss of a packet, ``concealed`` where nothing was received in time.
     """
 
     value: float
@@ -74,24 +76,25 @@ class Played(NamedTuple):
 
 
 class Playout:
-    """Plays one sample a tick, late enough that 99 % have arrived, on the receiver's clock.
+    """Play one sample per tick on the receiver's clock, with a delay at which 99 % have arrived.
 
-    The age of a sample is the time of its first arrival less its number over the rate; offset of
-    the clocks and least delay of the network are part of it and cancel. What is played is as old
-    as the 99 % quantile of the last `WINDOW`, the target, which rises at once and falls slowly,
-    but by more than `MISSED` at once. While nothing has to change each tick plays the next sample
-    as it is; the delay changes by resampling over `STEPS` samples, or by standing still where
-    there is nothing to play. So it follows a drift of the clocks as well.
+    The age of a sample is its first arrival time minus its number divided by the rate. Clock
+    offset and minimum network delay are part of all ages and cancel. The target is the 99 %
+    quantile of the ages in the last `WINDOW`. It rises at once and falls slowly; an excess of more
+    than `MISSED` falls at once. Without a change of target each tick plays the next sample
+    unchanged. The delay changes by resampling over `STEPS` samples, or by pausing while there is
+    nothing to play. The playout therefore also follows clock drift.
 
     Parameters
     ----------
     rate : float
-        Samples per second of the sender, and ticks per second of the receiver, Hz.
+        Sampling rate of the sender and tick rate of the receiver, Hz.
 
     Attributes
     ----------
     counts : Counter
-        Samples played, by kind, and those that came ``late``: after they had been due.
+        Number of samples played, by kind, and of ``late`` samples, which arrived after their due
+        time.
 
     Examples
     --------
@@ -108,15 +111,15 @@ class Playout:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all samples and arrivals, as for another sender; the counts go on."""
+        """Discard all samples and arrivals, for a new sender; the counts continue."""
         self._samples: dict[int, Played] = {}
-        self._base = 0  # numbers count from 1970: their ages would have no digits left
+        self._base = 0  # numbers count from 1970: ages would lose all precision
         self._newest = 0
-        self._stride = math.inf  # samples from one packet to the next
+        self._stride = math.inf  # samples between successive packets
         self._ages: deque[float] = deque(maxlen=math.ceil(WINDOW * self._rate))
         self._sorted: list[float] = []
         self._target, self._aimed = -math.inf, 0.0
-        self._place: int | None = None  # in 1 / STEPS of a sample
+        self._place: int | None = None  # in samples / STEPS
         self._step = 0
         self._taken = 0.0
         self._bridge = Bridge()
@@ -124,32 +127,32 @@ class Playout:
 
     @property
     def delay(self) -> float:
-        """Age of what is played above the least in the last `WINDOW`, s; 0 while waiting."""
+        """Delay of the playout above the minimum in the last `WINDOW`, s; 0 while waiting."""
         if self._place is None:
             return 0.0
         return self._age(self._place / STEPS, self._taken) - self._sorted[0]
 
     @property
     def target(self) -> float:
-        """Delay that is aimed at, s, as `delay`."""
+        """Target of `delay`, s."""
         return self._target - self._sorted[0] if self._sorted else 0.0
 
     @property
     def position(self) -> float:
-        """Number of the sample that was played last, with its fraction; NaN while waiting."""
+        """Number of the sample played last, with its fraction; NaN while waiting."""
         return math.nan if self._place is None else self._place / STEPS
 
     def put(self, first: int, samples: Sequence[float], now: float) -> None:
-        """Take the samples of a packet, of which any number may be known already.
+        """Add the samples of a packet; some or all may be known already.
 
         Parameters
         ----------
         first : int
             Number of the first sample on the sender's clock.
         samples : sequence of float
-            Consecutive samples; infinity and NaN count as not received.
+            Consecutive samples; infinity and NaN count as missing.
         now : float
-            Time of arrival on the receiver's clock, s; never backwards.
+            Arrival time on the receiver's clock, s; must not decrease.
         """
         newest = first + len(samples) - 1
         if not self._sorted or abs(self._age(newest, now) - self._target) > JUMP:
@@ -164,13 +167,13 @@ class Playout:
                 continue
             repaired = newest - number >= self._stride
             self._samples[number] = Played(float(value), REPAIRED if repaired else TRUE)
-            if number >= self._base:  # older ones were sent before anybody listened
+            if number >= self._base:  # older samples were sent before the start
                 self._arrived(self._age(number, now))
                 self.counts["late"] += number <= due
         self._aim(now)
 
     def take(self, now: float) -> Played:
-        """Return the sample of a tick; to be called once a tick.
+        """Return the sample of a tick; call it once per tick.
 
         Parameters
         ----------
@@ -190,9 +193,7 @@ class Playout:
             self._choose_pace(now)
         following = self._place + STEPS + self._step
         if following > self._newest * STEPS and self._spare(following, now) < -TOLERANCE:
-            self._place = (
-                -(-self._place // STEPS) * STEPS
-            )  # and stand there: the delay has to grow
+            self._place = -(-self._place // STEPS) * STEPS  # and pause, as the delay has to grow
             return self._concealed()
         for number in range(self._place // STEPS, following // STEPS):
             self._samples.pop(number - self._kept, None)
@@ -200,7 +201,7 @@ class Playout:
         return self._received(*divmod(following, STEPS)) or self._concealed()
 
     def _choose_pace(self, now: float) -> None:
-        """Choose whether the delay grows or shrinks by a sample; make up for missed ticks."""
+        """Choose whether the delay grows or shrinks by a sample; skip missed ticks."""
         assert self._place is not None
         spare = self._spare(self._place + STEPS, now)
         if spare > MISSED * self._rate:
@@ -209,11 +210,11 @@ class Playout:
         self._step = -1 if spare < -TOLERANCE else 1 if spare > 1.0 + SLACK else 0
 
     def _spare(self, place: int, now: float) -> float:
-        """Return the time from the due time of a place to now, samples."""
+        """Return the time since a place was due, in samples."""
         return (self._age(place / STEPS, now) - self._target) * self._rate
 
     def _received(self, number: int, part: int) -> Played | None:
-        """Return what was received at a place, between two samples if need be."""
+        """Return the received value at a place, interpolated between two samples where needed."""
         one = self._samples.get(number)
         if one is not None and part:
             two = self._samples.get(number + 1)
@@ -237,7 +238,7 @@ class Playout:
         bisect.insort(self._sorted, age)
 
     def _aim(self, now: float) -> None:
-        """Raise the target to the quantile at once; lower it slowly, but at once if far above."""
+        """Raise the target to the quantile at once; lower it slowly, or at once if far above."""
         if self._sorted:
             quantile = self._sorted[math.ceil(QUANTILE * len(self._sorted)) - 1]
             excess = self._target - quantile
@@ -252,5 +253,5 @@ class Playout:
 
     @property
     def _kept(self) -> int:
-        """Samples that are known as received after they were played."""
+        """Number of received samples that are kept after playout."""
         return math.ceil(JUMP * self._rate)

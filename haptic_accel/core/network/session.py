@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Admission of a peer's packets: of one peer at a time, each once, and only fresh ones.
+"""Session of two hosts: freshness and sequence checks of the peer's packets, restart detection.
 
-A packet is fresh if it answers the own session, a random number that is new at every start: one
-that was recorded in a session before cannot. One that does not answer says only that somebody is
-there, whose session is answered from then on.
+A packet is fresh if it echoes the local session, a random number that is new at every start. A
+packet recorded in an earlier session is therefore never fresh. A packet without this echo only
+announces a peer, whose session is echoed from then on.
 
-It has no clock: times are the caller's, in s from any origin and never backwards.
+The session has no clock: the caller passes times in s from any origin, which never decrease.
 """
 
 from __future__ import annotations
@@ -19,79 +19,79 @@ from enum import Enum, auto
 from haptic_accel.core.network.packet import Packet
 
 UNHEARD = "the peer does not receive this host's packets"
-"""State in which packets come, but none that answers."""
+"""Problem: packets arrive, but none echoes the local session."""
 
 REFUSED = "the peer's packets are refused"
-"""State in which packets come, but none that may be used."""
+"""Problem: packets arrive, but none may be used."""
 
 LIFETIME = 0.5
-"""Silence after which a peer may be followed by another, s: longer than arms stay coupled without
-a word of the peer, and shorter than a process takes to start again."""
+"""Silence after which another peer is accepted, s. It is longer than the arms stay coupled without
+a packet, and shorter than the restart of a process."""
 
 PROBLEM_TIME = 2.0
-"""Time for which the reason of a refusal is shown, s."""
+"""Time for which the reason of a rejection is shown, s."""
 
 WINDOW = 1024
-"""Packets before the newest among which one that comes again is told from one that comes late: 1 s
-at 1 kHz, beyond which samples are of no use to the playout."""
+"""Number of packets before the newest in which duplicates are told from late packets. It is 1 s at
+1 kHz; older samples are of no use to the playout."""
 
 FASTEST = 2000.0
-"""Most packets of a peer in a second: twice as many as its samples make, as each change of its
-state sends one, too."""
+"""Maximum packet rate of a peer, Hz: twice its sampling rate, as each change of its state also
+sends a packet."""
 
 LARGEST_JUMP = 3.0
-"""Time, s, beyond that since the last packet, by whose packets a number may be ahead: more than
-any process or network holds packets up. A number far ahead would make all that follow old."""
+"""Maximum jump of the sequence number, as a time since the last packet, s. No process or network
+delays packets that long. A larger number would make all later packets appear old."""
 
 ANEW = 1.0
-"""Time for which packets come but none is admitted, s, after which a new session begins: longer
-than a peer needs to be followed by another."""
+"""Time without an accepted packet, while packets arrive, after which a new session begins, s. It
+is longer than the time until another peer is accepted."""
 
 
 _NEVER = -math.inf, -math.inf
 
 
 class Admission(Enum):
-    """Use that may be made of a packet."""
+    """Permitted use of a packet."""
 
     NEWEST = auto()
     OVERTAKEN = auto()
-    """Came after a newer one: its samples are still of use, its state is not."""
+    """Overtaken by a newer packet: the samples are used, the state is not."""
     HANDSHAKE = auto()
-    """Not fresh: its session is to be answered, and nothing else of it may be used."""
+    """Not fresh: the packet's session is echoed, and its other contents are ignored."""
     REFUSED = auto()
 
 
 def random_session() -> int:
-    """Return the number of a new session."""
+    """Return a random number for a new session."""
     return secrets.randbits(64) or 1
 
 
 class Session:
-    """Admits the packets of one peer, each once, that answer the own session.
+    """Accept each packet of one peer once, if it echoes the local session.
 
-    A peer that starts again has a new session, which is admitted once the one before has been
-    silent for `LIFETIME`. A session that was followed by another never comes back. Where packets
-    come but none is admitted for `ANEW`, the own session becomes a new one, as after a start.
+    A restarted peer has a new session, which is accepted once the former one has been silent for
+    `LIFETIME`. A replaced session is never accepted again. If packets arrive but none is accepted
+    for `ANEW`, a new local session begins, as after a restart.
 
     Parameters
     ----------
     side : str
-        Own side; the peer's must be the other.
+        Local side; the peer must be the other.
     own : int
-        Number of the own session, not 0.
+        Number of the local session, not 0.
 
     Attributes
     ----------
     own : int
-        Session that packets must answer.
+        Local session, which packets must echo.
     peer : int
         Session of the peer; 0 before its first packet.
     heard, unanswered : float
-        Time of the newest packet admitted, and of the last that was not fresh, s.
+        Time of the newest accepted packet, and of the last packet that was not fresh, s.
     received, lost, doubled, out_of_order, restarts, refused, renewals : int
-        Packets admitted, missing, that came again or far too late, that were overtaken; new
-        sessions of the peer after the first; packets of others, or malformed; new own sessions.
+        Numbers of packets: accepted, lost, duplicated or much too late, overtaken; of new sessions
+        of the peer after the first; of foreign or malformed packets; of new local sessions.
     """
 
     def __init__(self, side: str, own: int) -> None:
@@ -105,12 +105,12 @@ class Session:
 
     @property
     def pair(self) -> tuple[int, int]:
-        """Own session and the peer's."""
+        """Local session and the peer's."""
         return self.own, self.peer
 
     @property
     def loss(self) -> float:
-        """Share of packets that did not come."""
+        """Fraction of packets that were lost."""
         came = self.received + self.out_of_order
         return self.lost / (came + self.lost) if came else 0.0
 
@@ -134,29 +134,29 @@ class Session:
         return Admission.NEWEST
 
     def renew(self) -> None:
-        """Begin a new own session; the peer takes it for that of a host that started again."""
+        """Begin a new local session; for the peer this looks like a restarted host."""
         self.own = random_session()
         self.renewals += 1
         self._forget()
 
     def refuse(self, reason: str, now: float) -> None:
-        """Count a packet that is not the peer's, or malformed; the reason is fixed text."""
+        """Count a foreign or malformed packet; the reason is fixed text."""
         self.refused += 1
         self._problem, self._problem_time = reason, now
 
     def problem(self, now: float) -> str:
-        """Return why packets are refused at present, one line; empty if none are."""
+        """Return a line on why packets are rejected at present, or an empty string."""
         return self._problem if now - self._problem_time < PROBLEM_TIME else ""
 
     def unusable(self, now: float, timeout: float) -> str:
-        """Return why packets that came within a time in s are of no use; empty if none came."""
+        """Return why packets received within a time in s are unusable; empty if there are none."""
         if now - self.unanswered <= timeout:
             return UNHEARD
         return REFUSED if now - self._problem_time <= timeout else ""
 
     def _forget(self) -> None:
-        """Forget the peer; no packet that was sent to the former own session is admitted."""
-        # First and last of the packets that came in vain since one was admitted.
+        """Forget the peer; packets sent to the former local session are no longer accepted."""
+        # First and last unusable packets since the last accepted one.
         self.peer = 0
         self._former: set[int] = set()
         self._newest = self._seen = 0
@@ -166,7 +166,7 @@ class Session:
         return bool(self.peer) and now - self.heard < LIFETIME
 
     def _reason(self, packet: Packet, now: float) -> str:
-        """Return why a packet is none of the peer's; empty if it is."""
+        """Return why a packet is not from the peer; empty if it is."""
         if packet.side == self._side:
             return f"both hosts are side:={packet.side}: one must be the other"
         if packet.session in self._former:
@@ -182,18 +182,18 @@ class Session:
         self.peer, self._newest, self._seen = packet.session, packet.sequence, 1
 
     def _follows(self, sequence: int, now: float) -> bool:
-        """Count a packet of the peer that is newer than all before; return whether it is."""
+        """Count a packet with a number above all before; return whether it is acceptable."""
         ahead = sequence - self._newest
         if not 0 < ahead <= FASTEST * (now - self.heard + LARGEST_JUMP):
             return False
         self.lost += ahead - 1
-        # The lowest bit is the newest packet; a long silence leaves nothing to remember.
+        # The lowest bit is the newest packet; a long silence clears all others.
         self._seen = (self._seen << min(ahead, WINDOW) | 1) & ((1 << WINDOW) - 1)
         self._newest = sequence
         return True
 
     def _late(self, sequence: int, now: float) -> Admission:
-        """Count a packet of the peer that is not newer, or too far ahead."""
+        """Count a packet of the peer that is not newer, or has too large a sequence number."""
         own, behind = self.own, self._newest - sequence
         self._came_in_vain(now)
         if self.own != own:
@@ -211,7 +211,7 @@ class Session:
         return Admission.REFUSED
 
     def _came_in_vain(self, now: float) -> None:
-        """Take note of a packet whose state cannot be used; begin anew if that goes on."""
+        """Record a packet with an unusable state; begin a new session if this persists."""
         if not now - self._vain[1] < LIFETIME:
             self._vain = now, now
         self._vain = self._vain[0], now
