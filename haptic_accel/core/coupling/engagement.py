@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The decision when the two arms are coupled: engage, release, take again, end.
+"""Engagement of the two arms: conditions for coupling, release, re-engagement and the end.
 
-It has no clock: times are the caller's, in s from any origin and never backwards.
+The state machine has no clock: the caller passes times in s, which never decrease.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.topics import ARMS
 
 STEP_PERIOD = 0.02
-"""Interval at which `Engagement.step` is due, s."""
+"""Interval of calls of `Engagement.step`, s."""
 
 WARNING_PERIOD = 5.0
 """Interval between "waiting for ..." warnings, s."""
 
 FREE_TIME = 0.5
-"""Minimum time for which released arms stay free, s: where they are when they are taken again
-becomes each other's counterpart, so they must have come to rest; those of the virtual rig have
-been put back to their start by then."""
+"""Minimum time between release and re-engagement, s. The positions at engagement become the
+reference positions, so the arms must be at rest. The arms of the virtual rig are back at their
+start by then."""
 
 RESTING = "waiting for the arms to come to rest"
-"""Reason for free arms soon after they were released."""
+"""Reason for free arms shortly after their release."""
 
 STOPPED = "emergency stop"
 """Reason for free arms while the emergency stop is not released."""
 
 DIFFERING = 0.5
-"""Time for which a device and the coupler may differ about the emergency stop before all are
-stopped, s: a stop or its release does not reach all at once."""
+"""Maximum time for which a device and the coupler may disagree about the emergency stop, s; then
+all are stopped. A stop or its release does not reach all nodes at the same time."""
 
 DISENGAGED = "let go on request"
 """Reason for free arms after a request to release them."""
@@ -44,17 +44,17 @@ DISENGAGED = "let go on request"
 
 @dataclass(frozen=True)
 class EngagementParameters(Checked):
-    """Conditions for engaging, and for the end."""
+    """Conditions for engagement, and for the end."""
 
     timeout: float = parameter(
-        0.1, "time without samples of an arm after which forces go to zero", "s", 0.005, 10.0
+        0.1, "time without samples of an arm after which forces are set to zero", "s", 0.005, 10.0
     )
     duration: float = parameter(
         0.0, "time from engaging to the end of the graph; 0 for no end", "s", 0.0, 1e6
     )
     listeners: int = parameter(
         1,
-        "number of subscribers to each arm's force that engaging waits for: its device, a"
+        "number of subscribers to each arm's force required for engagement: its device, a"
         " recorder",
         low=0,
         high=100,
@@ -69,16 +69,16 @@ class EngagementParameters(Checked):
 
 @dataclass(frozen=True)
 class Decision:
-    """Actions that are due now.
+    """Actions that are due in a step.
 
     Attributes
     ----------
     engage, release : bool
-        Couple the arms where they are; uncouple them and take their forces off.
+        Couple the arms at their positions; uncouple them and set their forces to zero.
     finished : bool
-        The duration is over; stays true.
+        The duration is over; remains true.
     warning : str
-        A line for the log; empty for none.
+        Line for the log; may be empty.
     """
 
     engage: bool = False
@@ -88,28 +88,28 @@ class Decision:
 
 
 class Engagement:
-    """State machine of the coupling: free or engaged.
+    """State machine of the coupling, with the states free and engaged.
 
-    The arms engage when their positions are fresh, their devices have said that they are not
-    stopped, the compensator has made a force, and every expected subscriber of the arms' forces
-    is there. They are released when an arm falls silent, on request, and by the emergency stop,
-    and are taken again when the reason has gone, after `FREE_TIME` at the earliest.
+    The arms engage when their positions are recent, their devices report no stop, the compensator
+    has sent a force, and all expected subscribers to the arms' forces exist. They are released
+    when an arm sends no more samples, on request, and by the emergency stop. They engage again
+    when the reason is gone, but not before `FREE_TIME`.
 
     Parameters
     ----------
     parameters : EngagementParameters
     now : float
-        Time of the start, s.
+        Start time, s.
     arms : sequence of str
-        Arms of this host, of `ARMS`.
+        Arms of this host, from `ARMS`.
 
     Attributes
     ----------
     engaged : bool
     stop : EmergencyStop
-        Stop of the coupler; all are stopped where a device and the coupler differ for too long.
+        Stop of the coupler; all are stopped if it disagrees with a device for too long.
     compensated : bool
-        The compensator's force was received, or need not be.
+        A force of the compensator was received, or none is required.
     arms : tuple of str
     """
 
@@ -121,7 +121,7 @@ class Engagement:
         self.engaged = False
         self.compensated = not parameters.compensated
         self._received = dict.fromkeys(arms, -math.inf)
-        self._freed = ""  # why the arms stay free until they are asked for
+        self._freed = ""  # why the arms stay free until a request
         self.stop = EmergencyStop(now)
         self._differing_since = math.inf
         self._arms_stopped: dict[str, bool] = {}
@@ -131,41 +131,41 @@ class Engagement:
         self._step_due = now
 
     def position_received(self, arm: str, now: float) -> None:
-        """Note a position of an arm."""
+        """Record the time of an arm's position."""
         self._received[arm] = now
 
     def force_received(self) -> None:
-        """Note a force of the compensator."""
+        """Record that the compensator has sent a force."""
         self.compensated = True
 
     def arm_stopped(self, arm: str, stopped: bool) -> None:
-        """Note whether the device of an arm follows the emergency stop."""
+        """Record whether the device of an arm is stopped."""
         self._arms_stopped[arm] = stopped
 
     def request(self, engage: bool) -> str:
-        """Ask for engaging or release; return why that is refused, empty if it is not."""
+        """Request engagement or release; return why it is refused, or an empty string."""
         if engage and self.stop.stopped:
             return f"{STOPPED}: release it first"
         self._freed = "" if engage else DISENGAGED
         return ""
 
     def aside(self, now: float) -> bool:
-        """Return whether arms that stay free have come to rest, for others to move them."""
+        """Return whether free arms are at rest, so that others may move them."""
         return bool(self._freed) and not self.engaged and now - self._released >= FREE_TIME
 
     def due(self, now: float) -> bool:
-        """Return whether it is time for the next `step`."""
+        """Return whether the next `step` is due."""
         return now >= self._step_due
 
     def missing(self, now: float, listeners: int) -> str:
-        """Return what engaging waits for, or what has gone; empty when all is there.
+        """Return the reason that prevents engagement, or ends it; empty if there is none.
 
         Parameters
         ----------
         now : float
             Time, s.
         listeners : int
-            Subscribers of the arm's force that has fewer of them.
+            Number of subscribers to an arm's force, for the arm with fewer of them.
         """
         p = self._parameters
         if self._held:
@@ -190,7 +190,7 @@ class Engagement:
         return ""
 
     def step(self, now: float, listeners: int) -> Decision:
-        """Return what is to be done now; arguments as for `missing`."""
+        """Return the actions that are due; arguments as for `missing`."""
         self._step_due = now + STEP_PERIOD
         differing = self._stop_all(now)
         missing = self.missing(now, listeners)
@@ -211,16 +211,16 @@ class Engagement:
 
     @property
     def _held(self) -> str:
-        """Reason for free arms; empty if they may be coupled."""
+        """Reason why the arms must stay free; empty if they may be coupled."""
         if self.stop.stopped or any(self._arms_stopped.values()):
             return STOPPED
         return self._freed
 
     def _stop_all(self, now: float) -> str:
-        """Stop where a device differs for too long; return a line for the log, empty for none."""
+        """Stop all after a long disagreement with a device; return a log line, or ""."""
         for arm, received in self._received.items():
             if self._parameters.timeout < now - received < math.inf:
-                self._arms_stopped.pop(arm, None)  # of a device that has gone
+                self._arms_stopped.pop(arm, None)  # the device no longer exists
         states = {"coupler": self.stop.stopped, **self._arms_stopped}
         if len(set(states.values())) == 1:
             self._differing_since = math.inf

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The decision when the arm of one host is coupled to that of its peer on another.
+"""Engagement of one host's arm with its peer's arm on another host.
 
-It has no clock: times are the caller's, in s from any origin and never backwards.
+The state machine has no clock: the caller passes times in s, which never decrease.
 """
 
 from __future__ import annotations
@@ -20,44 +20,45 @@ from haptic_accel.core.coupling.engagement import (
 from haptic_accel.core.network.packet import Packet
 
 STOPPED_THERE = f"{STOPPED} at the peer"
-"""Reason for a free arm while the peer is stopped and this host is not, or no more."""
+"""Reason for a free arm while the peer is stopped and this host is not."""
 
 SILENT = "waiting for the peer's packets"
-"""Reason for a free arm while no packet comes."""
+"""Reason for a free arm while no packets arrive."""
 
 RESTARTED = "the peer has started again"
-"""Reason for the release of an arm whose peer is another run than before."""
+"""Reason for a release after the peer has restarted."""
 
 LEFT = "the peer let go"
-"""Reason for the release of an arm whose peer is not engaged any more."""
+"""Reason for a release after the peer has disengaged."""
 
 LOST = "the peer was lost: coupler/engage takes the arm again"
-"""Reason for a free arm where it must be asked for after that."""
+"""Reason for a free arm that engages again only on request after the loss of the peer."""
 
 
 class HalfEngagement(Engagement):
-    """State machine of one arm that is coupled to a peer's: free or engaged.
+    """State machine of one arm that is coupled to a peer's arm: free or engaged.
 
-    An arm is ready when its own conditions hold, and engages when the peer is ready or engaged. It
-    is released when the peer falls silent, starts again, or is no longer what it was engaged with;
-    and taken again only after the peer has let go as well, so that both begin anew. A stop that
-    begins at the peer stops this host, which is released by itself; while the peer is stopped the
-    arm stays free.
+    An arm is ready when its own conditions hold. It engages when the peer is ready or engaged. It
+    is released when the peer sends no packets, restarts, or has another session or engagement. It
+    engages again only after the peer has released its arm too, so that both start from the same
+    state. A stop that begins at the peer also stops this host, until it is released here. While
+    the peer is stopped, the arm stays free.
 
     Parameters
     ----------
     parameters : EngagementParameters
     now : float
-        Time of the start, s.
+        Start time, s.
     arm : str
         Arm of this host.
 
     Attributes
     ----------
     count : int
-        Number of times that the arm engaged.
+        Number of engagements of the arm.
     unusable : str
-        Why packets that come are of no use; empty if none come. To be kept up to date.
+        Reason why received packets are unusable; empty if none are received. The caller keeps it
+        up to date.
     """
 
     def __init__(self, parameters: EngagementParameters, now: float, arm: str) -> None:
@@ -67,32 +68,32 @@ class HalfEngagement(Engagement):
         self._peer: Packet | None = None
         self._heard = -math.inf
         self._session = 0
-        self._partner: tuple[int, int] | None = None  # the peer's session and engagement
+        self._partner: tuple[int, int] | None = None  # session and engagement of the peer
         self._former: tuple[int, int] | None = None
 
     def peer_heard(self, packet: Packet, now: float) -> None:
-        """Take the state of the peer from its newest packet, which answers this host's."""
+        """Handle the state in the peer's newest packet, which answers this host's session."""
         before, self._peer, self._heard = self._peer, packet, now
         known = before is not None and before.session == packet.session
-        # A number that falls is wrong: rather one stop too many than one that is not seen.
+        # A decreasing number is an error: an unnecessary stop is better than a missed one.
         if packet.stops != before.stops if before and known else packet.stopped:
             self.stop.follow()
         if self.engaged and self._partner is None and packet.engaged:
             self._partner = packet.session, packet.engagement
 
     def ready(self, now: float, listeners: int) -> bool:
-        """Return whether nothing is missing on this host, which receives the peer's packets.
+        """Return whether this host, which receives the peer's packets, is ready to engage.
 
-        Arguments are as for `missing`.
+        Arguments as for `missing`.
         """
         return not (super().missing(now, listeners) or self._lost(now))
 
     def missing(self, now: float, listeners: int) -> str:
-        """Return what engaging waits for, or what has gone; empty when all is there."""
+        """Return the reason that prevents engagement, or ends it; empty if there is none."""
         return super().missing(now, listeners) or self._missing_there(now)
 
     def step(self, now: float, listeners: int) -> Decision:
-        """Return what is to be done now; arguments as for `missing`."""
+        """Return the actions that are due; arguments as for `missing`."""
         lost = self._lost(now)
         decision = super().step(now, listeners)
         if decision.engage and self._peer:
@@ -107,19 +108,19 @@ class HalfEngagement(Engagement):
         return decision
 
     def due(self, now: float) -> bool:
-        """Return whether it is time for the next `step`: at once where the peer was lost."""
+        """Return whether the next `step` is due; it is due at once after the loss of the peer."""
         if super().due(now):
             return True
         return self.engaged and (self.stop.stopped or bool(self._missing_there(now)))
 
     def _lost(self, now: float) -> str:
-        """Return how the peer was lost; empty if it was not."""
+        """Return the reason for the loss of the peer; empty if it is not lost."""
         if self._peer is None or now - self._heard > self._parameters.timeout:
             return self.unusable or SILENT
         return RESTARTED if self.engaged and self._peer.session != self._session else ""
 
     def _missing_there(self, now: float) -> str:
-        """Return what is missing at the peer."""
+        """Return the reason why the peer is not ready."""
         lost, peer = self._lost(now), self._peer
         if lost or peer is None:
             return lost

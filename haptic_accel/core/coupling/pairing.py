@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Samples of the two arms that belong to the same tick."""
+"""Pairing of the samples of two arms by tick."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from haptic_accel.core.sampling import half_period
 class Motion(NamedTuple):
     """Stamp of a sample, ns, position, m, and velocity, m/s, of an arm.
 
-    The work is that of its motors' force, J, since any moment; None where it is not known.
+    `work` is the cumulative work of the arm's motors, J, from any start; None if unknown.
     """
 
     stamp: int
@@ -26,22 +26,22 @@ class Motion(NamedTuple):
 
 
 class Pairing:
-    """Pairs the samples of two arms, tick by tick.
+    """Synchronizer of the samples of two arms, tick by tick.
 
-    A sample waits for that of the other arm. Where the other arm has sent a later one, it is lost:
-    the one before stands for it.
+    A sample waits for the other arm's sample of the same tick. If the other arm has already sent a
+    later one, that sample is lost, and the previous one replaces it.
 
     Parameters
     ----------
     rate : float
         Samples per second of both arms.
     longest : int
-        Most samples of an arm that wait.
+        Maximum number of waiting samples per arm.
 
     Attributes
     ----------
     held : int
-        Number of ticks at which an earlier sample stood for one that is missing.
+        Number of ticks with an earlier sample in place of a missing one.
     """
 
     def __init__(self, rate: float, longest: int) -> None:
@@ -55,21 +55,21 @@ class Pairing:
 
     @property
     def waiting(self) -> bool:
-        """True while a sample of one arm waits for that of the other."""
+        """True while a sample of one arm waits for the other arm's."""
         return any(self._waiting)
 
     def put(self, arm: int, motion: Motion) -> None:
-        """Take a sample of an arm, 0 or 1, in the order of the stamps."""
+        """Add a sample of an arm, 0 or 1; stamps must increase."""
         self._waiting[arm].append(motion)
 
     def clear(self) -> None:
-        """Forget all samples."""
+        """Discard all samples."""
         for waiting in self._waiting:
             waiting.clear()
         self._before = [None, None]
 
     def pairs(self) -> Iterator[tuple[Motion, Motion]]:
-        """Yield the samples of both arms for each tick that is complete."""
+        """Yield the samples of both arms for each complete tick."""
         first, second = self._waiting
         half_period = self._half_period
         while first and second:
@@ -83,7 +83,7 @@ class Pairing:
                 yield master, slave
 
     def _held(self, arm: int) -> Motion | None:
-        """Return the sample that stands for an arm's missing one."""
+        """Return the sample that replaces an arm's missing one."""
         before = self._before[arm]
         self.held += before is not None
         return before

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Coupling of two arms over a network: a spring with local damping, and an account of energy.
+"""Passive coupling of two arms over a network: spring, local damping and energy tank.
 
-One half is beside each arm. The law, its proof and what it reaches: docs/passive_coupling.md.
+Each arm has one half of the coupling. Law, proof and performance: docs/passive_coupling.md.
 """
 
 from __future__ import annotations
@@ -19,60 +19,61 @@ from haptic_accel.core.parameters import Checked, like, parameter
 from haptic_accel.core.sampling import LATENCY
 
 LAWS = ("spring", "damped", "passive")
-"""A spring alone; with local damping and stiffness after the age; with the account as well."""
+"""Spring only; spring with local damping and a stiffness limited by the age; both with an energy
+tank."""
 
 CEILING = 2.5
-"""Energy that a half keeps for itself, as a multiple of the granted one: what it has above that is
-for its peer."""
+"""Maximum energy in the tank of a half, as a multiple of the initial energy. The excess is sent to
+the peer."""
 
 KEPT = 0.5
-"""Share of what local damping takes from the arm that the account may spend; 1 lets a coupling
-ring for long beyond the delay it is made for."""
+"""Fraction of the energy dissipated by local damping that is stored in the tank. With 1, a
+coupling oscillates long if the delay exceeds its design value."""
 
 SIGN = 1e-12
-"""Least energy that a half which has acted sends to a peer that started anew, J."""
+"""Minimum energy sent to a restarted peer by a half that has already applied forces, J."""
 
 SPEED_MARGIN = 0.5
-"""Most by which an arm may be faster than measured while a force acts, m/s: a tip of 60 g that
-bounces off a wall at 0.25 m/s."""
+"""Maximum increase of an arm's speed above the measured one while a force acts, m/s: a tip of 60 g
+that bounces off a wall at 0.25 m/s."""
 
 RESTART_TRAVEL = 0.01
-"""Distance, m, above which a device's work, divided by the largest force, is that of a device
-that began to count anew."""
+"""Distance, m, that identifies a device whose work counter was reset: its work exceeds the largest
+force times this distance."""
 
 QUANTILE = 0.99
-"""Share of the ages of the peer's data that the damping is made for."""
+"""Quantile of the ages of the peer's data that determines the damping."""
 
 WINDOW = 2.0
-"""Time over which their quantile is taken, s."""
+"""Window of the quantile, s."""
 
 LOOK = 0.01
-"""Time between two ages in the window, s."""
+"""Interval between two ages in the window, s."""
 
 NONSENSE = 1e6
-"""Sum of positions, m, velocities, m/s, and work, J, that no arm can have."""
+"""Limit for the sum of positions, m, velocities, m/s, and work, J; no arm reaches it."""
 
 LONGEST_AGE = 10.0
-"""Age, s, that stands for every longer one."""
+"""Upper limit of the age, s; longer ages are set to it."""
 
 LEAD = 0.8
-"""Time by which the slave's half leads its set-point by the master's velocity, as a multiple of
-the age: the set-point is late by half an age, and damping holds the slave back by another half."""
+"""Lead time of the slave's set-point along the master's velocity, as a multiple of the age. The
+set-point is late by half an age, and damping delays the slave by another half."""
 
 LEAD_SMOOTHING = 0.03
-"""Time constant of that velocity's low-pass, s: a shaking handle is not to be led."""
+"""Time constant of the low-pass filter of that velocity, s; it suppresses tremor of the handle."""
 
 SMOOTHING = 0.1
-"""Time constant of the set-point's low-pass, as a multiple of the age: its corner is 30 Hz at
-an age of 50 ms."""
+"""Time constant of the set-point's low-pass filter, as a multiple of the age: its corner frequency
+is 30 Hz at an age of 50 ms."""
 
 RAISE_TIME = 1.0
-"""Least time in which stiffness rises from zero to that of the parameters, s; it falls at once."""
+"""Minimum time in which the stiffness rises from zero to its parameter, s; it falls at once."""
 
 
 @dataclass(frozen=True)
 class PassiveParameters(Checked):
-    """Gains of the coupling in two halves; lengths and forces are the master's."""
+    """Gains of the coupling in two halves; lengths and forces in the master's scale."""
 
     law: str = parameter(
         "passive",
@@ -103,7 +104,7 @@ class PassiveParameters(Checked):
 
 
 class _Force(NamedTuple):
-    """A commanded force, N, its part from damping, and the most it can give its arm, J."""
+    """Commanded force, N; its damping part, N; the maximum energy that it can give its arm, J."""
 
     total: Vector
     damping: Vector
@@ -130,8 +131,8 @@ class _AgeQuantile:
         self._quantile = 0.0
 
     def put(self, age: float) -> float:
-        """Return the quantile, or a present age that is longer, s."""
-        if age < LONGEST_AGE:  # else nothing is known of the network yet
+        """Add an age, s; return the quantile, or the new age if it is longer."""
+        if age < LONGEST_AGE:  # longer: the network's delay is still unknown
             self._longest = max(self._longest, age)
         self._samples += 1
         if self._samples % self._every == 0:
@@ -143,10 +144,10 @@ class _AgeQuantile:
 
 
 class PassiveHalf:
-    """The coupling's half at one arm: force, local damping and the account of energy.
+    """Half of the coupling at one arm: force, local damping and energy tank.
 
-    Positions are relative to where the arm was when it engaged, in the master's scale. Energy is
-    granted once, at the first force, and only if the peer has sent none by then.
+    Positions are relative to the position at engagement, in the master's scale. The initial energy
+    is granted once, at the first force, and only if the peer has sent none before.
 
     Parameters
     ----------
@@ -154,20 +155,21 @@ class PassiveHalf:
     rate : float
         Samples per second.
     latency : int
-        Samples from the one that caused a force to the tick at which the force takes effect.
+        Delay from sample to force, in samples.
     leads : bool
-        The set-point is led by the peer's velocity: for the slave, which follows.
+        Lead the set-point by the peer's velocity; for the slave, which follows.
 
     Attributes
     ----------
     energy : float
-        Account: what may be given to the arm, J, the spring's potential energy included.
+        Energy in the tank, J, which may be given to the arm; includes the spring's potential
+        energy.
     shipped : float
         Energy given to the present peer since `new_session`, J.
     stiffness, damping : float
-        In use, N/m and N s/m.
+        Present values, N/m and N s/m.
     limited : float
-        Share of the last second in which the account shortened the force.
+        Fraction of the last second in which the tank limited the force.
     """
 
     def __init__(
@@ -191,11 +193,11 @@ class PassiveHalf:
 
     @property
     def engaged(self) -> bool:
-        """The arm is coupled."""
+        """True while the arm is coupled."""
         return self._engaged
 
     def engage(self) -> None:
-        """Couple the arm where it is, as softly as the present age of the peer's data demands."""
+        """Couple the arm at its position, with a stiffness for the age of the peer's data."""
         self._engaged = True
         self._ages = _AgeQuantile(1.0 / self._period)
         self.stiffness = 0.0
@@ -206,14 +208,14 @@ class PassiveHalf:
         self._engaged = False
 
     def change(self, parameters: PassiveParameters) -> None:
-        """Take other gains; energy that was granted stays as it is."""
+        """Change the gains; the initial energy does not change."""
         self._p = parameters
 
     def new_session(self) -> None:
         """Begin with a new peer, or one that has restarted.
 
-        A half that has acted shares its energy with it; that is how a half that started anew
-        learns that energy was granted before.
+        A half that has already applied forces shares its energy with the new peer. A restarted
+        half thereby learns that the initial energy was already granted.
         """
         self.shipped = self._received = 0.0
         if self._used:
@@ -221,9 +223,9 @@ class PassiveHalf:
             self._ship(max(SIGN, min(self._p.energy, spare / 2)))
 
     def receive(self, shipped: float) -> None:
-        """Take what the peer has shipped to this half so far, J; old values are harmless.
+        """Receive the cumulative energy sent by the peer, J; outdated values do no harm.
 
-        Only packets that answer one of this half's own session may come here.
+        Pass values only from packets that answer a session of this half.
         """
         if math.isfinite(shipped) and shipped > self._received:
             self.energy += min(shipped - self._received, max(0.0, -self._surplus))
@@ -238,19 +240,19 @@ class PassiveHalf:
         round_trip_age: float,
         work: float | None = None,
     ) -> Vector:
-        """Return the force for the arm, N; zero where a number makes no sense.
+        """Return the force for the arm, N; zero if an argument is invalid.
 
         Parameters
         ----------
         position, velocity : tuple of float
-            The arm's, m and m/s.
+            Motion of the arm, m and m/s.
         set_point, set_point_velocity : tuple of float
-            The peer's newest, m and m/s.
+            Newest motion of the peer, m and m/s.
         round_trip_age : float
-            Time since the newest of the arm's own positions that the peer knew of then, s.
+            Age of the newest own position that the peer's data is based on, s.
         work : float, optional
-            Cumulative work of the forces that were really applied, up to this position, J; None
-            if they were those commanded.
+            Cumulative work of the applied forces up to this position, J; None if the commanded
+            forces were applied.
         """
         numbers = (*position, *velocity, *set_point, *set_point_velocity, work or 0.0)
         if not (self._engaged and sum(map(abs, numbers)) < NONSENSE):
@@ -268,12 +270,12 @@ class PassiveHalf:
 
     @property
     def _under_way(self) -> float:
-        """Most that forces which still act can give to the arm, J."""
+        """Maximum energy that the forces still acting can give to the arm, J."""
         return sum(force.reserve for force in self._forces)
 
     @property
     def _surplus(self) -> float:
-        """Energy above the ceiling, J, that neither the spring nor forces under way have."""
+        """Energy above the ceiling, J, without that of the spring and of forces still acting."""
         ceiling = self._p.energy * CEILING
         return self.energy - self._spring_energy - self._under_way - ceiling
 
@@ -282,7 +284,7 @@ class PassiveHalf:
         return self._p.law == "passive"
 
     def _start(self) -> None:
-        """Grant energy before the first force, unless the peer has acted without this half."""
+        """Grant the initial energy before the first force, unless the peer has sent energy."""
         if not self._used and not self._received:
             self.energy = self._p.energy
         self._used = True
@@ -301,7 +303,7 @@ class PassiveHalf:
         self._clear()
 
     def _book(self, position: Vector, work: float | None) -> None:
-        """Enter the work of the force that acted since the sample before."""
+        """Subtract the work of the force that acted since the previous sample from the tank."""
         acted = self._forces.popleft()
         if self._position is not None:
             x, y, z = position
@@ -309,7 +311,7 @@ class PassiveHalf:
             dx, dy, dz = x - x0, y - y0, z - z0
             fx, fy, fz = acted.total
             bx, by, bz = acted.damping
-            # No more than in one sample, where samples are missing: the force may have ended.
+            # If samples are missing, the force may have ended: limit it to the work in one sample.
             given = max(fx * dx + fy * dy + fz * dz, -acted.reserve)
             if work is not None and self._work is not None:
                 given = self._plausible(work - self._work, math.sqrt(dx * dx + dy * dy + dz * dz))
@@ -320,7 +322,7 @@ class PassiveHalf:
         self._position, self._work = position, work
 
     def _plausible(self, given: float, distance: float) -> float:
-        """Return a device's work, J, over a distance, m, without what no force can have done."""
+        """Return a device's work, J, over a distance, m, limited to what forces can do."""
         limit = self._p.max_force
         if given > limit * (distance + RESTART_TRAVEL):
             return 0.0
@@ -333,7 +335,7 @@ class PassiveHalf:
             self.stiffness = p.stiffness
             return
         age = self._ages.put(age if 0.0 <= age < LONGEST_AGE else LONGEST_AGE)
-        self._age = age = age + (2 * self._latency + 1) * self._period  # of the force itself
+        self._age = age = age + (2 * self._latency + 1) * self._period  # the force's own delay
         rise = p.stiffness * self._period / RAISE_TIME
         self.stiffness = min(p.stiffness, 2 * p.local_damping / age)
         if before:
@@ -341,7 +343,7 @@ class PassiveHalf:
         self.damping = self.stiffness * age / 2
 
     def _led(self, set_point: Vector, velocity: Vector) -> Vector:
-        """Return the set-point where its arm will have moved meanwhile, without jitter's jumps."""
+        """Return the filtered set-point, extrapolated to the present along the velocity."""
         share = self._period / (self._period + LEAD_SMOOTHING)
         self._led_velocity = led = _toward(self._led_velocity, velocity, share)
         x, y, z = set_point
@@ -353,7 +355,7 @@ class PassiveHalf:
         return self._set_point
 
     def _spend(self, position: Vector, velocity: Vector, set_point: Vector) -> _Force:
-        """Return the force towards a set-point that the account can bear."""
+        """Return the force towards a set-point, limited by the energy in the tank."""
         k, b = self.stiffness, self.damping
         x, y, z = position
         vx, vy, vz = velocity
@@ -387,7 +389,7 @@ class PassiveHalf:
 
 
 class PassivePair:
-    """Both halves in one process, in place of a `PositionPositionCoupling`.
+    """Both halves in one process, as a replacement for `PositionPositionCoupling`.
 
     Parameters
     ----------
@@ -395,12 +397,12 @@ class PassivePair:
     rate : float
         Samples per second.
     latency : int
-        Samples from the one that caused a force to the tick at which the force takes effect.
+        Delay from sample to force, in samples.
 
     Attributes
     ----------
     halves : tuple of PassiveHalf
-        Laws of master and slave.
+        Halves of master and slave.
     """
 
     def __init__(self, parameters: PassiveParameters, rate: float, latency: int = LATENCY) -> None:
@@ -413,11 +415,11 @@ class PassivePair:
 
     @property
     def engaged(self) -> bool:
-        """The arms are coupled."""
+        """True while the arms are coupled."""
         return self._origins is not None
 
     def engage(self, master: Vector, slave: Vector) -> None:
-        """Couple the arms where they are, positions in m."""
+        """Couple the arms at their positions, m."""
         self._origins, self._slave = (master, slave), slave
         for half in self.halves:
             half.engage()
@@ -429,10 +431,10 @@ class PassivePair:
             half.disengage()
 
     def change(self, parameters: PassiveParameters, samples: int = 0) -> None:
-        """Take other gains: stiffness falls at once and rises within `RAISE_TIME`.
+        """Change the gains; the stiffness falls at once and rises within `RAISE_TIME`.
 
-        The lag of the slave, in the master's scale, is kept. The number of samples is that of
-        `PositionPositionCoupling.change`, and has no meaning here.
+        The lag of the slave, in the master's scale, does not change. The number of samples exists
+        for `PositionPositionCoupling.change` only and is ignored.
         """
         if self._origins is not None:
             ratio = parameters.scale / self._scale
@@ -454,7 +456,7 @@ class PassivePair:
     ) -> tuple[Vector, Vector]:
         """Return the forces for the arms of master and slave, N; arguments in m, m/s and J.
 
-        The work is that of both arms, as for `PassiveHalf.force`.
+        `work` contains the work of both arms, as for `PassiveHalf.force`.
         """
         if self._origins is None:
             return ZERO, ZERO
@@ -481,13 +483,13 @@ def _toward(start: Vector, end: Vector, share: float) -> Vector:
 
 
 def of_slave(parameters: PassiveParameters) -> PassiveParameters:
-    """Return the parameters of the slave's half, which computes in the master's scale."""
+    """Return the parameters of the slave's half, converted to the master's scale."""
     force = parameters.max_force / parameters.scale
     return replace(parameters, max_force=min(force, 100.0))
 
 
 def scaled(vector: Vector, factor: float, origin: Vector = ZERO) -> Vector:
-    """Return a vector from an origin times a factor."""
+    """Return a vector scaled by a factor about an origin."""
     x, y, z = vector
     x0, y0, z0 = origin
     return (x - x0) * factor, (y - y0) * factor, (z - z0) * factor

@@ -15,8 +15,8 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, parameter
 
 FADE_TIME = 0.5
-"""Time in which gains turn into new ones, s: several times that of a person's reaction to a pull
-(0.2 s), and of the tool's oscillation on the coupling (0.1 s)."""
+"""Time in which the gains change, s. It is several times a person's reaction time to a pull (0.2
+s), and the period of the tool's oscillation on the coupling (0.1 s)."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class CouplingParameters(Checked):
     k_m: float = parameter(250.0, "stiffness felt at the master", "N/m", 0, 5000.0)
     k_sl: float = parameter(250.0, "stiffness driving the slave", "N/m", 0, 5000.0)
     damping: float = parameter(
-        0.0, "damping of the difference of velocities, both ways", "N s/m", 0, 50.0
+        0.0, "damping of the velocity difference, both ways", "N s/m", 0, 50.0
     )
     scale: float = parameter(1.0, "slave motion per master motion", low=0.01, high=100.0)
     max_force: float = parameter(
@@ -35,7 +35,7 @@ class CouplingParameters(Checked):
 
 
 class _Gains(NamedTuple):
-    """Gains of one sample, as in `CouplingParameters`."""
+    """Gains of one sample; see `CouplingParameters`."""
 
     k_m: float
     k_sl: float
@@ -45,21 +45,21 @@ class _Gains(NamedTuple):
 
     @classmethod
     def of(cls, p: CouplingParameters) -> _Gains:
-        """Return the gains that parameters demand."""
+        """Return the gains for parameters."""
         return cls(p.k_m, p.k_sl, p.damping, p.scale, p.max_force)
 
     def toward(self, others: _Gains, share: float) -> _Gains:
-        """Return the gains at a share of the way to others."""
+        """Return the gains at a fraction of the way to others."""
         mixed = [old + share * (new - old) for old, new in zip(self, others, strict=True)]
-        # In equal ratios, as both the scale and its inverse are factors.
+        # Interpolate geometrically, as both the scale and its inverse are factors.
         return _Gains(*mixed)._replace(scale=self.scale * (others.scale / self.scale) ** share)
 
 
 class PositionPositionCoupling:
     """A spring, and optionally a damper, between the motions of master and slave.
 
-    The positions at the moment of engaging are each other's counterparts, so that engaging
-    gives zero force wherever the arms are. Until `engage` is called every force is zero.
+    The positions at engagement are the reference positions of both arms. Engagement therefore
+    gives zero force at any position. Every force is zero until `engage` is called.
     """
 
     def __init__(self, parameters: CouplingParameters) -> None:
@@ -69,11 +69,11 @@ class PositionPositionCoupling:
 
     @property
     def engaged(self) -> bool:
-        """The arms are coupled."""
+        """True while the arms are coupled."""
         return self._origins is not None
 
     def engage(self, master: Vector, slave: Vector) -> None:
-        """Couple the arms where they are, positions in m."""
+        """Couple the arms at their positions, m."""
         self._origins = (master, slave)
 
     def disengage(self) -> None:
@@ -81,14 +81,15 @@ class PositionPositionCoupling:
         self._origins = None
 
     def change(self, parameters: CouplingParameters, samples: int) -> None:
-        """Turn the gains into others within a number of samples, without a jump of force.
+        """Change the gains within a number of samples, without a jump of force.
 
-        The lag of the slave, in the master's scale, is kept: a new scale acts on motion from then
-        on, and moves no arm that the spring does not pull already.
+        The lag of the slave, in the master's scale, does not change. A new scale applies to later
+        motion only, and moves no arm that the spring does not already pull.
 
-        Not passive: a stiffness that rises by K while the spring is stretched by d adds the energy
-        K d^2 / 2, at most F^2 / 2k with the limit F and the old stiffness k. With the defaults
-        this is 22 mJ, over `FADE_TIME` less power than a hand gives or takes by far.
+        This is not passive. A stiffness that rises by K while the spring is stretched by d adds
+        the energy K d^2 / 2. It is at most F^2 / 2k for the force limit F and the old stiffness k.
+        With the defaults this is 22 mJ; over `FADE_TIME` this is much less power than a hand
+        exchanges.
         """
         start, end = self._gains, _Gains.of(parameters)
         if not self.engaged:
@@ -111,7 +112,7 @@ class PositionPositionCoupling:
         master, slave : tuple of float
             Positions, m.
         master_velocity, slave_velocity : tuple of float
-            Velocities, m/s; used where there is damping.
+            Velocities, m/s; used for damping only.
 
         Returns
         -------
@@ -123,8 +124,8 @@ class PositionPositionCoupling:
         k_m, k_sl, damping, scale, max_force = self._gains
         (m_x, m_y, m_z), (s_x, s_y, s_z) = master, slave
         (m0_x, m0_y, m0_z), (s0_x, s0_y, s0_z) = self._origins
-        # Lag of the slave behind the master, in the master's scale; one line for each axis, as a
-        # loop over them takes four times as long.
+        # Lag of the slave behind the master, in the master's scale. One line per axis, as a loop
+        # over the axes takes four times longer.
         d_x = (m_x - m0_x) - (s_x - s0_x) / scale
         d_y = (m_y - m0_y) - (s_y - s0_y) / scale
         d_z = (m_z - m0_z) - (s_z - s0_z) / scale
@@ -151,7 +152,7 @@ class PositionPositionCoupling:
 
 
 def _limited(x: float, y: float, z: float, limit: float) -> Vector:
-    """Shorten a force to its limit, keeping its direction; no force where it is not finite."""
+    """Limit the magnitude of a force, keeping its direction; zero if it is not finite."""
     magnitude = math.sqrt(x * x + y * y + z * z)
     if magnitude <= limit:
         return x, y, z

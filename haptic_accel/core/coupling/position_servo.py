@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Position control of one arm, for CRTK's commands `servo_cp` and `hold`."""
+"""Position control of one arm for CRTK's commands `servo_cp` and `hold`."""
 
 from __future__ import annotations
 
@@ -13,15 +13,19 @@ from haptic_accel.core.parameters import Checked, parameter
 
 @dataclass(frozen=True)
 class PositionServoParameters(Checked):
-    """Gains of an arm's position control; its force has the limit of the safety layer."""
+    """Gains of an arm's position control; the safety layer limits its force."""
 
     stiffness: float = parameter(
-        250.0, "stiffness towards a commanded position, as the coupling's", "N/m", 0, 5000.0
+        250.0,
+        "stiffness towards a commanded position; default as for the coupling",
+        "N/m",
+        0,
+        5000.0,
     )
     damping: float = parameter(
         4.0,
-        "damping while a position is commanded: with the 3 N s/m of its joints, 0.9 of critical"
-        " for the simulated slave's 60 g",
+        "damping while a position is commanded; with the 3 N s/m of its joints this gives the"
+        " simulated slave (60 g) 0.9 of critical damping",
         "N s/m",
         0,
         50.0,
@@ -29,7 +33,7 @@ class PositionServoParameters(Checked):
 
 
 class PositionServo:
-    """A spring to a set-point, and a damper, while there is a set-point.
+    """Spring and damper to a set-point; inactive without a set-point.
 
     Parameters
     ----------
@@ -53,7 +57,7 @@ class PositionServo:
         self.set_point: Vector | None = None
 
     def force(self, position: Vector, velocity: Vector) -> Vector | None:
-        """Return the force, N, for a position, m, and velocity, m/s; None without set-point."""
+        """Return the force, N, for a position, m, and velocity, m/s; None without a set-point."""
         if self.set_point is None:
             return None
         p = self._parameters
