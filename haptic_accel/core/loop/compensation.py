@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compensation as a part of the loop: from the samples of tool and handle to the actuator's force.
+"""Compensation part of the loop: from samples of tool and handle to the actuator's force.
 
-The force of a tick is caused by the tool's sample of that tick and the handle's of the tick
-before: the handle's own sample may not have been received yet.
+The force of a tick depends on the tool's sample of that tick and on the handle's sample of the
+previous tick. The handle's sample of the same tick may not have arrived yet.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.sampling import NANOSECONDS
 
 SENDING_TIME = 0.5
-"""Time kept for the way of a force to its device, periods before it is due: so long the handle's
-sample of the tick before is waited for."""
+"""Time reserved for sending a force to its device before it is due, in periods. Until then the
+handle's sample of the previous tick is waited for."""
 
 LONGEST_BRIDGE = 0.02
-"""Longest gap in the tool's samples that is bridged by prediction, s; texture is not known any
-longer ahead, and arms let go soon after."""
+"""Longest gap in the tool's samples that prediction fills, s. A longer prediction of texture is
+useless, and the arms disengage soon after."""
 
 
 class Caused(NamedTuple):
@@ -35,7 +35,7 @@ class Caused(NamedTuple):
 
 
 class CompensationPart:
-    """Computes one force for each sample of the tool, in order.
+    """Compute one force for each sample of the tool, in order.
 
     Parameters
     ----------
@@ -43,15 +43,15 @@ class CompensationPart:
     rate : float
         Samples per second.
     latency : int
-        Samples from the one that causes a force to the tick at which the force is due.
+        Delay from sample to force, in samples.
     longest : int
-        Most samples of the handle that wait: those of a tick and the one before, or more.
+        Maximum number of waiting samples of the handle: at least those of two successive ticks.
 
     Attributes
     ----------
     samples, lost, bridged, without : int
-        Samples of the tool that were received; that were lost; of these, predicted; that were
-        received and used without the handle's sample.
+        Numbers of tool samples: received; lost; lost and predicted; used without the handle's
+        sample.
     """
 
     def __init__(
@@ -68,20 +68,20 @@ class CompensationPart:
         self.samples = self.lost = self.bridged = self.without = 0
 
     def put_tool(self, stamp: int, acceleration: float) -> None:
-        """Take a sample of the tool, m/s^2, with its stamp in ns, in order."""
+        """Add a sample of the tool, m/s^2, with its stamp in ns; stamps must increase."""
         self._tool.append((stamp, acceleration))
 
     def put_handle(self, stamp: int, acceleration: float | None) -> None:
-        """Take a sample of the handle; None for one that is lost."""
+        """Add a sample of the handle; None for a lost one."""
         self._handle.append((stamp, acceleration))
 
     @property
     def waiting(self) -> bool:
-        """True while a sample of the tool waits for one of the handle."""
+        """True while a sample of the tool waits for a sample of the handle."""
         return bool(self._tool)
 
     def clear(self) -> None:
-        """Forget the samples that wait."""
+        """Discard the waiting samples."""
         self._tool.clear()
         self._handle.clear()
         self._last = None
@@ -89,12 +89,13 @@ class CompensationPart:
     def forces(self, now: int) -> Iterator[Caused]:
         """Yield the forces of all samples that need not wait any longer.
 
-        The controller does a piece of its slow work after each, before the next is computed.
+        After each force, and before the next one, the controller does part of its slow
+        computations.
 
         Parameters
         ----------
         now : int
-            Time by the clock of the stamps, ns.
+            Time on the clock of the stamps, ns.
         """
         while self._tool:
             stamp, tool = self._tool[0]
@@ -103,14 +104,14 @@ class CompensationPart:
                 return
             self._tool.popleft()
             self._fill(stamp)
-            self.without += handle is None and self.samples > 0  # the first has none before it
+            self.without += handle is None and self.samples > 0  # no sample precedes the first
             self.samples += 1
             self._bridge.put(tool)
             yield Caused(stamp, *self._compensation.sample(tool, handle))
             self._compensation.adapt()
 
     def _before(self, stamp: int) -> tuple[bool, float | None]:
-        """Return whether the handle's acceleration of the tick before is known or lost, and it."""
+        """Return whether the previous tick's handle sample is known or lost, and its value."""
         wanted = stamp - self._period
         while self._handle and self._handle[0][0] < wanted - self._period / 2:
             self._handle.popleft()
@@ -120,7 +121,7 @@ class CompensationPart:
         return True, acceleration if received < wanted + self._period / 2 else None
 
     def _fill(self, stamp: int) -> None:
-        """Pass predictions of lost samples to the filters, which keep their place in time."""
+        """Pass predictions of lost samples to the filters, so that these stay in step."""
         last, self._last = self._last, stamp
         lost = 0 if last is None else round((stamp - last) / self._period) - 1
         self.lost += lost

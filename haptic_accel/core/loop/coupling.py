@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Coupling of both arms as a part of the loop: from their samples to the forces on both."""
+"""Coupling part of the loop: from the samples of both arms to the forces on both."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from haptic_accel.core.topics import ARMS
 
 
 class CouplingPart:
-    """Engages both arms, and computes their forces where the samples of both are there.
+    """Engage both arms, and compute the forces of each tick from the samples of both.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class CouplingPart:
     rate : float
         Samples per second of both arms.
     longest : int
-        Most samples of an arm that wait for the other's, and of the tool that wait.
+        Maximum number of waiting samples of an arm, and of the tool.
 
     Attributes
     ----------
@@ -48,38 +48,38 @@ class CouplingPart:
 
     @property
     def engaged(self) -> bool:
-        """The arms are coupled."""
+        """True while the arms are coupled."""
         return self._coupling.engaged
 
     @property
     def held(self) -> int:
-        """Number of ticks at which an earlier sample stood for one that is missing."""
+        """Number of ticks with an earlier sample in place of a missing one."""
         return self._pairing.held
 
     @property
     def waiting(self) -> bool:
-        """True while a sample of one arm waits for that of the other."""
+        """True while a sample of one arm waits for the other arm's."""
         return self._pairing.waiting
 
     def begin(self, now: float, stamp: int) -> None:
-        """Begin a tick: nothing is due by itself."""
+        """Begin a tick; this part does nothing then."""
 
     def put(self, arm: str, motion: Motion, now: float) -> None:
-        """Take a sample of an arm, of `ARMS`, at a time in s."""
+        """Add a sample of an arm, from `ARMS`, at a time in s."""
         self.engagement.position_received(arm, now)
         self._pairing.put(ARMS.index(arm), motion)
 
     def put_tool(self, tool: Tool) -> None:
-        """Take a sample of the tool, which `tools` returns as it is."""
+        """Add a sample of the tool; `tools` yields it unchanged."""
         self._tools.append(tool)
 
     def tools(self) -> Iterator[Tool]:
-        """Yield the samples of the tool for the compensation, each once."""
+        """Yield each sample of the tool once, for the compensation."""
         while self._tools:
             yield self._tools.popleft()
 
     def look(self, now: float, listeners: int) -> Decision:
-        """Couple the arms with the next samples of both, or uncouple them, as things are.
+        """Couple the arms, at the next samples of both, or uncouple them, if this is due.
 
         Arguments as for `Engagement.missing`.
         """
@@ -92,11 +92,11 @@ class CouplingPart:
         return decision
 
     def clear(self) -> None:
-        """Forget the samples that wait."""
+        """Discard the waiting samples."""
         self._pairing.clear()
 
     def pulls(self) -> Iterator[Pull]:
-        """Yield the forces of each tick of which both samples are there, while engaged."""
+        """Yield the forces of each tick with samples of both arms, while engaged."""
         for master, slave in self._pairing.pairs():
             if self._engaging:
                 self._engaging = False
@@ -108,6 +108,6 @@ class CouplingPart:
                 forces = self._coupling.forces(*motions, (master.work, slave.work))
             else:
                 forces = self._coupling.forces(*motions)
-            # What the sample of one arm causes acts on the other.
+            # The sample of one arm causes the force on the other.
             for arm, motion, force in zip(ARMS, (slave, master), forces, strict=True):
                 yield Pull(arm, motion.stamp, force)

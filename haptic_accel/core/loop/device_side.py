@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A device as a part of the loop: its samples, and forces that take effect when due and safe."""
+"""Device part of the loop: samples, and forces that take effect at their due time if safe."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS
 
 ARM, ACTUATOR = "arm_force", "actuator_force"
-"""Kinds of commands, by their names in `Driven.write`."""
+"""Kinds of commands, named as in `Driven.write`."""
 
 SAMPLE_TIMEOUT = 0.02
-"""Time after which a sample that has not come counts as lost, s."""
+"""Time after which a missing sample counts as lost, s."""
 
 FLOWING = 5
-"""Ticks without a command after which none is expected any more."""
+"""Number of ticks without a command after which no command is expected."""
 
 
 class Driven(Protocol):
-    """The part of a device that the loop uses, as `haptic_accel.devices.Device` has it."""
+    """Interface of a device for the loop; see `haptic_accel.devices.Device`."""
 
     @property
     def late(self) -> int:
-        """Number of forces given ahead that the device applied after their due time."""
+        """Number of forces received in advance but applied by the device after their due time."""
 
     def read(self, time: float) -> Reading:
-        """Return the sample of a time, s."""
+        """Return the sample at a time, s."""
 
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
-        """Apply forces, N, that are due at a time, s."""
+        """Apply the forces, N, that are due at a time, s."""
 
 
 class Taken(NamedTuple):
-    """A tick, its sample, and the work of the arm's motors until then, J, per axis."""
+    """Tick, its sample, and the work of the arm's motors until then, J, per axis."""
 
     tick: int
     sample: Sample
@@ -54,7 +54,7 @@ class Taken(NamedTuple):
 
 
 class Commands:
-    """Commands of one kind, from their reception until they took effect.
+    """Commands of one kind, from reception until they take effect.
 
     Parameters
     ----------
@@ -62,16 +62,16 @@ class Commands:
     period : float
         As for `DueForces`.
     ahead : bool
-        The device takes such forces before they are due.
+        The device accepts such forces before they are due.
 
     Attributes
     ----------
     forces : DueForces
     age : DurationHistogram
-        Time from the sample that caused a force to its application.
+        Time from the sample that caused a force until its application.
     ahead : bool
     late_before : int
-        Forces that the device itself had applied late when counting began.
+        Number of forces that the device had applied late before counting began.
     """
 
     def __init__(self, latency: int, period: float, *, ahead: bool) -> None:
@@ -82,17 +82,17 @@ class Commands:
         self._lag = 0 if self.ahead else latency
 
     def is_missing(self, tick: int) -> bool:
-        """Return whether commands come, but not yet the one that is needed after a tick."""
+        """Return whether commands arrive, but the one needed after a tick is still missing."""
         newest, needed = self.forces.newest, tick - self._lag
         return newest is not None and needed - FLOWING <= newest < needed
 
 
 class DeviceSide:
-    """One device behind its safety layer, tick by tick.
+    """One device behind its safety layer, processed tick by tick.
 
-    At each tick `begin` is called, `read` gives the samples that are there, `apply` lets the
-    forces take effect that are due, and `watch` those end that must; `command` takes forces at any
-    time, before `apply` those that are due at once.
+    Call `begin` at each tick. `read` yields the available samples, `apply` applies the forces that
+    are due, and `watch` ends forces that have lasted too long. Forces may be passed to `command`
+    at any time, but before `apply` if they are due at once.
 
     Parameters
     ----------
@@ -101,36 +101,36 @@ class DeviceSide:
     rate : float
         Ticks per second.
     latency : int
-        Ticks from the sample that caused a force to the one at which the force is due.
+        Delay from sample to force, in ticks.
     clock : callable, optional
-        Steady time, s, of which tick 0 is at 0; default: the time of the tick, as in lockstep.
+        Monotonic time, s, with tick 0 at 0; default: the time of the tick, as in lockstep.
     kinds : collection of str
         Kinds of commands: `ARM`, `ACTUATOR`.
     ahead : collection of str
-        Kinds that the device takes before they are due.
+        Kinds that the device accepts before they are due.
     servo : PositionServo, optional
-        Position control of the arm, in place of commands while it has a set-point.
+        Position control of the arm; replaces commands while it has a set-point.
     receive : callable
-        Called before forces are applied, to give `command` those that come from elsewhere.
+        Called before forces are applied, to pass received forces to `command`.
 
     Attributes
     ----------
     device : Driven
     safety : SafetyLayer
     commands : dict of Commands
-        By kind.
+        Commands by kind.
     tick : int
-        Tick that was begun last.
+        Newest tick.
     newest : Sample or None
     unread : int
         Number of ticks without a sample.
     sampling : bool
-        The device is open. To be set to false where it was closed.
+        True while the device is open; the caller sets it to false when closing the device.
 
     Raises
     ------
     DeviceError, OSError
-        The device failed; from every method that reads it or writes to it.
+        The device failed; raised by all methods that read or write it.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class DeviceSide:
     # Samples
 
     def start(self, device: Driven) -> None:
-        """Begin anew with a device that has just been opened."""
+        """Restart with a device that has just been opened."""
         self.device, self.sampling = device, True
         self._waiting.clear()
         self._work = ArmWork()
@@ -176,7 +176,7 @@ class DeviceSide:
         self._waiting.append(tick)
 
     def read(self) -> Iterator[Taken]:
-        """Yield the samples that are there, in order; a lost one is counted."""
+        """Yield the available samples, in order; count the lost ones."""
         while self._waiting:
             tick = self._waiting[0]
             time = tick / self.rate
@@ -197,8 +197,8 @@ class DeviceSide:
 
     @property
     def complete(self) -> bool:
-        """No sample and no command of the last tick is still to come."""
-        # Lists, as generators take longer than all the rest, at each tick.
+        """True when all samples and commands of the newest tick have arrived."""
+        # Lists, as generators would dominate the time of a tick.
         return not self._waiting and not any(
             [each.is_missing(self.tick) for each in self.commands.values()]
         )
@@ -206,10 +206,10 @@ class DeviceSide:
     # Forces
 
     def command(self, kind: str, moment: float, force: Vector) -> None:
-        """Take a force, N, that was caused by the sample of a moment of the clock, ns."""
+        """Add a force, N, caused by the sample at a clock time, ns."""
         commands = self.commands[kind]
         if kind == ARM and commands.forces.newest is None:
-            # The arms engage: what was late while a graph came up says nothing of the run.
+            # The arms engage: late forces during start-up are not counted.
             self._count_anew()
         sample = round(moment * self.rate / NANOSECONDS)
         if abs(self.clock() - moment / NANOSECONDS) > MAX_AGE:
@@ -221,7 +221,7 @@ class DeviceSide:
                 self._servo.set_point = None
         if commands.ahead:
             due = sample + self.latency
-            # One that is late already acts at once, and the device does not count it.
+            # A force that is already late acts at once, and the device does not count it.
             commands.forces.past_tick += due <= self.tick
             self._write_due(due / self.rate, due, [kind])
 
@@ -230,15 +230,15 @@ class DeviceSide:
         self.commands[ARM].forces.put(self.tick, self._moment(self.tick), ZERO)
 
     def refuse(self, kind: str) -> None:
-        """Drop the commands of a kind that wait."""
+        """Discard the waiting commands of a kind."""
         self.commands[kind].forces.clear()
 
     def apply(self) -> None:
-        """Apply the forces that are due at the tick."""
+        """Apply the forces that are due at the newest tick."""
         self._write_due(self.tick / self.rate, self.tick, self._at_tick)
 
     def watch(self) -> None:
-        """End the forces that must end without a command; once a tick, after `apply`."""
+        """End forces without a new command for too long; call once per tick after `apply`."""
         if self._watched == self.tick:
             return
         self._watched = self.tick
@@ -251,18 +251,18 @@ class DeviceSide:
             self._write(time, {ACTUATOR: actuator})
 
     def apply_late(self) -> None:
-        """Apply the forces that came after the tick at which they were due."""
+        """Apply the forces that arrived after their due tick."""
         self._write_due(self.clock(), self.tick, self._at_tick)
 
     def take_off(self) -> None:
-        """Take all forces off."""
+        """Set all forces to zero."""
         self._write(self.clock(), {ARM: ZERO, ACTUATOR: 0.0})
 
     # Counts
 
     @property
     def deadlines(self) -> tuple[int, int]:
-        """Number of forces that had a due time, and that took effect after it."""
+        """Number of forces with a due time, and of those that took effect after it."""
         return (
             sum(each.forces.due for each in self.commands.values()),
             sum(map(self._missed, self.commands)),
@@ -270,11 +270,11 @@ class DeviceSide:
 
     @property
     def longest(self) -> float:
-        """Longest time from the due time of a force until it took effect, s."""
+        """Maximum delay of a force beyond its due time, s."""
         return max(each.forces.longest for each in self.commands.values())
 
     def status(self) -> dict[str, str]:
-        """Return the counts and ages of the commands for diagnostics."""
+        """Return counts and ages of the commands for diagnostics."""
         values = dict[str, str]()
         for kind, each in self.commands.items():
             name = kind.replace("_", " ")
@@ -299,7 +299,7 @@ class DeviceSide:
         return commands.forces.missed + max(0, there)
 
     def _hold(self, tick: int, sample: Sample) -> None:
-        """Command the force that a sample causes while a position is commanded."""
+        """Command the position control's force for a sample while a position is commanded."""
         assert self._servo
         if self.safety.refusal or self.safety.contested:
             self._servo.set_point = None
@@ -307,7 +307,7 @@ class DeviceSide:
             self.commands[ARM].forces.put(tick, self._moment(tick), force)
 
     def _write_due(self, time: float, tick: int, kinds: Collection[str]) -> None:
-        """Write the newest forces that are due at a tick, as the safety layer allows them."""
+        """Write the newest forces due at a tick, limited by the safety layer."""
         begun = self.clock()
         now = self._advanced(time, begun)
         given: dict[str, Any] = {}
@@ -335,7 +335,7 @@ class DeviceSide:
             self._work.apply(time, arm)
 
     def _advanced(self, time: float, now: float) -> float:
-        """Return a time for the safety layer, s, which must not go back."""
+        """Return a time for the safety layer, s, which never decreases."""
         self._now = max(self._now, min(time, now))
         return self._now
 
@@ -356,7 +356,7 @@ def rig_side(
     latency: int,
     kinds: Collection[str] = (ARM, ACTUATOR),
 ) -> DeviceSide:
-    """Return one side of a virtual rig behind a safety layer that allows forces, for lockstep."""
+    """Return one side of a virtual rig for lockstep, with a safety layer that allows forces."""
     safety = SafetyLayer(limits, rate)
     safety.enable(0.0, True)
     return DeviceSide(SampledRig(rig), safety, rate, latency, kinds=kinds)

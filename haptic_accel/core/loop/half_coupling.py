@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Coupling of one arm with a peer's as a part of the loop: from its samples to its forces.
+"""Coupling of one arm with a peer's arm as a part of the loop.
 
-Datagrams are exchanged with the peer's half, by whatever carries them. At a tick the order is:
-`receive`, `begin`, `put` for each sample, `look` if the engagement is due, `packet`.
+The caller exchanges datagrams with the peer's half. The order in a tick is: `receive`, `begin`,
+`put` for each sample, `look` if the engagement is due, `packet`.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from haptic_accel.core.network.playout import WAITING, Played
 
 
 class HalfCouplingPart:
-    """Engages an arm with its peer, computes its forces, and plays the peer's samples.
+    """Engage an arm with its peer, compute its forces, and play the peer's samples.
 
-    Times are as for `Endpoint`.
+    Times as for `Endpoint`.
 
     Parameters
     ----------
@@ -34,16 +34,16 @@ class HalfCouplingPart:
     engagement : HalfEngagement
         Engagement of the same arm.
     timeout : float
-        Silence of the peer after which its packets are of no use, s.
+        Time without packets of the peer after which the last one is no longer used, s.
 
     Attributes
     ----------
     end : ArmEnd
     engagement : HalfEngagement
     offset : int
-        System time minus the time of stamps, ns.
+        System time minus the clock of the stamps, ns.
     played : Played
-        Sample of the peer's tool that was played last.
+        Last played sample of the peer's tool.
     """
 
     def __init__(self, end: ArmEnd, engagement: HalfEngagement, timeout: float) -> None:
@@ -57,14 +57,14 @@ class HalfCouplingPart:
         self._ready = False
 
     def receive(self, datagrams: Iterable[bytes], now: float, system: int) -> None:
-        """Take the datagrams that came."""
+        """Process received datagrams."""
         for data in datagrams:
             if packet := self.end.incoming(data, now, system):
                 self.engagement.peer_heard(packet, now)
         self.engagement.unusable = self.end.endpoint.session.unusable(now, self._timeout)
 
     def begin(self, now: float, stamp: int) -> None:
-        """Play the peer's sample of a tick at the master; playout begins anew after a silence."""
+        """At the master, play the peer's sample of a tick; restart the playout after a silence."""
         if self.engagement.arms[0] != MASTER:
             return
         playout = self.end.endpoint.playout
@@ -75,16 +75,16 @@ class HalfCouplingPart:
             self._tools.append(Tool(stamp, self.played.value))
 
     def put_tool(self, tool: Tool) -> None:
-        """Take a sample of the tool for the peer."""
+        """Add a sample of the tool for the peer."""
         self.end.endpoint.sampled(tool.stamp + self.offset, tool.acceleration)
 
     def tools(self) -> Iterator[Tool]:
-        """Yield the samples that were played, each once."""
+        """Yield each played sample once."""
         while self._tools:
             yield self._tools.popleft()
 
     def put(self, arm: str, motion: Motion, now: float) -> None:
-        """Take a sample of the arm; one that is not finite counts as missing."""
+        """Add a sample of the arm; one that is not finite counts as missing."""
         if not math.isfinite(sum(motion.position) + sum(motion.velocity)):
             return
         self.engagement.position_received(arm, now)
@@ -94,12 +94,12 @@ class HalfCouplingPart:
             self._pulls.append(Pull(arm, motion.stamp, force))
 
     def pulls(self) -> Iterator[Pull]:
-        """Yield the forces that the samples cause, each once; none while the arm is free."""
+        """Yield the force of each sample once; none while the arm is free."""
         while self._pulls:
             yield self._pulls.popleft()
 
     def look(self, now: float, listeners: int) -> Decision:
-        """Engage or release the arm as things are; arguments as for `Engagement.missing`."""
+        """Engage or release the arm if this is due; arguments as for `Engagement.missing`."""
         decision = self.engagement.step(now, listeners)
         if decision.release:
             self._pulls.clear()
@@ -110,7 +110,7 @@ class HalfCouplingPart:
         return decision
 
     def packet(self, now: float, system: int) -> bytes | None:
-        """Return the datagram that is due for the peer; None if none is."""
+        """Return the datagram that is due for the peer, or None."""
         here = self.engagement
         state = State(self._ready, here.engaged, here.stop.stopped, here.stop.began, here.count)
         motion = endpoint.Motion()

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Wiring of the loop on one host: which part feeds which, in the order of a tick."""
+"""Wiring of the loop on one host: connections between the parts, and their order in a tick."""
 
 from __future__ import annotations
 
@@ -42,66 +42,66 @@ class Tool(NamedTuple):
 
 
 class Coupling(Protocol):
-    """A part that couples the arms of one host: `CouplingPart` or `HalfCouplingPart`."""
+    """Interface of `CouplingPart` and `HalfCouplingPart`, which couple the arms of one host."""
 
     @property
     def engagement(self) -> Engagement:
-        """Decision when the arms of this host are coupled."""
+        """Engagement of this host's arms."""
 
     def begin(self, now: float, stamp: int) -> None:
-        """Begin a tick, whose grid point is at a time in s and has a stamp in ns."""
+        """Begin a tick with a time in s and a stamp in ns."""
 
     def put(self, arm: str, motion: Motion, now: float) -> None:
-        """Take a sample of an arm at a time in s."""
+        """Add a sample of an arm at a time in s."""
 
     def put_tool(self, tool: Tool) -> None:
-        """Take a sample of the tool of this host."""
+        """Add a sample of this host's tool."""
 
     def tools(self) -> Iterable[Tool]:
-        """Return the samples of the tool that the compensation needs next."""
+        """Return the next samples of the tool for the compensation."""
 
     def look(self, now: float, listeners: int) -> Decision:
-        """Engage or release as things are; arguments as for `Engagement.missing`."""
+        """Engage or release the arms if due; arguments as for `Engagement.missing`."""
 
     def pulls(self) -> Iterable[Pull]:
-        """Return the forces that the samples cause."""
+        """Return the forces caused by the samples."""
 
 
 class HostLoop:
-    """The parts of one host, and the order in which a tick takes them.
+    """Parts of one host, and their order in a tick.
 
-    Devices are sampled, forces that are due take effect, and the samples cause those of the next
-    ticks: without latency, of this one. It is the same live, where a clock gives the ticks, and in
-    lockstep, where a counter does.
+    A tick samples the devices, applies the forces that are due, and computes the forces of later
+    ticks, or of the same tick without latency. A clock provides the ticks live, a counter in
+    lockstep; the code is the same.
 
     Parameters
     ----------
     sides : mapping of str to DeviceSide
-        Devices by arm, in the order in which they are sampled; all of one rate and latency.
+        Devices by arm, in sampling order; all with the same rate and latency.
     coupling : Coupling, optional
-        None where forces come from elsewhere.
+        None if forces come from elsewhere.
     compensation : CompensationPart, optional
-        None where there is no handle.
+        None without a handle.
     decide : callable, optional
-        Called with the time in s when `Coupling.look` is due, and looks; default: looks with all
-        subscribers there, as in lockstep.
+        Called with the time in s when `Coupling.look` is due, to call it. The default assumes that
+        all subscribers exist, as in lockstep.
     failures : tuple of type
-        Errors of devices that concern their arm only.
+        Errors of a device that affect its arm only.
     failed : callable
-        Called with an arm and such an error; to stop its sampling.
+        Called with an arm and such an error, to stop the arm's sampling.
 
     Attributes
     ----------
     samples : list of (str, Taken)
-        Samples that the last step read, by arm.
+        Samples read in the last step, by arm.
     tools : list of Tool
-        Samples of the tool that the compensation got.
+        Samples of the tool passed to the compensation.
     pulls : list of Pull
-        Forces on arms that they caused.
+        Forces on arms caused by these samples.
     felt : list of Caused
-        Forces of the actuator that they caused.
+        Actuator forces caused by these samples.
     muted : set of str
-        Names of the topics of signals that are not to be passed on, as others publish them, too.
+        Topics of signals that are not passed on, as they have other publishers too.
     contested : int
         Number of samples that were not passed on.
     """
@@ -128,7 +128,7 @@ class HostLoop:
 
     @property
     def complete(self) -> bool:
-        """True if no device still owes a sample, nor is owed a force."""
+        """True if no sample of a device, and no force for one, is outstanding."""
         return all([side.complete for side in self.sides.values() if side.sampling])
 
     def stamp(self, tick: int) -> int:
@@ -136,7 +136,7 @@ class HostLoop:
         return round(tick * NANOSECONDS / self._rate)
 
     def step(self, tick: int) -> None:
-        """Serve a tick."""
+        """Process a tick."""
         self._forget()
         if self.coupling:
             self.coupling.begin(tick / self._rate, self.stamp(tick))
@@ -145,14 +145,14 @@ class HostLoop:
         self._at_each(self._end)
 
     def go_on(self) -> None:
-        """Take samples and forces that were not there at their tick."""
+        """Process samples and forces that arrived after their tick."""
         self._forget()
         self._at_each(self._read)
         self._cause()
         self._at_each(lambda arm, side: side.apply_late())
 
     def _at_each(self, act: Callable[[str, DeviceSide], None]) -> None:
-        """Act on each device that is open; what fails concerns its arm only."""
+        """Call a function for each open device; an error affects its arm only."""
         for arm, side in self.sides.items():
             if side.sampling:
                 try:
@@ -183,7 +183,7 @@ class HostLoop:
         side.receive()
 
     def _cause(self) -> None:
-        """Pass the samples to coupling and compensation, and their forces to the devices."""
+        """Pass the samples to coupling and compensation, and the forces to the devices."""
         coupling, compensation = self.coupling, self.compensation
         if coupling is None:
             return
@@ -215,7 +215,7 @@ class HostLoop:
             self._command(pull.arm, ARM, pull.stamp, pull.force)
 
     def _passes(self, *names: str) -> bool:
-        """Return whether a sample of signals is passed on; count one that is not."""
+        """Return whether to pass on a sample of signals; count those not passed on."""
         if not self.muted or self.muted.isdisjoint(names):
             return True
         self.contested += 1
@@ -226,7 +226,7 @@ class HostLoop:
         if side.sampling:
             try:
                 side.command(kind, stamp, force)
-            except self._failures as error:  # of a device that takes forces ahead
+            except self._failures as error:  # the device accepts forces in advance
                 self._failed(arm, error)
 
     def _look(self, now: float) -> None:
