@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The voice coil: its limits, travel, friction and safety."""
+"""Voice coil actuator: limits, travel, friction and safety."""

@@ -17,23 +17,23 @@ too uncertain for its sign to be used."""
 
 
 class FrictionCompensation:
-    """Computes the force that offsets dry friction, from a prediction of the slip.
+    """Compute the force that compensates dry friction, from a prediction of the slip.
 
-    Friction acts between actuator and handle, as the actuator's force does: a force f and friction
-    mu against the slip v act together as a force f + mu sign(v). The slip is predicted from
-    eq. (1) of the paper, on the assumption that the handle accelerates as desired, so much later.
+    Friction acts between actuator and handle, like the actuator's force. A force f and friction mu
+    against the slip v together act as a force f + mu sign(v). The slip is predicted from eq. (1)
+    of the paper, assuming that the handle follows the desired acceleration with a delay.
 
     Parameters
     ----------
     suspension : Suspension
-        Actuator or handle.
+        Parameters of actuator or handle.
     friction : float
         Dry friction, N.
     rate : float
         Samples per second.
     lag : float
-        Samples by which the handle's motion is behind the desired one while the force acts; below
-        zero, where it cannot be known, as zero.
+        Delay of the handle's motion behind the desired one when the force acts, in samples. A
+        negative delay would need future samples and counts as zero.
     """
 
     def __init__(
@@ -51,9 +51,9 @@ class FrictionCompensation:
         Parameters
         ----------
         actuator_force : float
-            Actuator force that would be right without friction, N.
+            Required actuator force without friction, N.
         desired_acceleration : float
-            The latest desired handle acceleration, m/s^2.
+            Latest desired handle acceleration, m/s^2.
         """
         if not self._friction:
             return 0.0
@@ -61,7 +61,7 @@ class FrictionCompensation:
         self._desired.append(desired_acceleration)
         earlier, later = self._desired[0], self._desired[1]
         self._slip.sample(actuator_force, later + self._share * (earlier - later))
-        # The mean over the sample, as the force is held over it.
+        # Mean over the sample, as the force is held over it.
         slip = (before + self._slip.velocity) / 2
         return -self._friction * math.tanh(slip / SLIP_VELOCITY)
 

@@ -13,28 +13,29 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
 
 CUSHION = 0.8
-"""Fraction of the travel above which the actuator is braked."""
+"""Fraction of the travel at which braking of the actuator begins."""
 
 CUSHION_END = 0.95
-"""Fraction of the travel where it is brought to rest: the rest is for errors of the estimate."""
+"""Fraction of the travel at which it is at rest; the remainder allows for errors of the
+estimate."""
 
 WARM = 0.1
-"""Fraction of the permitted heat up to which the coil may have its full peak force."""
+"""Fraction of the permitted heat up to which the full peak force is available."""
 
 CUSHION_SPEED = 400.0
 """Rate constant of the approach to the cushion's end, 1/s: with the cushion of the paper's coil,
 0.57 mm, a speed of 0.23 m/s at its beginning."""
 
 CUSHION_SPEED_SHARE = 0.4
-"""Upper bound of `CUSHION_SPEED` as a fraction of the sampling rate: a brake as fast as the loop
-would ring."""
+"""Upper bound of `CUSHION_SPEED` as a fraction of the sampling rate; faster braking would
+oscillate."""
 
 SETTLING = 0.1
 """Settling time of the actuator, after which its earlier position no longer matters, s: five times
 2 m_a / b_s of Table I."""
 
 CUSHION_AHEAD = 1.5
-"""Look-ahead for the cushion, ms, or in samples where these are longer: braking must begin before
+"""Look-ahead for the cushion, ms, or in samples if these are longer, as braking must begin before
 the cushion is reached."""
 
 
@@ -56,20 +57,21 @@ class Margins:
 
 
 COMFORT = Margins()
-"""Soft margins for the compensator: brakes early and reports the force that remains."""
+"""Soft margins for the compensator, which brakes early and reports the remaining force."""
 
 HARD = Margins(cushion=0.95, cushion_end=1.0, warm=0.9)
-"""Hard margins for the device's safety layer: outside `COMFORT`, so that only one of them acts."""
+"""Hard margins for the device's safety layer. They lie outside `COMFORT`, so that only one of the
+two acts."""
 
 
 class ActuatorGuard:
     """Limits force, heat and travel of the actuator.
 
     Heat is the square of the force averaged over the coil's time constant. The permitted force
-    falls from the peak to the continuous force as the coil warms up, so that the heat never
-    exceeds that of the continuous force. Travel is estimated; near the stops a cushion limits the
-    outward acceleration such that the actuator comes to rest before the stop as a critically
-    damped spring would, and brakes faster motion. It does not push back and adds no energy.
+    falls from the peak to the continuous force as the coil warms up. The heat thus never exceeds
+    that of the continuous force. Travel is estimated. Near the stops a cushion limits the outward
+    acceleration: the actuator comes to rest before the stop, like a critically damped spring, and
+    faster motion is braked. It does not push back and adds no energy.
 
     Parameters
     ----------
@@ -97,7 +99,7 @@ class ActuatorGuard:
         self._soft = margins.cushion * actuator.travel
         self._end = margins.cushion_end * actuator.travel
         self._cool = 1.0 - margins.warm
-        # Up to this heat the peak force is allowed, as in `_allowed`, whatever the rounding.
+        # Below this heat the peak force is allowed, as in `_allowed`, whatever the rounding.
         staying = max(1.0 - self._warming, sys.float_info.min)
         lasting = (self._bearable - self._warming * self._peak**2) / staying
         self._cold = (1.0 - 1e-9) * min(margins.warm * self._bearable, lasting)
@@ -122,7 +124,7 @@ class ActuatorGuard:
         Parameters
         ----------
         force : float
-            Force asked for, N; finite.
+            Requested force, N; finite.
         handle_acceleration : float
             Measured handle acceleration, m/s^2; finite.
         """
@@ -164,7 +166,7 @@ class ActuatorGuard:
         square : float, optional
             Mean square of the force, N^2, if it was not constant.
         samples : int
-            Number of sampling periods that it acted for; above one where samples were missed.
+            Number of sampling periods for which it acted; above one if samples were missed.
         """
         heat = force * force if square is None else square
         warming = self._warming if samples == 1 else -math.expm1(samples * self._staying)
@@ -173,12 +175,12 @@ class ActuatorGuard:
             self._estimator.sample(force, handle_acceleration)
 
     def reset(self) -> None:
-        """Return to an actuator that is cold and at rest in the middle of its travel."""
+        """Return to a cold actuator at rest in the middle of its travel."""
         self._heat = 0.0
         self._estimator.reset()
 
     def _allowed(self) -> float:
-        """Return the permitted force at the present heat, N."""
+        """Return the permitted force for the present heat, N."""
         bearable, heat = self._bearable, self._heat
         if not bearable:
             return 0.0
@@ -187,18 +189,19 @@ class ActuatorGuard:
             allowed = self._peak**2
         else:
             allowed = bearable + max(0.0, left) / self._cool * (self._peak**2 - bearable)
-        # A coil can be so small that a single sample of its peak overheats it.
+        # A single sample of its peak force can overheat a very small coil.
         most = max(bearable, heat + (bearable - heat) / self._warming)
         return min(self._peak, math.sqrt(min(allowed, most)))
 
     def _cushioned(self, force: float, handle_acceleration: float) -> float:
         """Return the force, or the braking force for the stop ahead if that is larger."""
         d, v = self._estimator.travel, self._estimator.velocity
-        # All count outwards, but force: a positive one pulls the actuator to the handle.
+        # Outward is positive, except for the force: a positive one pulls the actuator to the
+        # handle.
         side = math.copysign(1.0, d + v * self._ahead)
         d, v, outward = side * d, side * v, max(0.0, side * v)
         speed = self._speed
-        # The largest outward acceleration of a critically damped approach.
+        # Maximum outward acceleration of a critically damped approach.
         left = speed * speed * (self._end - d) - 2.0 * speed * v
         braking = -self._m_a * (left + side * handle_acceleration)
         braking -= self._k_s * d + self._b_s * outward

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Force that is held from one due time to the next, on the grid of another clock."""
+"""Resampling of forces with due times to the samples of another clock."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from haptic_accel.core.model import FloatArray
 class HeldForce:
     """Forces with due times, each held until the next is due.
 
-    Each sample of the other clock gets the mean of the force over its own period, so that a step
-    between two samples keeps its time to a fraction of one, and the impulse is kept.
+    Each sample of the other clock is the mean force over its period. A step between two samples
+    thus keeps its time to a fraction of a sample, and the impulse is preserved.
 
     Examples
     --------
@@ -31,7 +31,7 @@ class HeldForce:
         self._held = 0.0
 
     def put(self, due: float, force: float) -> None:
-        """Add a force in N that is due at a time in s; one that is late acts at once."""
+        """Add a force in N with a due time in s; a late one acts at once."""
         insort(self._waiting, (due, force))
 
     def replace(self, force: float) -> None:
@@ -40,12 +40,12 @@ class HeldForce:
         self._held = force
 
     def means(self, start: float, rate: float, count: int) -> FloatArray:
-        """Return the mean force of each sample, and forget what was due before their end.
+        """Return the mean force of each sample, and discard forces that were due before their end.
 
         Parameters
         ----------
         start : float
-            Time at which the first sample begins, s: where the samples of the call before end.
+            Start of the first sample, s; equal to the end of the last sample of the previous call.
         rate : float
             Samples per second.
         count : int
@@ -60,7 +60,7 @@ class HeldForce:
             due, force = self._waiting.pop(0)
             place = max(0.0, (due - start) * rate)
             first = int(place)
-            # Of that sample only the rest has the new force.
+            # For the rest of that sample the new force acts.
             means[first : first + 1] += (force - self._held) * (first + 1 - place)
             means[first + 1 :] = force
             self._held = force

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Description of the actuator: one set of numbers for its drivers, limits and simulation."""
+"""Parameters of the actuator, shared by drivers, limits and simulation."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from haptic_accel.core.parameters import ParameterError
 
 @dataclass(frozen=True)
 class ActuatorParameters(Suspension):
-    """A voice coil on its suspension: H2W NCM02-05-005-4JB on Table I's spring.
+    """Voice coil with suspension: H2W NCM02-05-005-4JB on the spring of Table I.
 
-    Every node that needs the actuator has these parameters in its block ``actuator``. Safety
-    layer, compensator, simulated device, identifier and drivers are built from it.
+    Each node that needs the actuator has these parameters in its block ``actuator``: safety layer,
+    compensator, simulated device, identifier and drivers.
 
     Raises
     ------
@@ -46,14 +46,14 @@ class ActuatorParameters(Suspension):
     )
     force_constant: float = actuator_parameter(
         2.4,
-        "force per current, negative where the wires are swapped (data sheet)",
+        "force per current; negative if the wires are swapped (data sheet)",
         "N/A",
         -1000.0,
         1000.0,
     )
 
     def __post_init__(self) -> None:
-        """Check all fields; a force constant of zero is refused."""
+        """Check all fields; reject a force constant of zero."""
         super().__post_init__()
         if self.force_constant == 0:
             raise ParameterError("force_constant = 0: must not be 0 N/A")

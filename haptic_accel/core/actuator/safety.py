@@ -3,13 +3,13 @@
 
 """Safety layer between commands and devices, simulated devices included.
 
-It only reduces forces: the applied force lies between zero and the commanded one. It does not
-rely on the compensator. That limits the actuator as well, because a controller must know the
-force that was applied, but the device has to be safe with any compensator and without one. The
+The layer only reduces forces: the applied force lies between zero and the commanded one. It does
+not rely on the compensator. The compensator limits the actuator too, because a controller must
+know the applied force, but the device must be safe with any compensator and without one. The
 layer's limits lie outside the compensator's (`HARD` and `COMFORT` of `core.actuator.guard`), so
-that with both in place only one of them acts.
+that only one of them acts.
 
-It has no clock: times are given by the caller, in s from any origin and never backwards.
+The layer has no clock: the caller passes times in s from any origin, which never decrease.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ LEAST_PERIODS = 2.5
 """Minimum time-out in periods, so that one lost command does not trip the watchdog."""
 
 MAX_AGE = 0.1
-"""Default maximum age of a command's sample, s; also the maximum difference of clocks."""
+"""Default maximum age of a command's sample, s; also the maximum clock difference."""
 
 ARM_PEAK_FORCE = 3.3
 """Maximum force of a Phantom Omni (data sheet), N."""
@@ -68,7 +68,7 @@ def _timeout(default: float) -> Any:
 
 @dataclass(frozen=True)
 class ActuatorCommandLimits(Checked):
-    """Limits of the commands for the actuator, beside the actuator's own."""
+    """Limits of the actuator's commands, in addition to the actuator's own limits."""
 
     command_timeout: float = _timeout(ACTUATOR_TIMEOUT)
     max_age: float = parameter(
@@ -121,23 +121,23 @@ class MasterSafetyParameters(SafetyParameters):
 class Watchdog:
     """Watchdog of the commands of one kind: detects missing and outdated ones.
 
-    No commands are expected after a command of zero, with which a sender ends on purpose.
+    A sender ends with a command of zero; no commands are expected after it.
 
     Parameters
     ----------
     timeout, max_age : float
         Maximum time without a command and maximum age of its sample, s.
     manual : bool
-        True if only `arm` lets commands through again once it has tripped.
+        True if only `arm` accepts commands again after a fault.
 
     Attributes
     ----------
     tripped : str
         Reason for zero force; empty if there is no fault.
     timeouts : int
-        Number of times that commands stopped.
+        Number of interruptions of the commands.
     outdated : int
-        Number of commands whose sample was too old, or lay in the future.
+        Number of commands whose sample was too old, or from the future.
     """
 
     def __init__(self, timeout: float, max_age: float, *, manual: bool) -> None:
@@ -157,7 +157,7 @@ class Watchdog:
 
     def admits(self, now: float, age: float) -> bool:
         """Return True if a command whose sample has an age in s may be applied now."""
-        if not abs(age) <= self._max_age:  # true for NaN too
+        if not abs(age) <= self._max_age:  # also true for NaN
             self.outdated += 1
             # An outdated command before the first force needs no manual recovery.
             if self._latest is not None or not self._manual:
@@ -178,11 +178,11 @@ class Watchdog:
         return True
 
     def forget(self) -> None:
-        """Expect no more commands until the next."""
+        """Expect no command until the next one."""
         self._latest = None
 
     def rest(self) -> None:
-        """Accept missing commands without a fault; a watchdog that waits for `arm` still does."""
+        """Treat missing commands as no fault; a watchdog that waits for `arm` still waits."""
         self.forget()
         if self.armed:
             self.tripped = ""
@@ -211,7 +211,7 @@ class Watchdog:
 
 
 class _Channel(ABC, Generic[Force]):
-    """Commands for one kind of force: the checks that arm and actuator have in common."""
+    """Commands for one kind of force: the checks common to arm and actuator."""
 
     name: ClassVar[str]
 
@@ -229,7 +229,7 @@ class _Channel(ABC, Generic[Force]):
         self.rejected = self.slewed = 0
 
     def command(self, now: float, age: float, force: Force) -> Force | None:
-        """Return the force to write for a command, or None to leave the device as it is."""
+        """Return the force to write for a command, or None for no change."""
         magnitude = self._magnitude(force)
         if not math.isfinite(magnitude):
             self.rejected += 1
@@ -254,13 +254,13 @@ class _Channel(ABC, Generic[Force]):
 
     @property
     def held(self) -> Force:
-        """Force that is held, N."""
+        """Present force, N."""
         return self._held
 
     def news(self, now: float) -> str:
         """Return a line for the log, once; otherwise empty."""
         news = self.watchdog.news(now)
-        # Who they are is known a moment after that there are several.
+        # Their names are known shortly after their number.
         settled, self._before = self.contested == self._before, self.contested
         if settled and bool(self.contested) != self._told:
             self._told = bool(self.contested)
@@ -278,9 +278,9 @@ class _Channel(ABC, Generic[Force]):
         }
 
     def _growth(self, now: float) -> float:
-        """Return the largest growth of the force since the last command, N.
+        """Return the maximum growth of the force since the last command, N.
 
-        A tick's time may be before that of a request that was served meanwhile.
+        A tick's time may be before that of a request that was processed meanwhile.
         """
         return self._slew * max(0.0, min(now - self._commanded, self._period))
 
@@ -331,7 +331,7 @@ class _ArmChannel(_Channel[Vector]):
         return force
 
     def _slewed(self, now: float, force: Vector) -> Vector:
-        """Return a force limited in growth, starting from the held force's part along it."""
+        """Return a force limited in growth, starting from the present force along it."""
         most = self._growth(now)
         magnitude = math.hypot(*force)
         if magnitude <= most:
@@ -359,7 +359,7 @@ class _ActuatorChannel(_Channel[float]):
         self._since = -math.inf
 
     def tick(self, now: float, handle_acceleration: float | None) -> float | None:
-        """Update the guard; return another force if the held one is no longer allowed."""
+        """Update the guard; return another force if the present one is no longer allowed."""
         if handle_acceleration is not None and abs(handle_acceleration) <= LARGEST_ACCELERATION:
             self._acceleration = handle_acceleration
         held = self._hold(now, self._held)
@@ -397,7 +397,7 @@ class _ActuatorChannel(_Channel[float]):
         return force
 
     def _within(self, force: float) -> float:
-        """Return a force as limited by the guard, which may not increase or reverse it here."""
+        """Return a force limited by the guard, which may not increase or reverse it here."""
         allowed = self.guard.within(force, self._acceleration)
         if allowed * force <= 0.0:
             return 0.0
@@ -423,7 +423,7 @@ class _ActuatorChannel(_Channel[float]):
         return force
 
     def _advance(self, now: float) -> None:
-        """Pass the forces since the last tick to the guard, also if that is long ago."""
+        """Pass the forces since the last tick to the guard, even if that is long ago."""
         if self._ticked is None:
             self._ticked = now
             return
@@ -439,8 +439,8 @@ class _ActuatorChannel(_Channel[float]):
 class SafetyLayer:
     """Limits each command of a device, and replaces missing ones by zero.
 
-    Forces are allowed once it is `enable`d, and not while it is stopped. Methods that take a
-    command return the force to write, or None to leave the device as it is.
+    Forces are allowed after `enable`, and not while it is stopped. Methods that take a command
+    return the force to write, or None for no change.
 
     Parameters
     ----------
@@ -456,7 +456,7 @@ class SafetyLayer:
     active : bool
         True while the device's node is active.
     refusal : str
-        Reason for which every command is refused; empty if commands are accepted.
+        Reason for which every command is rejected; empty if commands are accepted.
     """
 
     def __init__(self, parameters: SafetyParameters, rate: float) -> None:
@@ -478,23 +478,23 @@ class SafetyLayer:
 
     @property
     def disarmed(self) -> str:
-        """Forces that wait for `arm`, with the reason; empty for none."""
+        """Forces that wait for `arm`, with the reason; empty if there are none."""
         waiting = [c for c in self._channels if not c.watchdog.armed]
         return ", ".join(f"{c.name}: {c.watchdog.tripped}" for c in waiting)
 
     @property
     def contested(self) -> str:
-        """Forces whose commands are refused because several senders give them; empty for none."""
+        """Forces whose commands are rejected because several senders send them; empty if none."""
         return ", ".join(f"{c.name}: {c.contested}" for c in self._channels if c.contested)
 
     def note_rivals(self, force: str, rivals: str) -> None:
-        """Refuse commands for ``arm force`` or ``actuator force`` while there are several senders.
+        """Reject commands for ``arm force`` or ``actuator force`` while there are several senders.
 
         Parameters
         ----------
         force : str
         rivals : str
-            Who they are; empty for a single one.
+            Names of the senders; empty for a single one.
         """
         refused = f"no force while it is sent by {rivals}" if rivals else ""
         for channel in self._channels:
@@ -502,11 +502,11 @@ class SafetyLayer:
                 channel.contested = refused
 
     def arm_force(self, now: float, age: float, force: Vector) -> Vector | None:
-        """Return the arm's force for a command, N, whose sample has an age in s; None for none."""
+        """Return the arm's force, N, for a command with a sample age in s; None for no change."""
         return None if self.refusal else self._arm.command(now, age, force)
 
     def actuator_force(self, now: float, age: float, force: float) -> float | None:
-        """Return the actuator's force for a command, as `arm_force` does for the arm."""
+        """Return the actuator's force for a command; see `arm_force`."""
         if self.refusal or self._actuator is None:
             return None
         return self._actuator.command(now, age, force)
@@ -514,14 +514,14 @@ class SafetyLayer:
     def tick(
         self, now: float, handle_acceleration: float | None = None
     ) -> tuple[Vector | None, float | None]:
-        """Return new forces for arm and actuator where the held ones must end; once a period.
+        """Return new forces for arm and actuator if the present ones must end; once per period.
 
         Parameters
         ----------
         now : float
             Time, s.
         handle_acceleration : float, optional
-            Latest measurement, m/s^2; None where it is missing.
+            Latest measurement, m/s^2; None if it is missing.
         """
         actuator = self._actuator.tick(now, handle_acceleration) if self._actuator else None
         return self._arm.tick(now), actuator
@@ -539,7 +539,7 @@ class SafetyLayer:
             self.arm()
 
     def arm(self) -> str:
-        """Allow forces after missing or outdated commands; return the reason if refused."""
+        """Allow forces after missing or outdated commands; return the reason for a rejection."""
         if self.refusal:
             return self.refusal
         for channel in self._channels:
@@ -552,7 +552,7 @@ class SafetyLayer:
         return [f"{name}: {line}" for name, line in lines if line]
 
     def warnings(self) -> list[str]:
-        """Return present faults, and those that occurred since the last call."""
+        """Return present faults, and those since the last call."""
         found = [self.refusal] if self.refusal else []
         if self.disarmed:
             found.append(f"not armed: {self.disarmed}")
@@ -584,7 +584,7 @@ class SafetyLayer:
         }
 
     def _let_go(self, now: float) -> None:
-        """Take all forces off after a change of what allows them."""
+        """Set all forces to zero after a change of the conditions for forces."""
         self.refusal = STOPPED if self.stopped else "" if self.active else INACTIVE
         for channel in self._channels:
             channel.let_go(now)

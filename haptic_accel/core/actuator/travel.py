@@ -11,31 +11,30 @@ from haptic_accel.core.model import Suspension
 from haptic_accel.core.parameters import check_positive_rate
 
 LARGEST_ACCELERATION = 1.0e4
-"""Bound of plausible measurements, above the range of any hand tool's accelerometer, m/s^2: about
-a thousand g."""
+"""Upper bound of plausible measurements, about a thousand g, above the range of any hand tool's
+accelerometer, m/s^2."""
 
 
 class TravelEstimator:
-    """Estimates the actuator's position between its stops from signals that are measured anyway.
+    """Estimate the actuator's position between its stops from available signals.
 
-    Eq. (1) of the paper for the relative motion d = y_a - y_h,
-    m_a d'' + b_s d' + k_s d = -f_a - m_a a_h,
-    which does not depend on the hand. Advanced exactly for inputs held over each sample. As the
-    accelerometer measures gravity too, the estimate includes the static sag.
+    Eq. (1) of the paper for the relative motion d = y_a - y_h, m_a d'' + b_s d' + k_s d = -f_a -
+    m_a a_h, which does not depend on the hand. The discretisation is exact for inputs held over
+    each sample. As the accelerometer also measures gravity, the estimate includes the static sag.
 
     Parameters
     ----------
     suspension : Suspension
-        Actuator or handle.
+        Parameters of actuator or handle.
     rate : float
         Samples per second.
 
     Attributes
     ----------
     travel : float
-        Displacement of the actuator now, m; positive away from the handle along its axis.
+        Present displacement of the actuator, m; positive away from the handle along its axis.
     velocity : float
-        Velocity of the actuator relative to the handle now, m/s.
+        Present velocity of the actuator relative to the handle, m/s.
 
     Raises
     ------
@@ -44,7 +43,7 @@ class TravelEstimator:
     """
 
     def __init__(self, suspension: Suspension, rate: float) -> None:
-        # scipy.linalg is slow to import: only users of an estimator wait for it.
+        # scipy.linalg is slow to import: only users of an estimator need it.
         from scipy.linalg import expm
 
         check_positive_rate(rate)
@@ -78,5 +77,5 @@ class TravelEstimator:
         return travel
 
     def reset(self) -> None:
-        """Return to the middle, at rest."""
+        """Reset to the middle, at rest."""
         self.travel = self.velocity = 0.0

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prediction of samples that were lost, from those before."""
+"""Prediction of lost samples from earlier ones (loss concealment)."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ import numpy as np
 from haptic_accel.core.model import FloatArray
 
 HISTORY = 64
-"""Samples from which the next are predicted: older ones are texture of other places."""
+"""Number of samples for the prediction; older ones show the texture of other places."""
 
 ORDER = 12
-"""Order of the prediction: some resonances of surface and tool."""
+"""Order of the prediction: enough for some resonances of surface and tool."""
 
 RIDGE = 1e-3
-"""Relative increase of the power at lag 0, as of white noise 30 dB below: it keeps the prediction
-stable and lets it fade out."""
+"""Relative increase of the power at lag 0, equivalent to white noise 30 dB below the signal. It
+keeps the prediction stable and makes it fade out."""
 
 
 class Bridge:
-    """Keeps the last samples of a signal, and predicts those that are missing.
+    """Store the last samples of a signal, and predict missing ones.
 
-    An autoregressive model is fitted to the last samples (autocorrelation method), whose
-    prediction never grows and returns to their mean.
+    An autoregressive model is fitted to the last samples (autocorrelation method). Its prediction
+    never grows and returns to their mean.
     """
 
     def __init__(self) -> None:
         self._samples: deque[float] = deque(maxlen=HISTORY)
 
     def put(self, sample: float) -> None:
-        """Take a sample; infinity and NaN count as zero."""
+        """Add a sample; infinity and NaN count as zero."""
         self._samples.append(sample if abs(sample) < math.inf else 0.0)
 
     def predict(self, count: int) -> list[float]:
-        """Return the next samples, and keep them as samples; the mean of few samples.
+        """Return the next samples, predicted, and store them; with few samples return their mean.
 
         Examples
         --------
@@ -64,7 +64,7 @@ class Bridge:
 
 
 def _coefficients(samples: FloatArray) -> FloatArray:
-    """Return the weights of the last samples, newest first, in the prediction of the next."""
+    """Return the weights of the last samples, newest first, for predicting the next one."""
     order = min(ORDER, len(samples) // 2)
     if order == 0:
         return np.zeros(0)

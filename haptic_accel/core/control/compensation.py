@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From tool acceleration to actuator force: high-pass, controller, the actuator's limits."""
+"""Compensation: high-pass, controller and actuator limits, from tool acceleration to force."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.sampling import LATENCY
 
 AT_RANGE = 0.999
-"""Fraction of full scale above which a handle sample counts as saturated: converters differ."""
+"""Fraction of full scale above which a handle sample counts as saturated, as converters differ."""
 
 LISTENING = 0.5
-"""Time in which a new controller receives both accelerations before it takes over, s."""
+"""Time for which a new controller only receives both accelerations, s."""
 
 FADING = 5e-3
 """Duration of the crossfade from one controller to the next, s."""
@@ -57,7 +57,7 @@ class CompensationParameters(Checked):
     )
     handle_range: float = parameter(
         5 * GRAVITY,
-        "range of the handle's accelerometer; samples at the range are not used (paper: 5 g)",
+        "range of the handle's accelerometer; samples at its limits are not used (paper: 5 g)",
         "m/s^2",
         0,
         LARGEST_ACCELERATION,
@@ -75,12 +75,12 @@ def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -
     loop : Loop
         Rate, high-pass and plant of the control loop.
     parameters : optional
-        An instance of the controller's own parameters; the defaults otherwise.
+        Instance of the controller's parameters; default: its default values.
 
     Raises
     ------
     ParameterError
-        No controller has this name.
+        The controller does not exist.
     """
     if name not in CONTROLLERS:
         raise ParameterError(f"controller = {name!r}: must be one of {', '.join(CONTROLLERS)}")
@@ -90,34 +90,35 @@ def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -
 
 
 class Compensation:
-    """High-pass, controller and the actuator's limits as one object that takes samples.
+    """High-pass, controller and actuator limits, one sample at a time.
 
-    It sleeps until something moves: while all samples since the start or a reset equal the first
-    one, there is no force, and nothing counts or adapts. So one that waited at rest gives, bit for
-    bit, what one gives that has just started. The noise of a real accelerometer wakes it at once.
-    The first sample is the tool's acceleration at rest, mostly gravity: no step for the filters.
+    Stays idle until a sample differs from the first one since the start or a reset. While idle
+    there is no force, no count and no adaptation. An instance that has been idle thus gives bit
+    for bit the same results as a new one. The noise of a real accelerometer ends the idle state at
+    once. The first sample is the tool's acceleration at rest, mostly gravity, so that the filters
+    see no step.
 
     Parameters
     ----------
     parameters : CompensationParameters
         Controller, high-pass corner and sensor range.
     rate : float
-        Samples per second; more than twice the high-pass' corner.
+        Samples per second; above twice the high-pass corner.
     options : mapping, optional
-        Parameters of controllers by controller name, of the actuator (`ACTUATOR`) and of the
-        handle as identified (`PLANT`), where not the defaults.
+        Parameters that differ from the defaults: of controllers by name, of the actuator
+        (`ACTUATOR`) and of the identified handle (`PLANT`).
     prepared : sequence of str
-        Controllers to build beforehand, so that `select` takes no time.
+        Controllers to build in advance, so that `select` takes no time.
     latency : int
-        Samples from the one that caused a force to the tick at which the force is due.
+        Delay from sample to force, in samples.
 
     Attributes
     ----------
     rejected : int
-        Number of samples that were not finite or implausible: zero is used for the tool, none for
-        the handle.
+        Number of samples that were not finite or not plausible. The tool's are replaced by zero,
+        the handle's count as missing.
     untrusted : int
-        Number of handle samples that were missing, or at the range of the sensor.
+        Number of handle samples that were missing or saturated.
 
     Raises
     ------
@@ -163,21 +164,22 @@ class Compensation:
 
     @property
     def controller(self) -> str:
-        """Name of the controller in use, or of the one selected last."""
+        """Name of the active controller, or of the last selected one."""
         return (self._waiting or self._follower or self._active).name
 
     def select(self, name: str) -> None:
         """Change to another controller without a jump in force.
 
-        For `LISTENING` it only receives samples, so that its filters settle, then it is faded in
-        over `FADING`. A fade that has begun is completed before another controller starts. While
-        nothing has moved yet, it takes over at once. A controller that was replaced because it
-        was worse than no compensation has another turn if it is selected anew.
+        For `LISTENING` the new controller only receives samples, until its filters have settled.
+        It is then faded in over `FADING`. A running crossfade is completed before another
+        controller starts. In the idle state the change is immediate. A controller that was
+        replaced because it was worse than no compensation is tried again when it is selected
+        again.
 
         Raises
         ------
         ParameterError
-            No controller has this name, or its parameters do not fit.
+            The controller does not exist, or its parameters are invalid.
         """
         self._build(name)
         if name == self.controller:
@@ -195,17 +197,17 @@ class Compensation:
     def sample(
         self, tool_acceleration: float, handle_acceleration: float | None
     ) -> tuple[float, float]:
-        """Take one sample of tool and handle acceleration along the actuator's axis.
+        """Process one sample of tool and handle acceleration along the actuator's axis.
 
         Parameters
         ----------
         tool_acceleration : float
             Measured tool acceleration, m/s^2. A value that is not finite or beyond
-            `LARGEST_ACCELERATION` counts as zero, so that one bad sample cannot corrupt the
-            filters or hold the actuator at its limit for seconds.
+            `LARGEST_ACCELERATION` counts as zero. Otherwise one bad sample could corrupt the
+            filters or keep the actuator at its limit for seconds.
         handle_acceleration : float or None
-            Handle acceleration measured one sample earlier, m/s^2: a compensator may not have
-            received that of the same tick yet. None where it is missing.
+            Handle acceleration measured one sample earlier, m/s^2, as that of the same tick may
+            not have arrived yet. None if it is missing.
 
         Returns
         -------
@@ -220,11 +222,11 @@ class Compensation:
         measured = self._trusted(handle_acceleration)
         desired, force = self._wanted(tool, measured)
         if not (math.isfinite(desired) and math.isfinite(force)):
-            # An unstable controller: a filter that holds infinity never recovers.
+            # An unstable controller: filters with an infinite state never recover.
             self.reset()
             desired = force = 0.0
         force = self._fallback.force(desired, force)
-        # Where it is not known, the handle's acceleration is taken for what it was: gravity.
+        # If the handle's acceleration is unknown, it is assumed to be gravity.
         self._handle = measured if math.isfinite(measured) else self._handle
         force = self.guard.limited(force, self._handle)
         self._active.controller.applied(force)
@@ -234,7 +236,7 @@ class Compensation:
         return desired, force
 
     def adapt(self) -> None:
-        """Do a piece of the controller's slow work; call it when no force is due."""
+        """Execute a part of the controller's slow computations; call it when no force is due."""
         if self._asleep:
             return
         channels = [self._active, self._follower] if self._follower else [self._active]
@@ -250,9 +252,9 @@ class Compensation:
             channel.controller.freeze(frozen)
 
     def reset(self) -> None:
-        """Return to the state of a compensation that has just started.
+        """Return to the initial state.
 
-        The estimates of the actuator's heat and travel stay: no reset cools a coil.
+        The estimates of the actuator's heat and travel remain: a reset does not cool the coil.
         """
         for channel in self._built.values():
             channel.reset()
@@ -261,7 +263,7 @@ class Compensation:
         self._fall_asleep()
 
     def status(self) -> tuple[str, dict[str, str]]:
-        """Return a warning, empty for none, and values with units for diagnostics."""
+        """Return a warning, or an empty string, and values with units for diagnostics."""
         guard = self.guard
         controller = self._active.controller
         return ", ".join(filter(None, (self._fallback.warning, controller.warning))), {
@@ -283,13 +285,13 @@ class Compensation:
             self._built[name] = _Channel(name, SampleFilter(self._sections), controller)
 
     def _fall_asleep(self) -> None:
-        """Wait for a sample that differs from the next one."""
+        """Enter the idle state, until a sample differs from the next one."""
         self._asleep = True
         self._tool_at_rest: float | None = None
         self._handle_at_rest: float | None = None
 
     def _still(self, tool: float, handle: float | None) -> bool:
-        """Return whether nothing has moved yet; wake up at the first difference."""
+        """Return whether all samples so far are equal; leave the idle state at a difference."""
         if self._tool_at_rest is None:
             self._tool_at_rest = tool
         if self._handle_at_rest is None:
@@ -302,7 +304,7 @@ class Compensation:
         return False
 
     def _wanted(self, tool: float, measured: float) -> tuple[float, float]:
-        """Return desired acceleration and force, during a change crossfaded to the new one."""
+        """Return desired acceleration and force, crossfaded during a change of controller."""
         desired, force = self._active.sample(tool, measured)
         self._rest += self._resting * (tool - self._rest)
         if self._follower is None:
@@ -318,7 +320,7 @@ class Compensation:
         return desired, force + max(0.0, share) * (following[1] - force)
 
     def _listen(self, channel: _Channel) -> None:
-        """Make a channel the next to take over; none if it is the one in use."""
+        """Prepare a channel as the next one; none if it is already in use."""
         if self._follower:
             self._follower.reset()
         self._follower = None if channel is self._active else channel
@@ -341,13 +343,13 @@ class Compensation:
         self._fallback.follow(name, granted_delay(name, self._options))
 
     def _plausible(self, acceleration: float) -> float:
-        if abs(acceleration) <= LARGEST_ACCELERATION:  # false for NaN too
+        if abs(acceleration) <= LARGEST_ACCELERATION:  # also false for NaN
             return acceleration
         self.rejected += 1
         return 0.0
 
     def _trusted(self, acceleration: float | None) -> float:
-        """Return the handle's acceleration, NaN where missing, infinite where saturated."""
+        """Return the handle's acceleration; NaN if missing, infinite if saturated."""
         if acceleration is None:
             self.untrusted += 1
             return math.nan
@@ -361,10 +363,11 @@ class Compensation:
 
 
 class _Channel:
-    """A controller with its own high-pass, which starts at the same time.
+    """Controller with its own high-pass, both started at the same time.
 
-    A constant acceleration that was there before would look like a step from zero, and an inverse,
-    which extends the high-pass to far lower frequencies, would respond with newtons for seconds.
+    To a filter with zero state, an earlier constant acceleration looks like a step. An inverse,
+    which extends the high-pass to far lower frequencies, would respond to it with newtons for
+    seconds.
     """
 
     def __init__(self, name: str, high_pass: SampleFilter, controller: Controller) -> None:
@@ -374,7 +377,7 @@ class _Channel:
         self._rest = 0.0
 
     def begin(self, tool_acceleration: float) -> None:
-        """Set the tool's acceleration at rest, mostly gravity."""
+        """Initialize with the tool's acceleration at rest, mostly gravity."""
         self._rest = tool_acceleration
 
     def sample(self, tool_acceleration: float, measured: float) -> tuple[float, float]:
@@ -383,7 +386,7 @@ class _Channel:
         return desired, self.controller.force(desired, measured)
 
     def reset(self) -> None:
-        """Return to the state of a channel that has always seen zero."""
+        """Return to the state for a past of zeros."""
         self._rest = 0.0
         self._high_pass.reset()
         self.controller.reset()

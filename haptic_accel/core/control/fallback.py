@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Replacement of a controller that is worse than no compensation."""
+"""Replacement of a controller with a larger error than no compensation."""
 
 from __future__ import annotations
 
@@ -18,68 +18,69 @@ from haptic_accel.core.control.supervision import HIGHEST_SHARE, ResponseSupervi
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
 
 NONE, DYNAMIC = "none", "dynamic"
-"""Names of the controllers that may take over."""
+"""Names of the substitute controllers."""
 
 MEMORY = 0.5
 """Time constant of the running error, s."""
 
 LOWEST = 9.0
-"""Frequency above which the error counts, Hz: below, the handle moves with the hand."""
+"""Lower frequency limit of the error, Hz; below it the handle moves with the hand."""
 
 LEAST_DESIRED = 0.2
-"""Desired acceleration below which the error is not judged, m/s^2 RMS: the arm's own motion and
-noise are a tenth of it."""
+"""Desired acceleration below which the error is not evaluated, m/s^2 RMS: ten times the arm's own
+motion and noise."""
 
 WORSE, WORSE_FOR = 1.15, 0.45
-"""Running error, relative to that of no force, above which a controller is replaced, and for how
-long, s. The margin leaves the paper's conditions alone: constant gain on its rig has 90 to 108 %
-on vinyl, 113 % over the worst half second."""
+"""Running error, relative to that without force, above which a controller is replaced, and for how
+long, s. The paper's conditions stay below: constant gain on its rig has 90 to 108 % on vinyl, and
+113 % in the worst half second."""
 
 UNDESCRIBED_WORSE, UNDESCRIBED_WORSE_FOR = 1.0, 0.4
-"""The same on a handle that is not as described, where there is no reason for patience."""
+"""The same limits for a handle that deviates from its model, where replacement is faster."""
 
 BETTER = 0.7
-"""Foreseen error, relative to that of no force, below which a controller may have its turn."""
+"""Predicted error, relative to that without force, below which a controller may be tried."""
 
 PAUSE = 1.0
-"""Time for which a better error must be foreseen before a controller is tried again, and for which
-there is no force before a part of its own is tried, s of excitation; twice as long after each
-trial that failed, up to `LONGEST_PAUSE`."""
+"""Time for which a smaller error must be predicted before a controller is tried again, s of
+excitation. After the same time without force, a fraction of its force is tried. The time doubles
+after each failed trial, up to `LONGEST_PAUSE`."""
 
 LEAST_PART, LARGEST_PART = 0.05, 0.25
-"""Bounds of the part of a force that is tried where none has taken over: nothing is learnt of a
-handle without force."""
+"""Bounds of the fraction of the force that is tried while no substitute is active: without force,
+nothing can be learnt about the handle."""
 
 FADING = 5e-3
-"""Duration of a change to a substitute, s."""
+"""Duration of the crossfade to a substitute, s."""
 
 LONGEST_PAUSE = 32.0
-"""Bound of the doubled pause, s of excitation: a device that refuses the force for a moment, as
-beside a second sender, makes a trial fail, too, and a good controller must come back."""
+"""Upper bound of the doubled pause, s of excitation. A trial also fails if a device rejects the
+force briefly, for example because of a second sender. A good controller must then come back."""
 
 TRIAL = 1.0
-"""Duration of the return, s: a force that is still wrong is found so while it is small."""
+"""Duration of the return, s, long enough to detect a wrong force while it is small."""
 
 TRIAL_WORSE, TRIAL_WORSE_FOR = 1.02, 0.1
-"""Running error, relative to that of no force, that ends a trial, and for how long, s. Without
+"""Running error, relative to that without force, that ends a trial, and for how long, s. Without
 force the handle moves a little with the arm: 1.01 on the paper's rig."""
 
 SETTLING = 0.1
-"""Time in which the filters of `dynamic` settle before it is faded in, s: its poles are at 9 Hz
+"""Time for which the filters of `dynamic` settle before it is faded in, s: its poles are at 9 Hz
 and above."""
 
 
 class Fallback:
-    """Replaces the force of a controller that is worse than no compensation.
+    """Replace the force of a controller that is worse than no compensation.
 
-    The error of the handle is held against that of no force, by spectra with forgetting. Where it
-    is larger for most of a second, the force is faded out, and that of `dynamic` is faded in if it
-    is foreseen to be better than none. What is foreseen is the model's response to a force, times
-    the ratio in which the handle was measured to respond. The controller continues to receive all
-    samples, may learn from them, and is tried again when its own force is foreseen to be better
-    for `PAUSE`. After as long without any force, the part of it that is foreseen to be best is
-    applied, so that there is something to learn from. A force that is tried grows slowly, and is
-    given up at once where it does harm; the pause then doubles.
+    The handle's error is compared with the error without force, from spectra with exponential
+    forgetting. If it is larger for most of a second, the force is faded out. That of `dynamic` is
+    faded in if its predicted error is smaller than without force. The prediction is the model's
+    response to a force, times the measured ratio of the handle's response to the model's. The
+    replaced controller still receives all samples and may learn from them. It is tried again when
+    its predicted error has been small enough for `PAUSE`. After the same time without any force,
+    the fraction of its force with the smallest predicted error is applied, to allow learning. A
+    force on trial grows slowly, and is removed at once if it increases the error; the pause then
+    doubles.
 
     Parameters
     ----------
@@ -91,7 +92,7 @@ class Fallback:
     ----------
     supervisor : ResponseSupervisor
     substitute : str
-        Name of what replaces the controller; empty for nothing.
+        Name of the substitute; empty if there is none.
     """
 
     def __init__(self, loop: Loop, dynamic: ApproximateModel) -> None:
@@ -110,26 +111,26 @@ class Fallback:
 
     @property
     def warning(self) -> str:
-        """The deviating bands and the substitute in words; empty for none."""
+        """Description of the deviating bands and the substitute; empty if there is none."""
         replaced = ""
         if self.substitute:
-            took_over = "a part is tried" if self._probing else f"{self.substitute} took over"
+            took_over = "a fraction is tried" if self._probing else f"{self.substitute} took over"
             replaced = f"{self._name} is worse than no compensation: {took_over}"
         elif self._on_trial:
             replaced = f"{self._name} was worse than no compensation: it is tried again"
         return ", ".join(filter(None, (self.supervisor.warning, replaced)))
 
     def reset(self, name: str, granted_delay: int) -> None:
-        """Return to the state at the start, with a controller and its delay beside the latency."""
+        """Return to the initial state, for a controller and its delay beside the latency."""
         self.supervisor.reset()
         self._share, self._gain = 1.0, 0.0
         self._wanted = self._expected = 0.0
-        self._running = 0  # samples of `dynamic` since it began
-        self._turn = 0  # whose piece of slow work is next
+        self._running = 0  # number of samples of `dynamic` since it began
+        self._turn = 0  # next one for slow computations
         self.follow(name, granted_delay)
 
     def follow(self, name: str, granted_delay: int) -> None:
-        """Judge another controller from now on, or the same anew; whatever replaced one fades."""
+        """Evaluate another controller from now on, or the same anew; fade out any substitute."""
         self._name, self.substitute = name, ""
         self._pace = self._step
         self._trial = math.inf  # time since the last return, s
@@ -140,11 +141,11 @@ class Fallback:
         self._probing = False
         self._part = 0.0
         self._worse = self._better = self._idle = 0.0
-        self._error = 0.0  # relative to that of no force
+        self._error = 0.0  # relative to that without force
         self._tracking.reset()
 
     def force(self, desired_acceleration: float, wanted: float) -> float:
-        """Return the force to send in place of the one that the controller wants, N."""
+        """Return the force to send in place of the controller's force, N."""
         self._wanted = wanted
         if self._share == 1.0 and not self.substitute and self._gain == 0.0:
             return wanted
@@ -157,14 +158,14 @@ class Fallback:
         return self._share * wanted + self._gain * substituted
 
     def sample(self, desired: float, measured: float, force: float) -> None:
-        """Take one sample.
+        """Process one sample.
 
         Parameters
         ----------
         desired : float
             Desired acceleration at this sample, m/s^2.
         measured : float
-            Handle acceleration of the sample before, m/s^2; NaN or infinite where it is not known.
+            Handle acceleration of the previous sample, m/s^2; NaN or infinite if unknown.
         force : float
             Force sent at this sample, N.
         """
@@ -172,7 +173,7 @@ class Fallback:
         if self._name == NONE:
             return
         self._desired.append(desired)
-        # `dynamic` lags by one sample, whatever has been granted to the controller.
+        # `dynamic` lags by one sample, independent of the controller's granted delay.
         later = max(0, self._granted - 1) if self.substitute == DYNAMIC else 0
         self._tracking.sample(self._desired[later], measured)
         if self.substitute:
@@ -180,7 +181,7 @@ class Fallback:
             self._expected = self._model.sample(self._wanted)
 
     def step(self) -> bool:
-        """Do a piece of slow work; return True when there is a new verdict on the response."""
+        """Execute a part of slow computations; return True after a new result."""
         self._turn = (self._turn + 1) % 3
         if self._turn == 0:
             return self.supervisor.step()
@@ -195,7 +196,7 @@ class Fallback:
         return self._probing or self._trial < 2.0 * TRIAL
 
     def _judge(self) -> None:
-        """Replace the controller, or its substitute, where it is worse than no force."""
+        """Replace the controller, or its substitute, if it is worse than no force."""
         tracking = self._tracking
         power = self._power(tracking.excitation)
         if power < LEAST_DESIRED**2 or (self.substitute == NONE and not self._probing):
@@ -240,7 +241,7 @@ class Fallback:
         shared = (ratio.conj() * prospect.cross).real
         caused = np.abs(ratio) ** 2 * prospect.excitation
         error = caused - 2.0 * shared + prospect.output
-        # The part of the force that is foreseen to leave the least error.
+        # The fraction of the force with the smallest predicted error.
         best = self._power(shared) / max(self._power(caused), 1e-12)
         self._part = min(max(best, LEAST_PART), LARGEST_PART)
         foreseen = math.sqrt(max(0.0, self._power(error)) / power)
@@ -263,15 +264,15 @@ class Fallback:
         self._tracking.reset()
 
     def _dynamic_error(self) -> float:
-        """Return the foreseen error of `dynamic`, relative to that of no force."""
+        """Return the predicted error of `dynamic`, relative to that without force."""
         desired = self._tracking.excitation
         error = np.abs(self.supervisor.ratio * self._tracked - 1.0) ** 2
         return math.sqrt(self._power(error * desired) / self._power(desired))
 
     def _dynamic_response(self, loop: Loop) -> ComplexArray:
-        """Return what `dynamic` makes of the desired acceleration, one sample late, by the model.
+        """Return the model's response to `dynamic`, over desired acceleration, one sample late.
 
-        Complex, on the lines of the estimates; 1 would be exact.
+        Complex values on the lines of the estimates; exactly 1 would be ideal.
         """
         lines = self._tracking.frequency
         length = 2 * len(lines) - 2
@@ -283,7 +284,7 @@ class Fallback:
         return response * np.fft.rfft(force)
 
     def _power(self, density: FloatArray) -> float:
-        """Return the power of a density in the lines that count."""
+        """Return the power of a density in the evaluated lines."""
         return float(self._counted @ density) * float(self._tracking.frequency[1])
 
     def _faded(self, share: float, wanted: float) -> float:

@@ -1,23 +1,23 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Feedback on the handle's acceleration with a stated margin over a range of grips.
+"""Feedback of the handle's acceleration with a specified margin over a range of grips.
 
-With the sampled plant P of a grip, B the high-pass of the measurement, and one sample of delay
-until that is received, G = B z^-1 P is the path from a force to the signal that is fed back. The
-controller has a model G_0 of it, for the grip in the middle, and feeds the difference between
-measurement and model through a convolution Q (internal model control: Morari and Zafiriou, Robust
-Process Control, 1989). In the usual form the loop is
+P is the sampled plant of a grip, and B the high-pass of the measurement, which is received one
+sample late. G = B z^-1 P is the path from a force to the feedback signal. The controller contains
+a model G_0 of it for the middle grip. It feeds the difference between measurement and model
+through a convolution Q (internal model control: Morari and Zafiriou, Robust Process Control,
+1989). In the usual form the loop is
 
     L = K G,  K = Q / (1 - Q G_0),  1 + L = (1 + Q (G - G_0)) / (1 - Q G_0),  S = 1 / (1 + L).
 
-That form, as everything in 1 + Q (G - G_0) is stable by itself: the loop of a grip is stable if
-and only if the curve of that over the unit circle does not encircle zero, however odd K is; the
-middle grip always is; and a limited force causes no difference from the model.
+The factor 1 + Q (G - G_0) is useful because all its parts are stable. The loop of a grip is stable
+if and only if its curve over the unit circle does not encircle zero, whatever K is. The middle
+grip is always stable. A limited force causes no difference from the model.
 
-Why Q is searched numerically: a gain times 1/P and a low-pass needs the margin at frequencies
-where it reduces no error. Least squares over the texture that is expected puts the feedback where
-grips matter, and the margin is held grip by grip and frequency by frequency.
+Q is searched numerically, because a gain times 1/P and a low-pass needs the margin at frequencies
+where it reduces no error. Least squares over the expected texture places the feedback at
+frequencies where grips matter. The margin is satisfied for each grip and frequency.
 """
 
 from __future__ import annotations
@@ -43,40 +43,41 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
-# scipy.linalg is slow to import: only the design of a filter waits for it.
+# scipy.linalg is slow to import: only the design of a filter needs it.
 
 Response = Callable[[FloatArray], ComplexArray]
 """Force over desired acceleration, N per m/s^2, at frequencies in Hz."""
 
 MARGIN = 0.5
-"""Smallest distance of the loop from -1: no disturbance is more than doubled, a gain margin of at
-least 2, a phase margin of at least 0.5 rad."""
+"""Minimum distance of the loop from -1. Disturbances are at most doubled; gain margin at least 2,
+phase margin at least 0.5 rad."""
 
 MODEL_MEMORY = 0.3
-"""Length of the model's impulse response, s: Table I's slowest motion falls by e in 0.03 s."""
+"""Length of the model's impulse response, s; the slowest motion of Table I decays by a factor e in
+0.03 s."""
 
 FEEDBACK_MEMORY = 0.05
-"""Length of Q, s: four times it lowers the error by less than a hundredth of itself."""
+"""Length of Q, s; four times this length reduces the error by less than 1 %."""
 
 FELT_FREQUENCY = 500.0
-"""Upper frequency of unexpected tool acceleration, Hz: fingertips feel little beyond (Bolanowski
+"""Upper frequency of unexpected tool acceleration, Hz; fingertips feel little above it (Bolanowski
 et al., J. Acoust. Soc. Am. 84, 1988, measured 0.4 to 500 Hz)."""
 
 GRID_STEP = 0.5
-"""Distance of frequencies, Hz: an eighth of the width of the narrowest resonance of Table I."""
+"""Frequency resolution, Hz: an eighth of the width of the narrowest resonance of Table I."""
 
-_RESERVE = 0.97  # of the limit of |S| in the search, so that little is left to scale down
-_PENALTIES = (1.0, 10.0, 100.0, 1000.0)  # of |S| beyond it, against a relative error of 1
-_STEPS = 12  # for each of these
-_SETTLED = 1e-3  # relative decrease below which a penalty's search ends
-_SHORTEST = 1 / 64  # part of a step that is tried
-_RIDGE = 1e-9  # of the mean of the normal equations' spectrum: rounding
-_HALVINGS = 12  # of the share that is kept in the end
+_RESERVE = 0.97  # of the limit of |S| in the search, to reduce the final scaling
+_PENALTIES = (1.0, 10.0, 100.0, 1000.0)  # of |S| above the limit, relative to an error of 1
+_STEPS = 12  # per penalty
+_SETTLED = 1e-3  # relative decrease at which a penalty's search ends
+_SHORTEST = 1 / 64  # fractions of a step to try
+_RIDGE = 1e-9  # of the mean of the normal equations' spectrum, against rounding
+_HALVINGS = 12  # of the final scaling factor
 
 
 @dataclass(frozen=True)
 class GripRange(Checked):
-    """Grips for which a feedback is to be stable: a box around the handle as identified."""
+    """Grips for which a feedback must be stable: a box around the identified handle."""
 
     mass: float = parameter(
         0.3, "relative deviation of the handle's mass m_h, either way (assumed)", low=0, high=0.9
@@ -95,7 +96,7 @@ class GripRange(Checked):
     )
 
     def grips(self, handle: HandleParameters) -> tuple[HandleParameters, ...]:
-        """Return the handle itself, then the eight corners of the box about it."""
+        """Return the identified handle, then the eight corners of the box around it."""
         corners = itertools.product(
             (1.0 - self.mass, 1.0 + self.mass),
             (1.0 / self.stiffness, self.stiffness),
@@ -113,13 +114,13 @@ class Margins:
     Attributes
     ----------
     modulus : float
-        Smallest distance of the loop from -1, min |1 + L|.
+        Minimum distance of the loop from -1, min |1 + L|.
     gain : float
         Gain margin as a factor; infinite if no larger gain makes the loop unstable.
     phase : float
-        Phase margin either way, rad; infinite where the loop has no unit gain.
+        Phase margin in both directions, rad; infinite if the gain never reaches one.
     delay : float
-        Additional delay that the loop tolerates, s; infinite where it has no unit gain.
+        Additional delay that the loop tolerates, s; infinite if the gain never reaches one.
     """
 
     modulus: float
@@ -129,14 +130,14 @@ class Margins:
 
 
 def loop_margins(loop: ComplexArray, frequency: FloatArray) -> Margins:
-    """Return the margins of a loop transfer L, feedback negative.
+    """Return the margins of a loop transfer function L with negative feedback.
 
     Parameters
     ----------
     loop : ndarray, shape (n,)
         L at the frequencies.
     frequency : ndarray, shape (n,)
-        Frequencies, Hz, rising, fine enough to draw the curve by straight lines.
+        Increasing frequencies, Hz, fine enough for linear interpolation of the curve.
     """
     gain = [-1.0 / real for real in _real_crossings(loop) if -1.0 < real < 0.0]
     turned, at = _unit_crossings(loop, frequency)
@@ -154,12 +155,12 @@ def _real_crossings(loop: ComplexArray) -> list[float]:
     (at,) = np.nonzero(before.imag * after.imag < 0)
     part = before.imag[at] / (before.imag[at] - after.imag[at])
     crossings: list[float] = (before.real[at] + part * (after - before).real[at]).tolist()
-    # At half the rate every loop is real, and a grid ends just before.
+    # At half the rate every loop is real; a grid ends just before.
     return [*crossings, float(loop[-1].real)]
 
 
 def _unit_crossings(loop: ComplexArray, frequency: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the angles of -L where |L| passes 1, rad, and their frequencies, Hz."""
+    """Return the angles of -L at gain crossovers, rad, and the frequencies, Hz."""
     with np.errstate(divide="ignore"):
         level = np.log(np.abs(loop))
     (at,) = np.nonzero(level[:-1] * level[1:] <= 0)
@@ -170,20 +171,20 @@ def _unit_crossings(loop: ComplexArray, frequency: FloatArray) -> tuple[FloatArr
 
 
 def encirclements(curve: ComplexArray) -> int | None:
-    """Count how often a curve over the upper half of the unit circle, mirrored, goes round zero.
+    """Count the encirclements of zero by a curve over the upper half circle and its mirror image.
 
     Parameters
     ----------
     curve : ndarray, shape (n,) or (m, n)
-        Values of a real transfer function at rising frequencies from near 0 to near half the
-        rate; of several, the counts' magnitudes are added.
+        Values of a real transfer function at increasing frequencies from near 0 to near half the
+        rate. For several curves, the magnitudes of the counts are added.
 
     Returns
     -------
     int or None
-        Anticlockwise positive for one curve: minus the number of zeros outside the unit circle,
-        if there are no poles. None where the curve turns by a right angle or more from point to
-        point, so that the number is not determined.
+        Anticlockwise is positive for one curve: minus the number of zeros outside the unit circle,
+        if there are no poles there. None if the curve turns by a right angle or more between
+        points, so that the number is undetermined.
     """
     whole = np.concatenate([curve[..., ::-1].conj(), curve, curve[..., -1:].conj()], axis=-1)
     if not np.isfinite(whole).all() or not whole.all():
@@ -205,7 +206,7 @@ class GripOutlook:
         Handle with this grip.
     margins : Margins
     without, with_feedback : float
-        Errors under the spectrum of the design, as `Prediction.nrmse_percent`.
+        Errors for the design spectrum, as `Prediction.nrmse_percent`.
     """
 
     handle: HandleParameters
@@ -216,26 +217,25 @@ class GripOutlook:
 
 @dataclass(frozen=True)
 class FeedbackDesign:
-    """A feedback, and its predicted margins and errors.
+    """Feedback with its predicted margins and errors.
 
     Attributes
     ----------
     high_pass : ndarray, shape (2, 6)
         Second-order sections of B, a0 = 1.
     model : ndarray, shape (m,)
-        Impulse response of the handle in the middle, m/s^2 per N; its first value is one sample
-        after the force.
+        Impulse response of the handle with the middle grip, m/s^2 per N; its first value is one
+        sample after the force.
     taps : ndarray, shape (n,)
         Q, N per m/s^2.
     rate : float
         Samples per second.
     margin : float
-        Stated distance of the loop from -1.
+        Specified distance of the loop from -1.
     share : float
-        Factor applied to the best Q found, so that the margin is exact; 0 where there is no
-        feedback at all.
+        Factor applied to the best Q for an exact margin; 0 without feedback.
     outlooks : tuple of GripOutlook
-        Middle first, then the corners of the range.
+        Middle grip first, then the corners of the range.
     """
 
     high_pass: FloatArray
@@ -248,7 +248,7 @@ class FeedbackDesign:
 
     @property
     def tightest(self) -> GripOutlook:
-        """The grip with the smallest distance from -1."""
+        """Grip with the smallest distance from -1."""
         return min(self.outlooks, key=lambda outlook: outlook.margins.modulus)
 
     @property
@@ -258,7 +258,7 @@ class FeedbackDesign:
         return float(np.abs(grid.spectrum(self.taps)).max())
 
     def loop(self, plant: Plant, frequency: FloatArray) -> ComplexArray:
-        """Return the loop transfer L with a plant, at frequencies in Hz, shape (n,)."""
+        """Return the loop transfer function L for a plant at frequencies in Hz, shape (n,)."""
         turned = np.exp(-2j * np.pi * frequency / self.rate)
         measured = section_response(self.high_pass, frequency, self.rate) * turned
         polynomial = np.polynomial.polynomial.polyval
@@ -299,20 +299,21 @@ def design_feedback(
     margin: float = MARGIN,
     grips: GripRange | None = None,
 ) -> FeedbackDesign:
-    """Design the feedback of least error over a range of grips at a stated margin.
+    """Design the feedback of least error over a range of grips at a specified margin.
 
-    With the tool's spectrum S_t, the high-pass B, the feedforward C, the delay granted D, a grip's
-    error is S_t |B|^2 |A + S M|^2. Where the surprise is fed back (`foreseen`), M = (P - P_0) C is
-    what the grip changes and A = P_0 C - D what the feedforward leaves in the middle grip; else
-    A = 0 and M = P C - D. The sum over the grips, plus what the accelerometer's noise does and
-    what the force costs (`FORCE_COST`), is the least that keeps |S| <= 1 / margin: Gauss-Newton,
-    each step a Toeplitz system, with a growing penalty on what of S lies outside that disc. A
-    last scaling of Q makes the margin exact on the grid.
+    With the tool's spectrum S_t, the high-pass B, the feedforward C and the granted delay D, a
+    grip's error is S_t |B|^2 |A + S M|^2. If deviations from the model are fed back (`foreseen`),
+    M = (P - P_0) C is the change due to the grip. A = P_0 C - D is then the error of the
+    feedforward at the middle grip. Otherwise A = 0 and M = P C - D. The cost is the sum over the
+    grips, plus the effect of the accelerometer's noise and the cost of force (`FORCE_COST`). It is
+    minimised under |S| <= 1 / margin by Gauss-Newton steps, each a Toeplitz system, with a growing
+    penalty on the part of S outside that disc. A final scaling of Q makes the margin exact on the
+    grid.
 
-    The error that a feedback removes at some frequencies it adds at others (Bode's integral).
-    Therefore `UNEXPECTED_DENSITY` up to `FELT_FREQUENCY` is added to the tool's spectrum: that
-    costs a twentieth of the gain on expected textures, and halves the loss on rougher ones. The
-    same density, white, in the measurement keeps Q small where the handle hardly responds.
+    A feedback that reduces the error at some frequencies increases it at others (Bode's integral).
+    Therefore `UNEXPECTED_DENSITY` up to `FELT_FREQUENCY` is added to the tool's spectrum. It costs
+    a twentieth of the improvement on expected textures, and halves the loss on rougher ones. The
+    same white density in the measurement keeps Q small where the handle hardly responds.
 
     Parameters
     ----------
@@ -323,23 +324,23 @@ def design_feedback(
     feedforward : callable
         Response of the feedforward, from desired acceleration to force.
     goal : Goal
-        Delay, spectrum, and corner of the high-pass, also of that on the measurement.
+        Delay, spectrum, and corner of the high-pass, which also filters the measurement.
     foreseen : bool
-        True to compare the measurement with the model's response to the force, False to compare
-        it with the desired acceleration after the granted delay.
+        True to compare the measurement with the model's response to the force; False to compare it
+        with the desired acceleration after the granted delay.
     margin : float
-        Smallest distance of the loop from -1 at any grip, above 0 and below 1.
+        Minimum distance of the loop from -1 at any grip, above 0 and below 1.
     grips : GripRange, optional
 
     Returns
     -------
     FeedbackDesign
-        Feedback, with zero gain if no stable feedback reduces the error.
+        Feedback; its gain is zero if no stable feedback reduces the error.
 
     Raises
     ------
     ParameterError
-        A number is out of range.
+        A parameter is out of range.
     """
     goal.check(rate)
     if not 0.0 < margin < 1.0:
@@ -366,7 +367,7 @@ def design_feedback(
 
 @dataclass(frozen=True)
 class _Loops:
-    """All grips' loops with one Q, each array of shape (grips, n) but for `answer`."""
+    """Loops of all grips with one Q; arrays of shape (grips, n) except `answer`."""
 
     answer: ComplexArray  # Q
     turned: ComplexArray  # 1 + Q (G - G_0)
@@ -393,7 +394,7 @@ class _Problem:
         frequency, late = self.grid.frequency, self.grid.delay(1)
         passed = high_pass_response(goal.high_pass_frequency, frequency, rate)
         responses = np.stack([plant.response(frequency, rate) for plant in plants])
-        # A held force is first seen one sample later: the model's first value is that.
+        # A held force appears one sample later, as the model's first value.
         self.model = self.grid.sequence(responses[0])[1 : length + 1]
         self._through = passed * late * responses
         self._modelled = passed * late * late * self.grid.spectrum(self.model)
@@ -411,7 +412,7 @@ class _Problem:
         self._surprise = passed * late * self._fought
 
     def search(self) -> FloatArray:
-        """Return the best Q, before the last scaling."""
+        """Return the best Q before the final scaling."""
         taps = np.zeros(self._length)
         for penalty in _PENALTIES:
             for _ in range(_STEPS):
@@ -422,7 +423,7 @@ class _Problem:
         return taps
 
     def share(self, taps: FloatArray) -> float:
-        """Return the largest part of Q, found by halving, that keeps the margin."""
+        """Return the largest factor for Q, found by bisection, that satisfies the margin."""
         if self._keeps(taps):
             return 1.0
         return nearest(lambda share: self._keeps(share * taps), 1.0, 0.0, _HALVINGS)
@@ -448,7 +449,7 @@ class _Problem:
         return stable and float(np.abs(loops.sensitivity).max()) <= self._limit
 
     def _cost(self, taps: FloatArray, penalty: float) -> float:
-        """Return the cost to minimise; infinite where a grip is not stable."""
+        """Return the cost to minimise; infinite if a grip is unstable."""
         loops = self._loops(taps)
         if encirclements(loops.turned) != 0:
             return math.inf
@@ -464,14 +465,14 @@ class _Problem:
         )
 
     def _nearest(self, sensitivity: ComplexArray) -> ComplexArray:
-        """Return the nearest that keeps the margin, with a reserve."""
+        """Return the nearest sensitivity that satisfies the margin, with a reserve."""
         size = np.abs(sensitivity)
         return np.asarray(sensitivity * np.minimum(1.0, _RESERVE * self._limit / size))
 
     def _improved(
         self, taps: FloatArray, penalty: float, before: float
     ) -> tuple[FloatArray, float]:
-        """Return Q after the longest step that lowers the cost, and that."""
+        """Return Q after the longest step that reduces the cost, and the new cost."""
         step, part = self._step(taps, penalty), 1.0
         while part >= _SHORTEST:
             after = self._cost(taps + part * step, penalty)
@@ -485,12 +486,12 @@ class _Problem:
 
         loops = self._loops(taps)
         sensitivity = loops.sensitivity
-        reached = -self._through / loops.turned**2  # derivative of S by Q
+        reached = -self._through / loops.turned**2  # derivative of S with respect to Q
         force = self._power * np.abs(FORCE_COST * self._surprise / loops.turned) ** 2
         force += self._unexpected / np.abs(loops.turned) ** 2
         outside = sensitivity - self._nearest(sensitivity)
         held = penalty / sensitivity.size
-        # How the squares grow with a change of Q, and how they fall with it.
+        # Second and first derivatives of the squares with respect to Q.
         growth = self._power * np.abs(reached * self._fought) ** 2 + force
         growth += (self._noise + held) * np.abs(reached) ** 2
         error = self._kept + sensitivity * self._fought

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Discrete filters that take one sample at a time, as second-order sections."""
+"""Discrete filters as second-order sections, processed sample by sample."""
 
 from __future__ import annotations
 
@@ -12,40 +12,41 @@ import numpy as np
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError
 
-# scipy.signal takes half a second to import: only the design of a filter waits for it.
+# scipy.signal takes half a second to import: only the design of a filter needs it.
 
 HIGH_PASS_ORDER = 4
 """Order of the Butterworth high-pass (paper, section III)."""
 
 HIGH_PASS_FREQUENCY = 15.0
-"""Its corner in Hz (paper, section III)."""
+"""Corner frequency of the high-pass, Hz (paper, section III)."""
 
 
 MOTION_SHARE = 1 / 3
-"""Fraction of the high-pass' corner below which acceleration counts as the hand's own motion:
-strokes turn below 4 Hz, and the desired acceleration is attenuated by 38 dB (paper's corner)."""
+"""Fraction of the high-pass corner below which acceleration counts as the hand's own motion.
+Strokes reverse below 4 Hz, where the desired acceleration is attenuated by 38 dB (paper's
+corner)."""
 
 
 class SampleFilter:
-    """A cascade of second-order sections, transposed direct form II.
+    """Cascade of second-order sections, transposed direct form II.
 
     Parameters
     ----------
     sections : ndarray, shape (n, 6)
-        Rows b0 b1 b2 a0 a1 a2 with a0 = 1, as `scipy.signal` writes them.
+        Rows b0 b1 b2 a0 a1 a2 with a0 = 1, as in `scipy.signal`.
     """
 
-    # Plain floats: for one sample they are an order of magnitude faster than
-    # scipy.signal.sosfilt, whose result this equals.
+    # Plain floats: for single samples ten times faster than scipy.signal.sosfilt, with equal
+    # results.
 
     def __init__(self, sections: FloatArray) -> None:
-        # Of each section b0 b1 b2 a1 a2 and its memory.
+        # For each section b0 b1 b2 a1 a2 and its state.
         self._sections = [
             [*map(float, (b0, b1, b2, a1, a2)), 0.0, 0.0] for b0, b1, b2, _, a1, a2 in sections
         ]
 
     def sample(self, value: float) -> float:
-        """Take one input sample, return one output sample."""
+        """Filter one sample."""
         for section in self._sections:
             b0, b1, b2, a1, a2, first, second = section
             output = b0 * value + first
@@ -55,13 +56,13 @@ class SampleFilter:
         return value
 
     def reset(self) -> None:
-        """Forget the past: the state of a filter that has always seen zero."""
+        """Clear the state, as for a past of zeros."""
         for section in self._sections:
             section[5:] = 0.0, 0.0
 
 
 def high_pass(frequency: float, rate: float) -> FloatArray:
-    """Sections of the paper's 4th-order Butterworth high-pass.
+    """Return the sections of the paper's 4th-order Butterworth high-pass.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def high_pass(frequency: float, rate: float) -> FloatArray:
 
 
 def high_passed(tool: FloatArray, corner: float, rate: float) -> FloatArray:
-    """Return the desired acceleration that a compensator makes of the tool's, which began at rest.
+    """Return a compensator's desired acceleration for a tool that is initially at rest.
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ def section_response(sections: FloatArray, frequency: FloatArray, rate: float) -
 
 
 def check_corner(rate: float, high_pass_frequency: float) -> None:
-    """Refuse a rate in Hz that is too low for a high-pass' corner in Hz.
+    """Reject a rate in Hz that is too low for a high-pass corner in Hz.
 
     Raises
     ------
@@ -125,16 +126,16 @@ def check_corner(rate: float, high_pass_frequency: float) -> None:
 def without_hand_motion(
     acceleration: FloatArray, high_pass_frequency: float, rate: float
 ) -> FloatArray:
-    """Remove gravity and the hand's own motion from a whole signal, and nothing else.
+    """Remove gravity and the hand's own motion, and nothing else, from a complete signal.
 
     The compensator's high-pass removes them from the desired acceleration. A zero-phase filter at
-    a third of its corner removes them from the handle's: a filter that shifts phase, or removes
-    much of the desired motion, would count correct motion of the handle as error.
+    a third of its corner removes them from the handle's acceleration. A filter with phase shift,
+    or one that removes desired motion, would count correct motion of the handle as error.
 
     Parameters
     ----------
     acceleration : ndarray, shape (n,)
-        Signal to filter, m/s^2.
+        Signal to be filtered, m/s^2.
     high_pass_frequency : float
         Corner of the compensator's high-pass, Hz.
     rate : float
@@ -143,28 +144,27 @@ def without_hand_motion(
     Returns
     -------
     ndarray, shape (n,)
-        Filtered signal, m/s^2: half the amplitude is left at a third of the corner, all but 0.0002
-        at the corner.
+        Filtered signal, m/s^2. The gain is 0.5 at a third of the corner and 0.9998 at the corner.
     """
     from scipy import signal
 
     sections = high_pass(high_pass_frequency * MOTION_SHARE, rate)
-    # Not sosfiltfilt, which takes the first and the last sample, texture and all, to have been
-    # there for ever, and leaves a tenth of a second of that at both ends.
+    # sosfiltfilt is unsuitable: it extends the first and last sample, with texture, to infinity,
+    # and the filter's response to them disturbs a tenth of a second at both ends.
     forth = signal.sosfilt(sections, acceleration - np.mean(acceleration))
     return np.asarray(signal.sosfilt(sections, forth[::-1])[::-1])
 
 
 def inverse_of(model: ApproximateModel, rate: float) -> FloatArray:
-    """Sections of the inverse of an approximate handle model: desired acceleration to force.
+    """Return the sections of an approximate model's inverse: desired acceleration to force.
 
-    Each factor of the model is turned over and discretised by itself by the bilinear
-    transform, whose error at the model's 9 to 20 Hz is below 0.2 % at 1 kHz.
+    Each factor of the model is inverted and discretised separately by the bilinear transform. Its
+    error at the model's 9 to 20 Hz is below 0.2 % at 1 kHz.
 
     Parameters
     ----------
     model : ApproximateModel
-        The model to invert; its zeros become the poles of the result.
+        Model to invert; its zeros become the poles of the result.
     rate : float
         Samples per second.
 

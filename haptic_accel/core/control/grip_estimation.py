@@ -19,57 +19,59 @@ from haptic_accel.core.model import FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import Checked, parameter
 
 GRIP = {"m_h": "kg", "b_u": "N s/m", "k_u": "N/m"}
-"""Parameters of the grip, in the order of all arrays, with their units."""
+"""Parameters of the grip and their units, in the order of all arrays."""
 
 HOP = 0.016
-"""Time between evaluations, s: a texture has some independent values in it."""
+"""Time between evaluations, s: enough for some independent values of a texture."""
 
 LENGTH = 0.192
-"""Length of the filters' impulse responses, s: little is left of them then."""
+"""Length of the filters' impulse responses, s; they have decayed by then."""
 
 AHEAD = 0.012
-"""Part of it that looks ahead, which delays the estimate, s: for the upper edge of the band."""
+"""Non-causal part of this length, which delays the estimate, s; needed for the upper band edge."""
 
 THINNED_RATE = 1000.0
-"""Rate at which the equation of faster signals is evaluated, Hz."""
+"""Maximum rate for evaluating the equation, Hz; faster signals are decimated."""
 
 LOWEST, HIGHEST = 15.0, 250.0
 """Frequency band of the estimate, Hz: above the hand's own motion, below the mount's mode."""
 
 STEEPNESS = 4
-"""Order of the band's lower edge: two for the integrations, two for the hand's own motion."""
+"""Order of the lower band edge: two for the integrations, two for the hand's own motion."""
 
 SMALLEST = (0.35, 0.1, 0.05)
 LARGEST = (3.5, 8.0, 9.0)
-"""Bounds of the estimate as factors of the assumed m_h, b_u and k_u: wider than hands vary."""
+"""Upper bounds of the estimate as factors of the assumed m_h, b_u and k_u; wider than hands
+vary."""
 
 INSIDE = 0.95
-"""Fraction of a bound below which a parameter is no longer at it."""
+"""Fraction of a bound below which a parameter no longer counts as at the bound."""
 
 PERSISTENT = 20
-"""Number of successive evaluations with a parameter at a bound until it is said to be there."""
+"""Number of successive evaluations at a bound after which it is reported."""
 
 PULL = 1e-4
-"""Weight of the assumed grip relative to the excitation: it decides what a texture of one
-frequency leaves undetermined, as mass and stiffness cannot be distinguished there."""
+"""Weight of the assumed grip relative to the excitation. It determines what a texture with a
+single frequency cannot, as mass and stiffness are indistinguishable there."""
 
 SURPRISE = 3.0
-"""Squared error of the newest hop with the present grip, relative to the least that any grip
-leaves, above which the past is forgotten: with three parameters fitted to some ten independent
-values the least is smaller by a third, and a few times that is chance."""
+"""Squared error of the newest hop with the present grip, relative to the least error of any grip,
+above which the past is discarded. Three parameters fitted to some ten independent values reduce
+the least error by a third, and a ratio of a few can be chance."""
 
 NEGLIGIBLE = 3e-4
 """Squared error, relative to the squared force, that always counts as noise: 2 % of the force."""
 
 FEWEST = 6
-"""Number of evaluations before the grip is changed for the first time: a first contact's onset."""
+"""Minimum number of evaluations before the first change of the grip: the onset of a first
+contact."""
 
 NOTICEABLE = 0.01
-"""Least relative change of a parameter for which the grip is changed: other taps take time."""
+"""Minimum relative change of a parameter for a change of the grip, as new taps take time."""
 
 
 Factors = list[float]
-"""m_h, b_u and k_u relative to those assumed."""
+"""m_h, b_u and k_u relative to the assumed values."""
 
 
 @dataclass(frozen=True)
@@ -96,18 +98,17 @@ class AdaptationParameters(Checked):
 class GripEstimator:
     """Recursive least squares for m_h, b_u and k_u, hop by hop.
 
-    Eq. (2) of the paper is linear in them. With eq. (1) for the actuator, whose mass, spring and
-    bearing are known, and everything between command and sample (hold, delay, mount, low-pass)
-    as the ratio P/H of the plant assumed,
-    m_a s^2/A F' - m_a (b_s s + k_s)/A A_h = (m_h + b_u/s + k_u/s^2) A_h,
-    A = m_a s^2 + b_s s + k_s, F' = (P/H) F. All terms pass one band-pass, in which integrations do
-    no harm, and are compared behind it.
+    Eq. (2) of the paper is linear in them. Eq. (1) describes the actuator with known mass, spring
+    and bearing. The path between command and sample (hold, delay, mount, low-pass) is the ratio
+    P/H of the assumed plant: m_a s^2/A F' - m_a (b_s s + k_s)/A A_h = (m_h + b_u/s + k_u/s^2) A_h,
+    A = m_a s^2 + b_s s + k_s, F' = (P/H) F. All terms pass the same band-pass, in which
+    integrations are harmless, and are compared at its output.
 
-    Each hop counts by the inverse of the error that the best grip for it alone leaves: the jolt of
-    a loaded grip that changes, which no grip explains, hardly counts. Where the present grip
-    leaves much more error than that, the hand has changed, and the past is forgotten.
+    Each hop has the weight of its inverse least error for any grip. A sudden change of a loaded
+    grip, which fits no grip, thus has little weight. If the present grip has a much larger error
+    than the best one, the hand has changed, and the past is discarded.
 
-    A sample only stores two values; all else is done in pieces by `step`.
+    `sample` only stores two values; `step` does all computations in parts.
 
     Parameters
     ----------
@@ -145,7 +146,7 @@ class GripEstimator:
 
     @property
     def at_end(self) -> dict[str, str]:
-        """The parameters that stay at the end of their range, each with "upper" or "lower"."""
+        """Parameters that stay at a bound of their range, each with "upper" or "lower"."""
         return {
             name: "upper" if count > 0 else "lower"
             for name, count in zip(GRIP, self._beyond, strict=True)
@@ -153,12 +154,12 @@ class GripEstimator:
         }
 
     def sample(self, actuator_force: float, handle_acceleration: float) -> None:
-        """Store force (N) and handle acceleration (m/s^2; NaN where unknown) of one sample."""
+        """Store force (N) and handle acceleration (m/s^2; NaN if unknown) of one sample."""
         if self._window.push(actuator_force, handle_acceleration):
             self._work = self._look()
 
     def step(self) -> bool:
-        """Do a piece of the pending work; return True when the grip has changed."""
+        """Execute a part of pending computations; return True when the grip has changed."""
         return next(self._work, False)
 
     def reset(self) -> None:
@@ -167,13 +168,13 @@ class GripEstimator:
         self._present: Factors = [1.0, 1.0, 1.0]
         self._moments = np.zeros((4, 4))
         self._energy = 0.0
-        self._beyond = [0, 0, 0]  # successive looks at the upper bound; at the lower, negative
+        self._beyond = [0, 0, 0]  # evaluations in a row at the upper bound; negative: lower
         self.looks = 0
         self._work = iter(())
         self._window.reset()
 
     def _look(self) -> Iterator[bool]:
-        """Evaluate the latest hop; yield between pieces, at last True if the grip changed."""
+        """Evaluate the latest hop in parts; yield after each whether the grip changed."""
         force, acceleration = self._window.latest()
         driving = self._of_force @ force
         terms = (self._of_acceleration @ acceleration).reshape(4, -1)
@@ -184,9 +185,10 @@ class GripEstimator:
             yield self._learn(terms @ terms.T, energy)
 
     def _learn(self, moments: FloatArray, energy: float) -> bool:
-        """Take the terms' second moments in a hop and its energy; return whether the grip changed.
+        """Add the second moments and energy of a hop; return whether the grip changed.
 
-        The terms are those of m_h, b_u and k_u with the assumed values, and what their sum equals.
+        The terms are those of m_h, b_u and k_u with the assumed values, and the value of their
+        sum.
         """
         self.looks += 1
         self._energy = self._kept * self._energy + (1.0 - self._kept) * energy
@@ -203,7 +205,7 @@ class GripEstimator:
         return True
 
     def _within_bounds(self, factors: Factors) -> Factors:
-        """Return the nearest factors within the bounds, and count how often each was beyond."""
+        """Return the nearest factors within the bounds, and count the evaluations beyond each."""
         found = []
         for index, (factor, low, high) in enumerate(zip(factors, SMALLEST, LARGEST, strict=True)):
             count = self._beyond[index]
@@ -224,13 +226,13 @@ def _error(moments: FloatArray, factors: Factors) -> float:
 
 
 def _solution(moments: FloatArray) -> Factors:
-    """Return the factors that leave the least error, pulled to one."""
+    """Return the factors of least error, regularised towards one."""
     (a, b, c, x), (_, d, e, y), (_, _, f, z), _ = moments.tolist()
     pull = PULL * (a + d + f)
     if pull < sys.float_info.epsilon:
         return [1.0, 1.0, 1.0]  # the measured acceleration is zero, as without an accelerometer
     a, d, f, x, y, z = (value + pull for value in (a, d, f, x, y, z))
-    # Cramer's rule: a tenth of the time of numpy.linalg for three unknowns.
+    # Cramer's rule takes a tenth of the time of numpy.linalg for three unknowns.
     aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
     bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
     rows = ((aa, ab, ac), (ab, bb, bc), (ac, bc, cc))
@@ -239,7 +241,7 @@ def _solution(moments: FloatArray) -> Factors:
 
 
 def _sliding(kernel: FloatArray, rows: int, step: int) -> FloatArray:
-    """Return the matrix that filters a window: each row is the kernel, so many samples later."""
+    """Return a filter matrix for a window: rows are the kernel, shifted by a step each."""
     length = len(kernel)
     filters = np.zeros((rows, length + (rows - 1) * step))
     for row in range(rows):
@@ -253,13 +255,13 @@ def _kernels(plant: Plant, rate: float) -> FloatArray:
     Returns
     -------
     ndarray, shape (5, n)
-        Those of m_h, b_u and k_u, of the acceleration in eq. (1), and of the force.
+        Impulse responses for m_h, b_u and k_u, for the acceleration in eq. (1), and for the force.
     """
     length, ahead = round(LENGTH * rate), max(1, round(AHEAD * rate))
     fine = 16 * length
     frequency: FloatArray = np.fft.rfftfreq(fine, 1.0 / rate)[1:].astype(np.float64)
     s = 2j * np.pi * frequency
-    # The lower edge is causal, and decays within some hops; the upper one has no phase.
+    # The lower band edge is causal and decays within some hops; the upper one has zero phase.
     lower = (s / (s + 2 * np.pi * LOWEST)) ** STEEPNESS
     band = lower / (1.0 + (frequency / min(HIGHEST, 0.4 * rate)) ** 8)
     handle: HandleParameters = plant.handle
@@ -277,7 +279,7 @@ def _kernels(plant: Plant, rate: float) -> FloatArray:
         ]
     )
     kernels = np.roll(np.fft.irfft(responses, fine), ahead, axis=1)[:, :length]
-    # Faded out at both ends, where little is left of them.
+    # Fade out at both ends, where the response is small.
     kernels *= np.minimum(1.0, (np.arange(length) + 1) / (ahead / 2))
     kernels *= np.minimum(1.0, np.arange(length, 0, -1) / (length / 4))
     # Gravity is not part of the response.

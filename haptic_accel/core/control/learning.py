@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Learning of the tool's spectrum and of the plant, and redesign of the inverse for both."""
+"""Online identification of the tool's spectrum and of the plant, and redesign of the inverse."""
 
 from __future__ import annotations
 
@@ -28,62 +28,62 @@ MEMORY = 2.0
 """Time constant of forgetting, in excited time, s: some strokes over a surface."""
 
 WINDOW = 0.5
-"""Shortest length of signal for one evaluation, s: lines 2 Hz apart."""
+"""Minimum signal length for one evaluation, s: lines 2 Hz apart."""
 
 WINDOW_PER_MEMORY = 2.0
-"""Smallest ratio of that length to that of the convolution, whose equations are computed on the
-lines."""
+"""Minimum ratio of that length to the convolution's, whose equations use these lines."""
 
 LEAST_ACCELERATION = 0.05
-"""Minimum root mean square of the desired acceleration for learning, m/s^2: twice what the arm's
-own motion adds to the handle's."""
+"""Minimum root mean square of the desired acceleration for learning, m/s^2: twice the arm's own
+motion in the handle's acceleration."""
 
 LEAST_FORCE = 0.01
 """Minimum root mean square of the actuator's force for learning, N."""
 
 LOWEST, CERTAIN = 6.0, 12.0
-"""Frequencies below which the plant is not learnt, and above which it is entirely, Hz: the hand's
-own motion is no answer to the force."""
+"""Frequencies below which the plant is not learnt, and above which it is learnt fully, Hz: the
+hand's own motion is no response to the force."""
 
 PRIOR_WEIGHT = 0.3
-"""Weight of the expected spectrum against one evaluation's: it matters for the first few."""
+"""Weight of the expected spectrum relative to one evaluation; it matters for the first few."""
 
 EVER_EXPECTED = 5e-3
-"""Fraction of the expected spectrum that is expected whatever has been learnt, by power."""
+"""Fraction of the expected spectrum that always remains, by power."""
 
 CAUTION = 4.0
-"""Variances of the estimated response by which a deviation must be larger to be half believed."""
+"""Ratio of a squared deviation to the variance of the estimated response at which half of the
+deviation is accepted."""
 
 UNRESOLVED = 0.1
 """Incoherence that few evaluations cannot show."""
 
 NEGLIGIBLE = 1e-2
-"""Deviation of the plant, relative, that is half believed however certain it is."""
+"""Relative deviation of the plant of which half is accepted even if it is certain."""
 
 INDEPENDENCE = 0.5
 """Independent evaluations per evaluation: windows overlap by three quarters (Welch 1967)."""
 
 STEPS = 6
-"""Steps of improvement per design: it goes on from there next time."""
+"""Improvement steps per design; the next design continues from the result."""
 
 
 class Learner:
-    """Redesigns a bank of inverses for the spectrum and the plant that are observed.
+    """Redesign a bank of inverses for the observed spectrum and plant.
 
-    The spectrum is that of the desired acceleration, by Welch's method, taken back through the
-    high-pass. The plant is the model, with the grip as estimated, times the ratio of what was
-    measured to what the model expects of the force that was applied, line by line, drawn to 1 the
-    more the less certain it is. As nothing is fed back, the ratio has no bias. It contains what no
-    parameter describes: a mode of the mount, the describing function of friction, another hand.
+    The spectrum is that of the desired acceleration by Welch's method, divided by the high-pass
+    response. The plant is the model with the estimated grip, times the ratio of measured to
+    expected response to the applied force, line by line. The less certain the ratio is, the closer
+    it is drawn to 1. Without feedback the ratio has no bias. It includes effects without a
+    parameter: a mode of the mount, the describing function of friction, another hand.
 
-    The normal equations differ from the expected ones by what has been learnt, which is smooth and
-    needs few lines. They are solved by a few steps from the last solution, for all members of the
-    bank together. A sample only stores values; all else is done in pieces by `step`.
+    The normal equations differ from the expected ones by the learnt part, which is smooth and
+    needs few lines. A few steps from the last solution solve them for all members of the bank
+    together. `sample` only stores values; `step` does all computations in parts.
 
     Parameters
     ----------
     family : InverseFamily
-        Inverses for the grip as estimated, to which the corrections are added.
+        Inverses for the estimated grip, to which the corrections are added.
     plant : Plant
         Assumed plant.
     rate : float
@@ -94,9 +94,9 @@ class Learner:
     Attributes
     ----------
     correction : ndarray, shape (k, n)
-        To be added to the family's taps, N per m/s^2.
+        Corrections to add to the family's taps, N per m/s^2.
     deviation : float
-        Difference between the handle's response and the model's, relative, over what was excited.
+        Relative difference between the handle's response and the model's over the excited lines.
     looks : int
         Number of redesigns.
     """
@@ -130,13 +130,13 @@ class Learner:
         actuator_force : float
             Force that drives the handle, N.
         measured : float
-            Handle acceleration measured when that force took effect, m/s^2; NaN where unknown.
+            Handle acceleration measured when that force took effect, m/s^2; NaN if unknown.
         """
         self._tool.sample(desired, desired)
         self._ratio.sample(actuator_force, measured)
 
     def step(self, grip: FloatArray) -> bool:
-        """Do a piece of the pending work; return True when there is a new correction.
+        """Execute a part of pending computations; return True after a new correction.
 
         Parameters
         ----------
@@ -152,7 +152,7 @@ class Learner:
         return False
 
     def reset(self) -> None:
-        """Forget all that was learnt."""
+        """Discard everything learnt."""
         self._tool.reset()
         self._ratio.reset()
         handle = self._handle
@@ -162,9 +162,9 @@ class Learner:
         self.deviation, self.looks = 0.0, 0
 
     def _redesign(self, grip: FloatArray) -> Iterator[bool]:
-        """Solve for all members of the bank; yield between pieces, at last True."""
+        """Solve for all members of the bank in parts; yield between them, and finally True."""
         model = self._model(grip)
-        # Each evaluation to come is compared with the model of its time.
+        # Each later evaluation is compared with the model of its time.
         self._ratio.model[1:] = model
         yield False
         ratio = self._certain_ratio()
@@ -198,7 +198,7 @@ class Learner:
         return np.asarray(self._known * handle_model(handle).response(self._lines))
 
     def _spectrum(self) -> FloatArray:
-        """Return the tool's spectrum as learnt, in the scale of the expected one."""
+        """Return the learnt spectrum of the tool, in the scale of the expected one."""
         seen = self._tool.excitation[1:] / np.abs(self._equations.passed) ** 2
         scale = float(self._above @ self._expected) / float(self._above @ seen)
         weight = self._tool.weight / (self._tool.weight + PRIOR_WEIGHT) * self._above
@@ -206,7 +206,7 @@ class Learner:
         return np.asarray(learnt + EVER_EXPECTED * self._expected)
 
     def _certain_ratio(self) -> ComplexArray:
-        """Return the ratio of plant to model, as far as it is certain, on the lines."""
+        """Return the ratio of plant to model on the lines, weighted by its certainty."""
         response, coherence = self._ratio.response[1:], self._ratio.coherence[1:]
         independent = max(1.0, INDEPENDENCE * self._ratio.weight)
         unexplained = (1.0 - coherence + UNRESOLVED / independent) / independent

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The latest samples of a cause and of its measured effect, with gaps."""
+"""Latest samples of a cause and its measured effect, with gaps."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import numpy as np
 from haptic_accel.core.model import FloatArray
 
 MOST_MISSING = 0.02
-"""Maximum fraction of missing samples in a window; they repeat the value before."""
+"""Maximum fraction of missing samples in a window; they repeat the previous value."""
 
 
 class PairedWindow:
-    """Storage of cause and effect sample by sample, to tell when a window may be evaluated.
+    """Buffer of cause and effect that reports when a window can be evaluated.
 
     Parameters
     ----------
@@ -33,19 +33,19 @@ class PairedWindow:
         self._pairs = np.zeros((2, 2 * length))
         self._cause, self._effect = self._pairs
         self._newest = length
-        # Missing samples in the part of the window that is being filled, and in those before.
+        # Missing samples in the present part of the window, and in the parts before.
         self._missing: deque[int] = deque(maxlen=math.ceil(length / hop))
         self.reset()
 
     def push(self, cause: float, effect: float) -> bool:
-        """Take a sample of both; return True where the window is due and complete enough.
+        """Add a sample of both; return True if the window is due and complete enough.
 
         Parameters
         ----------
         cause : float
             Finite.
         effect : float
-            NaN or infinite where it is not known.
+            NaN or infinite if unknown.
         """
         newest = self._newest - 1
         if newest < 0:
@@ -69,7 +69,7 @@ class PairedWindow:
         return self._cause[latest], self._effect[latest]
 
     def reset(self) -> None:
-        """Forget all samples."""
+        """Discard all samples."""
         self._samples = 0
         self._missing.clear()
         self._missing.append(0)
@@ -77,7 +77,7 @@ class PairedWindow:
         self._newest = self._length
 
     def _moved(self) -> int:
-        """Move the samples that are still needed to the end; return the place before them."""
+        """Move the samples still needed to the end; return the index before them."""
         kept = self._length - 1
         place = self._pairs.shape[1] - kept
         self._pairs[:, place:] = self._pairs[:, :kept]

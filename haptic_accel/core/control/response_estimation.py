@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Online estimation of a response from its input and output, with forgetting."""
+"""Online estimation of a frequency response from input and output, with forgetting."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from haptic_accel.core.control.paired_window import PairedWindow
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 WINDOW = 0.25
-"""Length of signal for one evaluation, s: lines 4 Hz apart, and five times the decay of handle and
-grip, so that little of a response ends outside its window."""
+"""Signal length for one evaluation, s: lines 4 Hz apart. It is five times the decay time of handle
+and grip, so that little of a response lies outside its window."""
 
 LOOKS = 4
-"""Number of evaluations per window; Hann windows that overlap so far lose no sample's weight."""
+"""Number of evaluations per window; with this overlap of Hann windows all samples have equal
+weight."""
 
 
 class ResponseEstimator:
     """Cross-spectral estimate of output over input, by Welch's method with forgetting.
 
-    The input may be the actuator's force, or the acceleration that a model expects of it: the
-    response is then the ratio of plant to model, in which little is lost by the window's length.
-    While the input is zero the response stays what it was, and the excitation decays.
+    The input may be the actuator's force, or the acceleration that a model expects for it. The
+    response is then the ratio of plant to model, with a small error due to the window's length.
+    While the input is zero, the response remains and the excitation decays.
 
-    A sample only stores two values; all else is done in pieces by `step`.
+    `sample` only stores two values; `step` does all computations in parts.
 
     Parameters
     ----------
@@ -37,29 +38,29 @@ class ResponseEstimator:
     memory : float
         Time constant of forgetting, s.
     window : float
-        Length of signal for one evaluation, s.
+        Signal length for one evaluation, s.
     least : float
-        Minimum root mean square of the input for an evaluation; below it nothing is learnt.
+        Minimum root mean square of the input for an evaluation; below it nothing changes.
 
     Attributes
     ----------
     model : ndarray, shape (n,)
-        Factor of the input's spectrum, 1 at first: with a model of the response the estimate is
-        the ratio to it, even where the model changes from one evaluation to the next.
+        Factor of the input's spectrum, 1 at first. With a model of the response here, the estimate
+        is the ratio to the model, even if the model changes between evaluations.
     weight : float
-        Number of evaluations in the estimate, older ones forgotten.
+        Effective number of evaluations in the estimate, with forgetting.
     frequency : ndarray, shape (n,)
         Lines of the estimate, Hz, evenly spaced from 0 to half the rate.
     excitation : ndarray, shape (n,)
         One-sided power density of the input, its unit squared per Hz.
     output : ndarray, shape (n,)
-        That of the output.
+        One-sided power density of the output, its unit squared per Hz.
     cross : ndarray, shape (n,)
-        Their cross-spectrum, complex: the density of the input times the response.
+        Cross-spectrum, complex: the density of the input times the response.
     looks : int
         Number of evaluations.
     interval : float
-        Time between two of them, s.
+        Time between evaluations, s.
     """
 
     def __init__(
@@ -80,31 +81,31 @@ class ResponseEstimator:
 
     @property
     def response(self) -> ComplexArray:
-        """Output over input on the lines; zero where there never was an input."""
+        """Output over input on the lines; zero without input."""
         return np.asarray(self.cross / np.maximum(self.excitation, np.finfo(float).tiny))
 
     @property
     def coherence(self) -> FloatArray:
-        """Fraction of the output's power that the response explains, 0 to 1, on the lines."""
+        """Fraction of the output's power explained by the response, 0 to 1, on the lines."""
         power = np.maximum(self.excitation * self.output, np.finfo(float).tiny)
         return np.asarray(np.abs(self.cross) ** 2 / power)
 
     def sample(self, force: float, acceleration: float) -> None:
-        """Store one sample of input and output (NaN where unknown).
+        """Store one sample of input and output (NaN if unknown).
 
         Parameters
         ----------
         force : float
             Input: a force, N, or an expected acceleration, m/s^2; finite.
         acceleration : float
-            Output, m/s^2: what is measured at the same tick. A delay between the two, small
-            against `WINDOW`, is a part of the response.
+            Output measured at the same tick, m/s^2. A delay between the two that is short compared
+            with `WINDOW` is part of the response.
         """
         if self._window.push(force, acceleration):
             self._work = self._look()
 
     def step(self) -> bool:
-        """Do a piece of the pending work; return True when there is a new estimate."""
+        """Execute a part of pending computations; return True after a new estimate."""
         return next(self._work, False)
 
     def reset(self) -> None:
@@ -112,15 +113,15 @@ class ResponseEstimator:
         lines = len(self.frequency)
         self.excitation, self.output = np.zeros(lines), np.zeros(lines)
         self.cross = np.zeros(lines, dtype=np.complex128)
-        self.weight = 0.0  # of all windows, each new one counting 1
+        self.weight = 0.0  # sum over all windows, each new one with weight 1
         self.looks = 0
         self._work = iter(())
         self._window.reset()
 
     def _look(self) -> Iterator[bool]:
-        """Evaluate the latest window; yield between pieces, at last True."""
+        """Evaluate the latest window in parts; yield between them, and finally True."""
         given, shown = (samples[::-1].copy() for samples in self._window.latest())
-        # Gravity is no part of the response, and would leak into the lowest lines.
+        # Gravity is not part of the response, and would leak into the lowest lines.
         given -= given.mean()
         if float(given.dot(given)) < self._length * self._least**2:
             return
@@ -134,7 +135,7 @@ class ResponseEstimator:
         output = self.output + share * (np.abs(effect) ** 2 - self.output)
         cross = self.cross + share * (cause.conj() * effect - self.cross)
         yield False
-        # All at once, in a turn that is left for those who wait for it.
+        # All in one step, so that the values are consistent.
         self.weight, self.excitation, self.output, self.cross = weight, excitation, output, cross
         self.looks += 1
         yield True

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Comparison of the handle's response with that of the plant model, by band, while it is used."""
+"""Online comparison of the handle's response with the plant model, by frequency band."""
 
 from __future__ import annotations
 
@@ -18,60 +18,62 @@ from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.sampling import BoolArray
 
 MEMORY = 0.5
-"""Time constant of the comparison, s: some eight independent windows, and told within a second."""
+"""Time constant of the comparison, s: about eight independent windows, with a result within a
+second."""
 
 LOWEST, HIGHEST = 60.0, 450.0
-"""Range of the bands, Hz: below, it is the hand that decides; above, textures have little."""
+"""Range of the bands, Hz. Below it the hand dominates; above it textures contain little."""
 
 BANDS_PER_OCTAVE = 3
-"""Third-octaves, as for spectra of vibration; each has at least four lines of the estimate."""
+"""Third-octaves, as for vibration spectra; each has at least four lines of the estimate."""
 
 HIGHEST_SHARE = 0.45
-"""Upper end of the range as a fraction of the rate, where that is less."""
+"""Upper end of the range as a fraction of the rate, if this is lower."""
 
 LEAST_EXPECTED = 0.05
-"""Expected acceleration in a band below which it is not judged, m/s^2 RMS: three times the noise
-of the paper's accelerometer in a third-octave."""
+"""Minimum expected acceleration in a band for an evaluation, m/s^2 RMS: three times the noise of
+the paper's accelerometer in a third-octave."""
 
 LEAST_COHERENCE = 0.7
-"""Coherence below which a band is not judged: of independent noise it is 0.2 after a second."""
+"""Minimum coherence of a band for an evaluation; independent noise has 0.2 after a second."""
 
 TOLERANCE = 0.15
-"""Relative deviation of the response that is accepted beside that of ordinary hands: of the
-estimate, and of the mount from one grip to another (assumed)."""
+"""Accepted relative deviation of the response beyond that of ordinary hands: errors of the
+estimate, and changes of the mount between grips (assumed)."""
 
 RAISING = 0.4
-"""Time for which a band must deviate before it is told, s: a single window is always coherent."""
+"""Time for which a band must deviate before it is reported, s; a single window is always
+coherent."""
 
 FITTING = 2.0
-"""Time for which a band must fit, s, until nothing more is said of it."""
+"""Time for which a band must fit before its report ends, s."""
 
 RELEASE = 0.8
-"""Fraction of the tolerated deviation below which a band fits again: it would come and go."""
+"""Fraction of the tolerance below which a band fits again; the hysteresis avoids repeated
+reports."""
 
 CONTINUOUS = 15.0
-"""Frequency above which the force counts against dry friction, Hz: the high-pass' corner."""
+"""Lower frequency limit of the force compared with dry friction, Hz: the high-pass corner."""
 
 DEVIATES = "the handle is not as described"
 """Beginning of the warning."""
 
 ORDINARY = GripRange()
-"""Hands that count as described: m_h within 30 %, k_u and b_u within a factor of two."""
+"""Hands within the model's tolerance: m_h within 30 %, k_u and b_u within a factor of two."""
 
 
 class ResponseSupervisor:
     """Monitor of the bands in which the handle's response differs from the plant model.
 
-    The measured acceleration is compared with the one that the model expects for the forces that
-    were really applied. Their ratio is 1 on the handle as described. In each band its deviation
-    from 1 is held against the largest that ordinary hands cause, and against the share that dry
-    friction can have in so small a force. Bands with little excitation or coherence are not
-    judged, and keep their verdict.
+    The measured acceleration is compared with the model's acceleration for the applied forces.
+    Their ratio is 1 if the handle fits the model. In each band its deviation from 1 is compared
+    with the largest one of ordinary hands, and with the possible effect of dry friction on a small
+    force. Bands with little excitation or coherence are not evaluated and keep their result.
 
     Parameters
     ----------
     plant : Plant
-        Plant as identified, with the coupling and the latency.
+        Identified plant, with coupling and latency.
     rate : float
         Samples per second.
 
@@ -80,8 +82,8 @@ class ResponseSupervisor:
     taps : ndarray, shape (n,)
         Impulse response of the model from force to acceleration, m/s^2 per N.
     fitting : float
-        Time for which all bands that could be judged have fitted, s, since the last that did not,
-        or the last sample at the range of its sensor.
+        Time for which all evaluated bands have fitted, s, since the last deviation or the last
+        saturated sample.
     """
 
     def __init__(self, plant: Plant, rate: float) -> None:
@@ -109,18 +111,18 @@ class ResponseSupervisor:
 
     @property
     def ratio(self) -> ComplexArray:
-        """Measured over expected response on the lines; 1 where it is not known."""
+        """Measured over expected response on the lines; 1 if unknown."""
         known = self._estimator.coherence >= LEAST_COHERENCE
         return np.where(known, self._estimator.response, 1.0)
 
     @property
     def described(self) -> bool:
-        """True if the handle responds as described in all bands, as far as is known."""
+        """True if the handle fits the model in all evaluated bands."""
         return not self._bad.any()
 
     @property
     def warning(self) -> str:
-        """The bands that deviate, and what to do; empty for none."""
+        """Deviating bands and the recommended action; empty if there are none."""
         bad = np.flatnonzero(self._bad)
         if not len(bad):
             return ""
@@ -131,13 +133,13 @@ class ResponseSupervisor:
         return f"{DEVIATES} {where}: run identify"
 
     def sample(self, measured_acceleration: float, actuator_force: float) -> None:
-        """Take one sample.
+        """Process one sample.
 
         Parameters
         ----------
         measured_acceleration : float
-            Handle acceleration of the sample before, m/s^2; NaN where it is missing, infinite
-            where its sensor was at its range.
+            Handle acceleration of the previous sample, m/s^2; NaN if missing, infinite if its
+            sensor was saturated.
         actuator_force : float
             Force sent at this sample, N.
         """
@@ -147,14 +149,14 @@ class ResponseSupervisor:
         self._expected = self._model.sample(actuator_force)
 
     def step(self) -> bool:
-        """Do a piece of the pending work; return True when there is a new verdict."""
+        """Execute a part of pending computations; return True after a new result."""
         done = self._estimator.step()
         if done:
             self._judge()
         return done
 
     def reset(self) -> None:
-        """Forget all samples and verdicts."""
+        """Discard all samples and results."""
         self._model.reset()
         self._estimator.reset()
         self._expected = 0.0
@@ -177,7 +179,7 @@ class ResponseSupervisor:
         self.fitting = 0.0 if over.any() else self.fitting + interval
 
     def _deviations(self) -> tuple[BoolArray, FloatArray, FloatArray]:
-        """Return which bands can be judged, their deviations, and those tolerated."""
+        """Return the evaluated bands, their deviations, and the tolerated ones."""
         estimator = self._estimator
         tiny = np.finfo(float).tiny
         expected, cross = estimator.excitation, estimator.cross
@@ -196,12 +198,12 @@ class ResponseSupervisor:
 def supervise(
     plant: Plant, rate: float, force: FloatArray, acceleration: FloatArray
 ) -> tuple[str, float]:
-    """Return what a supervisor would tell of a trial last, and when first; empty for nothing.
+    """Return a supervisor's last warning for a trial, and its first time; empty if none.
 
     Parameters
     ----------
     plant : Plant
-        Plant as described, with the latency.
+        Plant model, with the latency.
     rate : float
         Samples per second.
     force : ndarray, shape (n,)
@@ -213,7 +215,7 @@ def supervise(
     -------
     warning : str
     time : float
-        Since the beginning, s; NaN where there is no warning.
+        Time since the start, s; NaN without a warning.
     """
     supervisor = ResponseSupervisor(plant, rate)
     last, first = "", math.nan
@@ -227,12 +229,12 @@ def supervise(
 
 
 def _counted(time: FloatArray, judged: BoolArray, holds: BoolArray, interval: float) -> FloatArray:
-    """Return for how long something has held in each band that could be judged, s."""
+    """Return for how long a condition has held in each evaluated band, s."""
     return np.where(judged, np.where(holds, time + interval, 0.0), time)
 
 
 def _edges(rate: float) -> list[tuple[float, float]]:
-    """Return the lower and upper ends of the bands, Hz; none at a very low rate."""
+    """Return the lower and upper band limits, Hz; empty at a very low rate."""
     highest = min(HIGHEST, HIGHEST_SHARE * rate)
     if highest <= LOWEST:
         return []
@@ -242,7 +244,7 @@ def _edges(rate: float) -> list[tuple[float, float]]:
 
 
 def _ordinary_deviation(plant: Plant, lines: FloatArray, bands: FloatArray) -> FloatArray:
-    """Return the largest deviation, RMS over each band, that ordinary hands cause."""
+    """Return the largest deviation, RMS over each band, of ordinary hands."""
     described, *others = ORDINARY.grips(plant.handle)
     inner = slice(1, None)  # nothing moves at 0 Hz
     response = handle_model(described).response(lines[inner])

@@ -142,15 +142,15 @@ def test_a_part_of_the_force_is_tried_and_given_up_where_it_does_harm() -> None:
     loop = Loop(compensation("inverse"), RESONANT).run(texture(5.0, 80.0, 300.0))
     said = [warning.split("compensation: ")[-1] for warning in loop.warnings]
     found = [now for before, now in pairwise(said) if now != before and "handle" not in now]
-    assert found[:3] == ["none took over", "a part is tried", "none took over"]
-    tried = said.index("a part is tried")
+    assert found[:3] == ["none took over", "a fraction is tried", "none took over"]
+    tried = said.index("a fraction is tried")
     assert loop.error(tried, tried + 2000) <= 1.02
 
 
 def test_the_pause_between_trials_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fallback, "LONGEST_PAUSE", 2.0)
     loop = Loop(compensation("inverse"), RESONANT).run(texture(10.0, 80.0, 300.0))
-    tried = ["a part is tried" in warning for warning in loop.warnings]
+    tried = ["a fraction is tried" in warning for warning in loop.warnings]
     began = [at for at, (before, now) in enumerate(pairwise(tried)) if now and not before]
     assert np.diff(began).max() < (2.0 + 2.0 * TRIAL) * RATE
 

@@ -27,9 +27,9 @@ CONTROLLERS: dict[str, type[Controller]] = {
 
 
 def granted_delay(controller: str, parameters: Mapping[str, Checked]) -> int:
-    """Return the samples beside the latency after which a controller's response is scored.
+    """Return the delay, beside the latency, for evaluating a controller's response, in samples.
 
-    That is its parameter of this name; of a controller that has none, the paper's one.
+    It is the controller's parameter of this name, or the paper's value if there is none.
     """
     own = parameters.get(controller)
     if own is None and controller in CONTROLLERS:

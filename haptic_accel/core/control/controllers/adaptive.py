@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The inverse that follows the user's grip while the handle is used."""
+"""Inverse controller that adapts to the user's grip."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from haptic_accel.core.control.learning import Learner
 from haptic_accel.core.parameters import parameter
 
 UNDESCRIBED = 0.2
-"""Deviation of the response above which the grip is kept, relative: a mode in its band, say, which
-no grip can explain, would make its estimate jump. Ordinary hands cause up to 0.1."""
+"""Relative deviation of the response above which the grip estimate is frozen. A mode within its
+band, for example, fits no grip and would make the estimate jump. Ordinary hands cause up to
+0.1."""
 
 
 @dataclass(frozen=True)
@@ -50,18 +51,18 @@ class AdaptiveController(InverseController):
         self.frozen = parameters.frozen
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return the force after which the handle moves as desired."""
+        """Return the force for the desired acceleration."""
         # The force applied one sample ago, and the acceleration measured then.
         self._estimator.sample(self._applied, measured_acceleration)
         self._learner.sample(desired_acceleration, self._applied, measured_acceleration)
         return super().force(desired_acceleration, measured_acceleration)
 
     def applied(self, actuator_force: float) -> None:
-        """Store the force that drives the handle: the applied one less friction."""
+        """Store the force that drives the handle: the applied one minus friction compensation."""
         self._applied = actuator_force - self.friction_force
 
     def adapt(self) -> None:
-        """Do a piece of the estimate; when it is done, begin to change the filter."""
+        """Execute a part of the estimation; after its last part start to change the filter."""
         if self.frozen:
             return
         looked = self._estimator.step()
@@ -71,11 +72,11 @@ class AdaptiveController(InverseController):
             self._excursion.replace(self._family.taps(self._grip) + self._learner.correction)
 
     def freeze(self, frozen: bool) -> None:
-        """Keep the present filter, or resume following the grip."""
+        """Freeze the present filter, or resume the adaptation to the grip."""
         self.frozen = frozen
 
     def reset(self) -> None:
-        """Clear the filters and forget the grip."""
+        """Clear the filters and the estimated grip."""
         self._estimator.reset()
         self._grip = self._estimator.grip
         self._learner.reset()
@@ -84,9 +85,9 @@ class AdaptiveController(InverseController):
 
     @property
     def warning(self) -> str:
-        """The parameters of the grip at the end of their range; otherwise empty."""
+        """Grip parameters at a bound of their range; empty if there are none."""
         ends = self._estimator.at_end
-        # What no grip explains is not said of the grip.
+        # Report no grip if none fits.
         if not ends or self._learner.deviation >= UNDESCRIBED:
             return ""
         grip = dict(zip(GRIP, self._grip.tolist(), strict=True))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Constant gain: the handle taken for a mass, the paper's second condition."""
+"""Constant gain: the handle is assumed to be a mass (the paper's second condition)."""
 
 from __future__ import annotations
 

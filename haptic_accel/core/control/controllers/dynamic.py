@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inverse of the approximate handle model, the paper's third condition."""
+"""Inverse of the approximate handle model (the paper's third condition)."""
 
 from __future__ import annotations
 

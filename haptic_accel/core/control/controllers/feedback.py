@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Feedforward with feedback on the handle's acceleration, Fig. 2 of the paper complete."""
+"""Feedforward and feedback of the handle's acceleration: the complete Fig. 2 of the paper."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from haptic_accel.core.handle.approximate import approximate_model
 from haptic_accel.core.parameters import parameter
 
 FADING = 5e-3
-"""Duration of fading the feedback out and in, s: a step of force would be felt."""
+"""Duration of fading the feedback out and in, s; users would feel a step of force."""
 
 REGAINED = 20e-3
-"""Time of valid handle samples without a gap before the feedback is faded in again, s."""
+"""Time of uninterrupted valid handle samples before the feedback is faded in again, s."""
 
 FITTING = 2.0
-"""Time for which the response must fit the plant before the feedback returns after the sensor was
-at its range, s of excitation: a loop that is unstable gets there, again and again."""
+"""Time for which the response must fit the plant before the feedback returns after saturation of
+the sensor, s of excitation. An unstable loop saturates it again and again."""
 
 INVERSE = "inverse"
-"""Name of the feedforward whose feedback only acts on deviations from the model."""
+"""Name of the feedforward with feedback of deviations from the model only."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class FeedbackParameters(InverseParameters):
     grips: GripRange = field(default_factory=GripRange)
 
     def design(self, loop: Loop, feedforward: Response | None = None) -> FeedbackDesign:
-        """Return the feedback for a loop, and its feedforward's response; takes about a second.
+        """Return feedback and feedforward response for a loop; takes about a second.
 
         Raises
         ------
@@ -78,30 +78,30 @@ class FeedbackParameters(InverseParameters):
 
 
 class FeedbackController(Controller):
-    """Any feedforward, and Q times the deviation of the handle from a reference.
+    """Feedforward controller plus Q times the deviation of the handle from a reference.
 
     The reference depends on the feedforward. The inverse is already the best causal filter for its
-    grip, with travel and force weighed: no feedback can reduce the error that it leaves there.
-    So the reference is the model's response, and at that grip nothing is fed back. The paper's
-    controllers leave errors that feedback can reduce: there the reference is the desired
-    acceleration, delayed. (At 4 kHz, with the inverse and a mount that resonates at 280 Hz, the
-    error under the prior is 46.5 % on average over the range of grips without feedback, 44.7 %
-    with the model as reference, and 46.5 % with the desired acceleration; with a rigid mount
-    32.1 %, and 25.8 % in both cases.)
+    grip, considering travel and force. No feedback can reduce its remaining error. The reference
+    is then the model's response, so that the feedback is zero at that grip. The errors of the
+    paper's controllers can be reduced by feedback. Their reference is the delayed desired
+    acceleration. (At 4 kHz, with the inverse and a mount that resonates at 280 Hz, the mean error
+    under the prior over the range of grips is 46.5 % without feedback, 44.7 % with the model as
+    reference, and 46.5 % with the desired acceleration. With a rigid mount it is 32.1 %, and 25.8
+    % in both cases.)
 
-    The model receives the forces that were finally sent, `applied`, so that a limit or another
-    controller's force does not count as a deviation of the handle.
+    The model receives the forces finally sent (`applied`). A limit or another controller's force
+    thus does not appear as a deviation of the handle.
 
-    While the measurement is missing the feedback fades out, and its filters receive their last
-    input: a zero would be a step as large as gravity. It is faded in again when valid samples have
-    come for `REGAINED`. For the same reason the first measurement is taken as the offset. A sensor
-    at its range may be the end of an unstable loop: then it stays out until the response has been
-    found to fit the plant for `FITTING`.
+    While the measurement is missing, the feedback fades out and its filters receive their last
+    input, as a zero would be a step of the size of gravity. The feedback is faded in again after
+    valid samples for `REGAINED`. For the same reason the first measurement is used as the offset.
+    A saturated sensor may result from an unstable loop. The feedback then stays off until the
+    response has fitted the plant for `FITTING`.
 
     Attributes
     ----------
     design : FeedbackDesign
-        Design of the feedback; its `summary` gives lines to print.
+        Design of the feedback; its `summary` contains lines to print.
     """
 
     Parameters = FeedbackParameters
@@ -122,19 +122,19 @@ class FeedbackController(Controller):
     def _start(self) -> None:
         self._wanted = deque([0.0] * self._delay)
         self._expected = 0.0  # acceleration of the model at the last tick, m/s^2
-        self._surprise = 0.0  # the latest that is known, m/s^2
-        self._first = math.nan  # gravity and all that was there before, m/s^2
-        self._known = 0.0  # force whose effect is in what is wanted, N
-        self._surplus = 0.0  # the last force beside that, N
+        self._surprise = 0.0  # latest known measurement, m/s^2
+        self._first = math.nan  # gravity and other acceleration at the start, m/s^2
+        self._known = 0.0  # force whose effect is part of the reference, N
+        self._surplus = 0.0  # last remaining force, N
         self._share, self._gaps = 1.0, 0
         self._valid = self._regained  # samples without a gap
-        self._distrusted = False  # since the sensor was at its range
+        self._distrusted = False  # since the sensor was saturated
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return the feedforward's force and the feedback's."""
+        """Return the sum of feedforward and feedback force."""
         force = self._feedforward.force(desired_acceleration, measured_acceleration)
-        # Without latency, the force of the last tick is seen at this one, whose sample is received
-        # at the next; the model's first values are zero for the latency.
+        # Without latency, the force of the last tick affects this tick's sample, which is received
+        # at the next tick. The model's first values are zero for the latency.
         expected, self._expected = self._expected, self._model.sample(self._surplus)
         if not self._foreseen:
             self._wanted.append(desired_acceleration)
@@ -156,19 +156,19 @@ class FeedbackController(Controller):
         return force
 
     def applied(self, actuator_force: float) -> None:
-        """Give the model the force that was finally sent, less friction."""
+        """Pass the force finally sent, minus friction compensation, to the model."""
         taken = 0.0
         if isinstance(self._feedforward, InverseController):
             taken = self._feedforward.friction_force
         self._surplus = actuator_force - taken - self._known
 
     def judged(self, fitting: float) -> None:
-        """Trust the measurement again when the response has fitted the plant for long enough."""
+        """Accept the measurement again after the response has fitted the plant for long enough."""
         if fitting >= FITTING:
             self._distrusted = False
 
     def status(self) -> dict[str, str]:
-        """Return the feedback's gain and margin, and the number of times it was switched off."""
+        """Return gain and margin of the feedback, and the number of times it was switched off."""
         return {
             "feedback gain (N per m/s^2)": f"{self._share * self._gain:.3f}",
             "feedback margin": f"{self.design.tightest.margins.modulus:.2f}",
@@ -201,7 +201,7 @@ class FeedbackController(Controller):
 
 
 def _feedforward(parameters: FeedbackParameters, loop: Loop) -> tuple[Controller, Response]:
-    """Return the feedforward for the identified handle, and its response."""
+    """Return the feedforward for the identified handle, and its frequency response."""
     handle = loop.plant.handle
     if parameters.feedforward == INVERSE:
         inverse = InverseController(parameters, loop)

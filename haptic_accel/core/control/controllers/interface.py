@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Interface of controllers: parameters, one sample in and out, slow work between, a reset."""
+"""Interface of controllers: parameters, processing of a sample, slow computations, reset."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from haptic_accel.core.parameters import Checked
 
 @dataclass(frozen=True)
 class Loop:
-    """Control loop that a controller is built for.
+    """Control loop for which a controller is built.
 
     Attributes
     ----------
     rate : float
         Samples per second.
     high_pass_frequency : float
-        Corner of the high-pass that the desired acceleration has passed, Hz.
+        Corner of the high-pass that filters the desired acceleration, Hz.
     plant : Plant
-        Identified handle with everything between a command and a sample, latency included.
+        Identified handle including the complete path from command to sample, with latency.
     travel : float
         Free travel of the actuator either way, m.
     """
@@ -39,22 +39,22 @@ class Loop:
 
     @property
     def travel_limit(self) -> float:
-        """Travel up to which a controller may plan, m: where the guard's cushion begins."""
+        """Travel available to a controller's planning, m: up to the cushion of the guard."""
         return CUSHION * self.travel
 
     @property
     def latency(self) -> int:
-        """Samples from the one that caused a force to the tick at which the force is due."""
+        """Delay from sample to force, in samples."""
         return self.plant.latency
 
 
 @dataclass(frozen=True)
 class NoParameters(Checked):
-    """The parameters of a controller that has none."""
+    """Parameters of a controller without parameters."""
 
 
 class Controller(ABC):
-    """Turns the desired handle acceleration into the actuator's force.
+    """Convert the desired handle acceleration to the actuator's force.
 
     A subclass names its parameter dataclass in `Parameters`; the compensator node declares
     the fields as ROS parameters below the controller's name.
@@ -73,15 +73,15 @@ class Controller(ABC):
 
     @abstractmethod
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Take one sample of desired and measured handle acceleration, return one force.
+        """Process a sample of desired and measured handle acceleration; return the force.
 
         Parameters
         ----------
         desired_acceleration : float
             High-passed tool acceleration, m/s^2.
         measured_acceleration : float
-            The latest handle acceleration, m/s^2; NaN where it is stale, infinite where its
-            sensor was at its range: it must not be used then.
+            Latest handle acceleration, m/s^2. It must not be used if it is NaN (stale) or infinite
+            (sensor saturated).
 
         Returns
         -------
@@ -93,10 +93,10 @@ class Controller(ABC):
         """Receive the force, N, finally sent at this sample: limited, or another controller's."""
 
     def adapt(self) -> None:  # noqa: B027 - most have none
-        """Do a piece of slow work, some tens of microseconds, while no force is due."""
+        """Execute a part of slow computations, tens of microseconds, while no force is due."""
 
     def judged(self, fitting: float) -> None:  # noqa: B027 - most need not know
-        """Receive for how long the handle's response has fitted the plant, s of excitation."""
+        """Receive the time for which the response has fitted the plant, s of excitation."""
 
     def freeze(self, frozen: bool) -> None:  # noqa: B027 - most have nothing to
         """Stop or resume adaptation."""
@@ -107,8 +107,8 @@ class Controller(ABC):
 
     @property
     def warning(self) -> str:
-        """Present fault in words; empty for none."""
+        """Description of a present fault; empty if there is none."""
         return ""
 
     def reset(self) -> None:  # noqa: B027 - some have no state
-        """Return to the state of a controller that has always seen zero."""
+        """Return to the state for a past of zeros."""

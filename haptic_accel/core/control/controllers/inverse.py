@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inverse of the whole identified handle, with hold, delay, mount and sensor."""
+"""Inverse of the complete identified handle, including hold, delay, mount and sensor."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from haptic_accel.core.parameters import Checked, parameter
 
 @dataclass(frozen=True)
 class InverseParameters(Checked):
-    """Delay and texture for which the inverse is designed."""
+    """Delay and texture for the design of the inverse."""
 
     granted_delay: int = parameter(
         1,
@@ -41,7 +41,7 @@ class InverseParameters(Checked):
     )
 
     def filter(self, loop: Loop) -> InverseFilter:
-        """Return the inverse with all its travel for a loop; takes a fraction of a second.
+        """Return the inverse without travel reduction for a loop; takes a fraction of a second.
 
         Raises
         ------
@@ -51,7 +51,7 @@ class InverseParameters(Checked):
         return design_inverse(loop.plant, loop.rate, self.goal(loop))
 
     def goal(self, loop: Loop) -> Goal:
-        """Return the goal of the design of the inverse, or of a family of inverses."""
+        """Return the design goal of the inverse, or of a family of inverses."""
         granted = loop.latency + self.granted_delay
         corner = loop.high_pass_frequency
         return Goal(granted, self.memory, spectrum=self.texture, high_pass_frequency=corner)
@@ -81,13 +81,13 @@ class InverseController(Controller):
         self._bank = bank
         self._extension = SampleFilter(bank.sections)
         self._excursion = ExcursionControl(bank, plant.handle, loop.travel_limit, loop.rate)
-        # A force acts over the sample before the one in which it is seen.
+        # A force acts in the period before the sample that shows it.
         lag = parameters.granted_delay - 0.5 - plant.delay * loop.rate
         self._friction = FrictionCompensation(plant.handle, plant.friction, loop.rate, lag)
         self.friction_force = 0.0
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return the force after which the handle moves as desired."""
+        """Return the force for the desired acceleration."""
         force = self._excursion.sample(self._extension.sample(desired_acceleration))
         self.friction_force = self._friction.force(force, desired_acceleration)
         return force + self.friction_force

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Smallest errors of causal linear filters on a known plant, without limits and within them."""
+"""Smallest errors of causal linear filters on a known plant, with and without limits."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from haptic_accel.core.handle.response import travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 STEP = 0.05
-"""Distance of the frequencies that the bounds are computed at, Hz: a memory of ten seconds."""
+"""Frequency resolution of the bounds, Hz: a memory of ten seconds."""
 
 FADING_IN = 0.5
-"""Time in which the input of a bound within limits is faded in, s."""
+"""Time in which the input of a limited bound is faded in, s."""
 
 _TRAVEL_COSTS = [10.0**power for power in range(13)]
-"""Costs of travel, s^-4, from less than all felt motion to none at all: without any, the filter of
-a plant that cannot be inverted integrates twice, and no memory holds what it does."""
+"""Costs of travel, s^-4, from less than all felt motion to no travel. Without this cost, the
+filter for a non-invertible plant integrates twice, for which no memory is long enough."""
 
 _FORCE_COSTS = [10.0**power for power in range(-6, 9)]
 """Costs of force, (m/s^2 per N)^2: from less than the smallest response of a plant to no force."""
 
-_HALVINGS = 5  # of the logarithmic distance between two of these: to 7 %
+_HALVINGS = 5  # of the logarithmic distance between two costs: to 7 %
 
 
 def causal_bound(
@@ -47,13 +47,13 @@ def causal_bound(
     noise: float = 0.0,
     high_pass_frequency: float = HIGH_PASS_FREQUENCY,
 ) -> float:
-    """Smallest error that a causal linear filter of the desired acceleration can have.
+    """Return the smallest error of a causal linear filter of the desired acceleration.
 
-    The Wiener filter without limits of memory, force and travel: with the spectral factor Q of
-    the desired acceleration, and the plant P as an all-pass A times a minimum phase, the error
+    This is the Wiener filter without limits of memory, force and travel. Q is the spectral factor
+    of the desired acceleration, and the plant P is an all-pass A times a minimum phase. The error
     is the part of A* z^-granted_delay Q before time zero (Wiener 1949; Doyle, Francis and
-    Tannenbaum, Feedback Control Theory, 1992). It is an infimum: coming near it may take
-    more travel than there is, see `limited_bound`.
+    Tannenbaum, Feedback Control Theory, 1992). It is an infimum: errors close to it may need more
+    than the available travel, see `limited_bound`.
 
     Parameters
     ----------
@@ -61,15 +61,15 @@ def causal_bound(
     rate : float
         Samples per second.
     spectrum : callable
-        Spectrum of the tool's acceleration; `measured_spectrum` makes it from a signal.
+        Spectrum of the tool's acceleration; `measured_spectrum` computes it from a signal.
     granted_delay : int
-        Number of samples by which the handle may lag.
+        Permitted delay of the handle, in samples.
     noise : float
-        Standard deviation of a sample of the handle's accelerometer, m/s^2: all of it counts as
-        error, whatever the filter.
+        Standard deviation of a sample of the handle's accelerometer, m/s^2; it adds to the error
+        of any filter.
     high_pass_frequency : float
-        Corner of the compensator's high-pass, Hz. It has no zero outside the unit circle, so that
-        a filter of the tool's acceleration can do no better than one of the desired.
+        Corner of the compensator's high-pass, Hz. It has no zero outside the unit circle, so a
+        filter of the tool's acceleration cannot be better than one of the desired acceleration.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def causal_bound(
     Raises
     ------
     ParameterError
-        A number is out of range.
+        A parameter is out of range.
     """
     problem = _problem(plant, rate, spectrum, granted_delay, noise, high_pass_frequency)
     return problem.best().error
@@ -96,27 +96,27 @@ def limited_bound(
     actuator: ActuatorParameters | None = None,
     travel_limit: float | None = None,
 ) -> float:
-    """Smallest error of causal linear filters that keep travel and force in bounds for an input.
+    """Return the smallest error of causal linear filters with limited travel and force.
 
-    These are the Wiener filters that give least error^2 + c travel^2 + e force^2 for the
-    input's own spectrum, with constant costs c and e, no limit of memory, and full knowledge of
-    plant and spectrum; c and e are the least with which the largest travel and force that the
-    filter takes for this very input keep their limits. So it is a bound of time-invariant
-    filters that weigh all moments alike. A filter that gives way only where the travel is
-    short, as excursion control does, can be below it where an input is loud for a short time
-    only. Friction, heat and the travel that gravity takes are left out.
+    These Wiener filters minimise error^2 + c travel^2 + e force^2 for the input's own spectrum.
+    The costs c and e are constant, the memory is unlimited, and plant and spectrum are fully
+    known. The costs c and e are the smallest for which the maximum travel and force for this input
+    stay within their limits. The result is thus a bound for time-invariant filters with constant
+    weights. A filter that gives way only while the travel is short, such as excursion control, can
+    be below it if an input is large only briefly. Friction, heat and the travel due to gravity are
+    neglected.
 
     Parameters
     ----------
     plant, rate, granted_delay, noise, high_pass_frequency
-        As in `causal_bound`, which it equals for small inputs.
+        As in `causal_bound`, to which the result is equal for small inputs.
     acceleration : ndarray, shape (n,)
-        Tool's acceleration, m/s^2. It is faded in over `FADING_IN`, as one that is cut out of a
-        longer one would else begin with a jump that takes travel.
+        Tool's acceleration, m/s^2. It is faded in over `FADING_IN`, as a section of a longer
+        signal would otherwise start with a jump that needs travel.
     actuator : ActuatorParameters, optional
-        Actuator with the limits; Table I's by default.
+        Actuator with the limits; default: Table I.
     travel_limit : float, optional
-        Largest travel, m; by default where the cushion brings the actuator to rest.
+        Maximum travel, m; default: where the cushion stops the actuator.
 
     Returns
     -------
@@ -126,7 +126,7 @@ def limited_bound(
     Raises
     ------
     ParameterError
-        A number is out of range.
+        A parameter is out of range.
     """
     problem = _problem(
         *(plant, rate, measured_spectrum(acceleration, rate), granted_delay, noise),
@@ -169,7 +169,7 @@ def bounds(
     high_pass_frequency: float,
     actuator: ActuatorParameters,
 ) -> Bounds:
-    """Return both bounds of an input; parameters and errors are those of `limited_bound`."""
+    """Return both bounds of an input; parameters and errors as for `limited_bound`."""
     causal = causal_bound(
         plant,
         rate,
@@ -191,7 +191,7 @@ def bounds(
 
 
 def _least(costs: Sequence[float], keeps: Callable[[float], bool]) -> float:
-    """Return the least cost that keeps a limit: the first of some, then found by halving.
+    """Return the least cost that satisfies a limit: the first of a list, refined by bisection.
 
     A higher cost does not always lower a peak, as the phase changes too.
     """
@@ -203,7 +203,7 @@ def _least(costs: Sequence[float], keeps: Callable[[float], bool]) -> float:
 
 
 class _Optimum(NamedTuple):
-    """Response from the tool's acceleration to the force of the best filter, and its error, %."""
+    """Best filter: response from tool acceleration to force, and its error, %."""
 
     force: ComplexArray
     error: float
@@ -219,11 +219,11 @@ class _Problem:
     response : ndarray, shape (n,)
         Response of the plant.
     tool, desired : ndarray, shape (n,)
-        Spectral factors of the tool's acceleration and of what the high-pass makes of it.
+        Spectral factors of the tool's acceleration and of its high-passed version.
     delay : ndarray, shape (n,)
-        Response of the delay granted.
+        Response of the granted delay.
     noise : float
-        Power of the sensor's noise in terms of the grid's lines.
+        Power of the sensor's noise in the unit of the grid's lines.
     """
 
     grid: Grid
@@ -234,18 +234,18 @@ class _Problem:
     noise: float
 
     def best(self, cost: FloatArray | float = 0.0) -> _Optimum:
-        """Return the filter of least error, for a cost of the force's power by frequency."""
+        """Return the filter of least error for a frequency-dependent cost of the force's power."""
         desired = self.desired
         factor = _minimum_phase(self.grid, np.sqrt(np.abs(self.response) ** 2 + cost))
         wanted = self.grid.sequence(self.delay * desired * (self.response / factor).conj())
-        wanted[self.grid.points :] = 0.0  # the times before zero
+        wanted[self.grid.points :] = 0.0  # times before zero
         driven = self.grid.spectrum(wanted) / factor
         missed = float(np.sum(np.abs(self.response * driven - self.delay * desired) ** 2))
         share = (missed + self.noise) / float(np.sum(np.abs(desired) ** 2))
         return _Optimum(driven / self.tool, 100.0 * math.sqrt(share))
 
     def peak(self, response: ComplexArray, acceleration: FloatArray) -> float:
-        """Return the largest magnitude of a causal response to a tool's acceleration."""
+        """Return the maximum magnitude of a causal response to a tool's acceleration."""
         from scipy import signal
 
         pulse = self.grid.sequence(response)[: self.grid.points]
@@ -276,7 +276,7 @@ def _problem(
 
 
 def _minimum_phase(grid: Grid, magnitude: FloatArray) -> ComplexArray:
-    """Return the response of minimum phase with a magnitude, by its cepstrum."""
+    """Return the minimum-phase response with a given magnitude, by its cepstrum."""
     cepstrum = grid.sequence(np.log(magnitude))[: grid.points]
     cepstrum[1:] *= 2.0
     return np.asarray(np.exp(grid.spectrum(cepstrum)))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A filter of finite impulse response that takes one sample at a time."""
+"""Finite impulse response filter, processed sample by sample."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from haptic_accel.core.model import FloatArray
 
 
 class SampleWindow:
-    """The latest samples of a signal, side by side.
+    """Latest samples of a signal in contiguous memory.
 
     Parameters
     ----------
@@ -19,8 +19,8 @@ class SampleWindow:
         Number of samples; at least one.
     """
 
-    # Filled from its end to its beginning, where the samples still needed move to the end: the
-    # latest ones always lie side by side, and each is written once.
+    # Filled from the end to the beginning, where the samples still needed move to the end. The
+    # latest samples are thus always contiguous, and each is written once.
 
     def __init__(self, length: int) -> None:
         self._length = length
@@ -28,9 +28,9 @@ class SampleWindow:
         self._newest = length
 
     def push(self, value: float) -> FloatArray:
-        """Take one sample; return the latest, newest first, shape (length,).
+        """Add a sample; return the latest ones, newest first, shape (length,).
 
-        What is returned is a view until the next one.
+        The result is a view, valid until the next call.
         """
         newest = self._newest - 1
         if newest < 0:
@@ -47,7 +47,7 @@ class SampleWindow:
 
 
 class SampleConvolution:
-    """The running sum of taps times the latest samples.
+    """Running sum of taps times the latest samples.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class SampleConvolution:
     Attributes
     ----------
     taps : ndarray, shape (n,)
-        May be replaced by others of the same length between samples: the past stays.
+        May be replaced between samples by others of the same length; the past remains.
     """
 
     def __init__(self, taps: FloatArray) -> None:
@@ -65,9 +65,9 @@ class SampleConvolution:
         self._window = SampleWindow(len(self.taps))
 
     def sample(self, value: float) -> float:
-        """Take one input sample, return one output sample."""
+        """Filter one sample."""
         return float(self.taps.dot(self._window.push(value)))
 
     def reset(self) -> None:
-        """Forget the past: the state of a filter that has always seen zero."""
+        """Clear the state, as for a past of zeros."""
         self._window.reset()

@@ -28,35 +28,35 @@ from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import HIGHEST_LATENCY
 
-# scipy.signal and scipy.linalg are slow to import: only the design of a filter waits for them.
+# scipy.signal and scipy.linalg are slow to import: only the design of a filter needs them.
 
 EXTENDED_CORNER = 1.0
-"""Corner of the high-pass behind the extension, Hz: below all felt vibration, above drift and
+"""Corner of the high-pass after the extension, Hz: below all felt vibration, above drift and
 tilt."""
 
 MEMORY = 0.2
-"""Length of the convolution, s: twice it lowers the error by less than a fiftieth of itself."""
+"""Length of the convolution, s; twice this length reduces the error by less than 2 %."""
 
 TRAVEL_CORNERS = (1.3, 2.3, 4.0, 7.5, 14.0, 24.0)
-"""Corners of travel for which inverses are designed, Hz: from all but the slow motion of the hand,
-whose travel would be missing when the tool lands, to hardly any travel."""
+"""Travel corners for which inverses are designed, Hz. The first removes only the slow motion of
+the hand, whose travel would be missing at contact; the last leaves hardly any travel."""
 
 LANDING_VELOCITY = 0.05
-"""Change of the tool's velocity as it meets a surface, m/s: the hand's own 15 mm in 0.6 s."""
+"""Change of the tool's velocity at contact with a surface, m/s: the hand's own 15 mm in 0.6 s."""
 
 FORCE_COST = 0.1
-"""Error that has the same cost as a newton of force, m/s^2 per N: about a hundredth of the
-acceleration that a newton causes."""
+"""Error with the same cost as a newton of force, m/s^2 per N: about a hundredth of the
+acceleration due to a newton."""
 
 UNEXPECTED_DENSITY = 0.03
-"""White tool acceleration that only counts in the cost of force, m/s^2/sqrt(Hz). It keeps the gain
-of the inverse small at frequencies where the plant hardly responds and little is expected."""
+"""White tool acceleration in the cost of force only, m/s^2/sqrt(Hz). It keeps the gain of the
+inverse small at frequencies with a small plant response and little expected texture."""
 
 LONGEST_GRANTED_DELAY = 100
-"""Largest delay that is granted beside the latency, samples."""
+"""Maximum granted delay beside the latency, in samples."""
 
 MOST_TAPS = 8192
-"""Longest convolution: the 0.4 s of 20 kHz."""
+"""Maximum length of the convolution: 0.4 s at 20 kHz."""
 
 RIDGE = 1e-10
 """Relative increase of the normal equations' diagonal, against rounding."""
@@ -64,17 +64,18 @@ RIDGE = 1e-10
 
 @dataclass(frozen=True)
 class Goal:
-    """Numbers that a filter is designed for.
+    """Design goal of a filter.
 
     Attributes
     ----------
     granted_delay : int
-        Samples by which the handle may lag behind the tool, latency included; the paper's is one.
+        Permitted delay of the handle behind the tool, in samples, latency included; the paper's is
+        one.
     memory : float
         Length of the convolution, s.
     travel_corner : float
-        Frequency at which travel costs as much as the error of an acceleration that takes it, Hz.
-        Far below it the filter gives up.
+        Frequency at which travel costs as much as the error of an acceleration that needs it, Hz.
+        Far below it the filter's gain goes to zero.
     spectrum : callable
         Spectrum of the tool acceleration.
     high_pass_frequency : float
@@ -88,12 +89,12 @@ class Goal:
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
 
     def check(self, rate: float) -> None:
-        """Refuse numbers for which no filter can be designed at a rate in Hz.
+        """Reject values for which no filter can be designed at a rate in Hz.
 
         Raises
         ------
         ParameterError
-            Naming the number, its value and what is allowed.
+            The message contains the parameter, its value and the allowed range.
         """
         check_corner(rate, self.high_pass_frequency)
         longest = LONGEST_GRANTED_DELAY + HIGHEST_LATENCY
@@ -116,18 +117,18 @@ DEFAULT_GOAL = Goal()
 
 @dataclass(frozen=True)
 class InverseFilter:
-    """From desired acceleration to force: the extension, then a convolution.
+    """Filter from desired acceleration to force: the extension, then a convolution.
 
     Attributes
     ----------
     sections : ndarray, shape (2, 6)
-        The extension, second-order sections with a0 = 1.
+        Extension as second-order sections with a0 = 1.
     taps : ndarray, shape (n,)
-        Impulse response of what follows, N per m/s^2.
+        Impulse response of the convolution, N per m/s^2.
     rate : float
         Samples per second.
     goal : Goal
-        Granted delay and high-pass, among others, for which it was designed.
+        Goal of the design, with granted delay and high-pass.
     """
 
     sections: FloatArray
@@ -145,17 +146,17 @@ class InverseFilter:
 
 @dataclass(frozen=True)
 class InverseBank:
-    """Inverses with more and less travel behind one extension.
+    """Inverses with more and less travel and a common extension.
 
     Attributes
     ----------
     sections : ndarray, shape (2, 6)
         The extension.
     taps : ndarray, shape (k, n)
-        For each of `TRAVEL_CORNERS` the impulse response of what follows, N per m/s^2.
+        Impulse response of the convolution for each of `TRAVEL_CORNERS`, N per m/s^2.
     motion : ndarray, shape (k, n)
-        Acceleration of the handle after a unit sample at their input, m/s^2. The handle does what
-        the filter is for, with any grip: it need not be known better.
+        Acceleration of the handle after a unit sample at their input, m/s^2. With any grip the
+        handle approximately follows the filter's goal, so no better model is needed.
     """
 
     sections: FloatArray
@@ -164,17 +165,17 @@ class InverseBank:
 
 
 def extension(high_pass_frequency: float, rate: float) -> FloatArray:
-    """Sections that move the corner of the compensator's high-pass down to `EXTENDED_CORNER`.
+    """Return sections that move the compensator's high-pass corner to `EXTENDED_CORNER`.
 
-    The handle answers low frequencies by the fourth power, and the high-pass passes them by the
-    fourth: what a controller must do to follow is nothing special there, but seen from behind the
-    high-pass it is four integrations. The extension does them down to its corner: the poles of the
-    high-pass are its zeros, those of the lower one its poles; the zeros of both at 0 Hz cancel.
+    At low frequencies the handle's response and the high-pass both fall with the fourth power of
+    frequency. Seen from the output of the high-pass, a controller that follows there needs four
+    integrations. The extension does them down to its corner. Its zeros are the poles of the
+    high-pass, and its poles those of the lower one. The zeros of both at 0 Hz cancel.
 
     Returns
     -------
     ndarray, shape (2, 6)
-        Gain of one at half the rate.
+        The gain is one at half the rate.
     """
     sections = high_pass(high_pass_frequency, rate)
     lower = high_pass(min(EXTENDED_CORNER, high_pass_frequency), rate)
@@ -186,25 +187,25 @@ def extension(high_pass_frequency: float, rate: float) -> FloatArray:
 
 
 def design_inverse(plant: Dynamics, rate: float, goal: Goal = DEFAULT_GOAL) -> InverseFilter:
-    """Design the causal filter that makes the handle move as desired.
+    """Design the causal filter for which the handle moves as desired.
 
     With the tool's spectrum S, the high-pass B, the plant P, the travel D per force, and the
-    filter C, this is the least integral over frequency of
-    S |P C B - z^-granted_delay B|^2 + c S |C B D|^2 + FORCE_COST^2 (S + U) |C B|^2: the power of
-    the error, and the costs of travel and of force, the latter also for something unexpected,
-    U = `UNEXPECTED_DENSITY`^2.
-    The cost of travel, c, is the fourth power of 2 pi times the corner of travel.
+    filter C, the integral over frequency of S |P C B - z^-granted_delay B|^2 + c S |C B D|^2 +
+    FORCE_COST^2 (S + U) |C B|^2 is minimised. The terms are the power of the error, and the costs
+    of travel and of force. The latter also includes an unexpected input, U =
+    `UNEXPECTED_DENSITY`^2. The cost of travel, c, is the fourth power of 2 pi times the travel
+    corner.
 
-    That is a Wiener filter: with a convolution C its normal equations have a Toeplitz matrix.
-    C is a convolution after the fixed `extension`, as one alone would have to be seconds long: it
-    must undo the four zeros that P has at 0 Hz. B has as many, so that all of it together has none
-    to undo: they cancel on paper, den_H(s) / (m_a B_4(s)) for eq. (3) alone.
+    This is a Wiener filter; for a convolution C its normal equations have a Toeplitz matrix. C
+    follows the fixed `extension`. Without it, C would have to be seconds long to cancel the four
+    zeros of P at 0 Hz. B has the same zeros, so that they cancel in the product, den_H(s) / (m_a
+    B_4(s)) for eq. (3) alone.
 
     Parameters
     ----------
     plant : Plant or IdentifiedPlant
     rate : float
-        Samples per second, more than twice the high-pass' corner.
+        Samples per second, above twice the high-pass corner.
     goal : Goal
 
     Returns
@@ -214,7 +215,7 @@ def design_inverse(plant: Dynamics, rate: float, goal: Goal = DEFAULT_GOAL) -> I
     Raises
     ------
     ParameterError
-        A number is out of range, or the plant has no such rate.
+        A parameter is out of range, or the plant does not allow the rate.
     """
     problem = _Problem(plant, rate, goal)
     ((taps,),) = problem.solutions((goal.travel_corner,))
@@ -225,7 +226,7 @@ def design_bank(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inverse
     """Design the inverse for all `TRAVEL_CORNERS`.
 
     Parameters, errors
-        Those of `design_inverse`; the goal's own corner is not used.
+        As for `design_inverse`; the goal's own corner is not used.
 
     Returns
     -------
@@ -239,15 +240,15 @@ def design_bank(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inverse
 
 
 def assumed_sequences(plant: Dynamics, rate: float, goal: Goal) -> FloatArray:
-    """Return the sequences of the normal equations for the spectrum that is expected.
+    """Return the sequences of the normal equations for the expected spectrum.
 
     Parameters, errors
-        Those of `design_inverse`.
+        As for `design_inverse`.
 
     Returns
     -------
     ndarray, shape (3, n)
-        Those of `NormalEquations.spectra`.
+        Sequences of `NormalEquations.spectra`.
     """
     return _Problem(plant, rate, goal).sequences()
 
@@ -265,7 +266,7 @@ def caused_motion(plant: Plant, rate: float, taps: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray, shape (k, n)
-        m/s^2; time counts from where the force is due, a latency after its cause.
+        m/s^2; time starts when the force is due, a latency after its cause.
     """
     length = taps.shape[1]
     grid = grid_for(rate, length)
@@ -276,27 +277,27 @@ def caused_motion(plant: Plant, rate: float, taps: FloatArray) -> FloatArray:
 def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatArray:
     """Design the inverse for all grips of one actuator at once.
 
-    1/H is linear in m_h, b_u and k_u (`inverse_terms`), and so is the solution of least squares
-    in its target as long as the weights stay those of the plant given. The rest of the chain
-    (hold, delay, mount, low-pass, aliases) is taken as the ratio P/H of the plant given: for it
-    the result is that of `design_inverse`, for others close to it.
+    1/H is linear in m_h, b_u and k_u (`inverse_terms`). The least-squares solution is linear in
+    its target if the weights are those of the given plant. The rest of the chain (hold, delay,
+    mount, low-pass, aliases) is the ratio P/H of the given plant. The result is equal to that of
+    `design_inverse` for this plant, and close to it for similar ones.
 
     Parameters
     ----------
     plant : Plant
-        Actuator, mount, delay, low-pass, and the grip in the middle of those to come.
+        Actuator, mount, delay, low-pass, and the middle one of the expected grips.
     rate, goal
         As in `design_inverse`.
 
     Returns
     -------
     ndarray, shape (k, 4, n)
-        For each of `TRAVEL_CORNERS` taps to multiply by m_h, b_u, k_u and 1, then to add.
+        For each of `TRAVEL_CORNERS` the taps to multiply by m_h, b_u, k_u and 1, and to add.
 
     Raises
     ------
     ParameterError
-        A number is out of range.
+        A parameter is out of range.
     """
     problem = _Problem(plant, rate, goal)
     frequency = problem.grid.frequency
@@ -306,16 +307,16 @@ def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatA
 
 
 def nearest(keeps: Callable[[float], bool], start: float, end: float, halvings: int) -> float:
-    """Return the number nearest to a start that keeps a limit, found by halving.
+    """Return the number nearest to a start that satisfies a limit, found by bisection.
 
     Parameters
     ----------
     keeps : callable
-        True where a number keeps the limit; taken to be true at the end, false at the start.
+        True if a number satisfies the limit; assumed true at the end, false at the start.
     start, end : float
-        Ends of the range; the end may be the smaller.
+        Ends of the range; the end may be smaller than the start.
     halvings : int
-        Number of times that the range is halved.
+        Number of bisection steps.
     """
     for _ in range(halvings):
         middle = (start + end) / 2
@@ -327,12 +328,12 @@ def nearest(keeps: Callable[[float], bool], start: float, end: float, halvings: 
 
 
 class NormalEquations:
-    """Spectra of the normal equations of `design_inverse` at some frequencies.
+    """Spectra of the normal equations of `design_inverse` at given frequencies.
 
     Parameters
     ----------
     handle : HandleParameters
-        For the actuator's travel.
+        Actuator, for its travel.
     frequency : ndarray, shape (n,)
         Frequencies, Hz, above 0.
     rate : float
@@ -365,17 +366,17 @@ class NormalEquations:
         power : ndarray, shape (n,)
             Spectrum of the tool's acceleration, (m/s^2)^2/Hz.
         response : ndarray, shape (n,)
-            The plant's, m/s^2 per N.
+            Response of the plant, m/s^2 per N.
         target : ndarray, shape (n,)
-            Handle over desired acceleration, the granted delay not included.
+            Handle over desired acceleration, without the granted delay.
 
         Returns
         -------
         ndarray, shape (3, n)
-            The matrix has the sequence of the first, and of the second times the cost of travel;
-            the right side is the sequence of the third.
+            The matrix is built from the first sequence plus the cost of travel times the second;
+            the right side from the third.
         """
-        # All in terms of the convolution's input, whose power this is:
+        # All in terms of the convolution's input, with this power:
         squared = np.abs(self._extended) ** 2
         driven = power * squared
         force = FORCE_COST**2 * (driven + UNEXPECTED_DENSITY**2 * squared)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Excursion control: give up low frequencies as far as the actuator's travel needs it."""
+"""Excursion control: attenuate low frequencies only as needed for the actuator's travel."""
 
 from __future__ import annotations
 
@@ -15,46 +15,46 @@ from haptic_accel.core.control.inversion.design import InverseBank
 from haptic_accel.core.model import FloatArray, Suspension
 
 HORIZON = 0.05
-"""Time that the travel is predicted for, s: a period of the paper's actuator on its spring."""
+"""Prediction horizon of the travel, s: a period of the paper's actuator on its spring."""
 
 REVERSION = 0.03
-"""Time after which what comes next is expected to have taken half of a predicted travel back, s: a
-tool that has met a surface, say, does not keep its change of velocity, but bounces and is held by
-the coupling. (Without it, a landing of the virtual rig is predicted to take twice what it takes.)
+"""Time after which half of a predicted travel is expected to be reversed, s. A tool that has met a
+surface, for example, bounces and is held by the coupling. (Without this, the predicted travel at
+contact in the virtual rig is twice the real one.)
 """
 
 SETTLING = 0.1
-"""Time for which travel outlasts the force that caused it, s: five times 2 m_a / b_s (Table I)."""
+"""Time for which travel persists after its force, s: five times 2 m_a / b_s (Table I)."""
 
 PREDICTION_RATE = 500.0
-"""Highest rate of the prediction, Hz: travel has little above 100 Hz."""
+"""Maximum rate of the prediction, Hz; travel contains little above 100 Hz."""
 
 ATTACK = 1.5e-3
-"""Time constant of giving up, s: a step of force would be felt, a late one would not help."""
+"""Time constant of the attenuation, s: users would feel a step of force, and a late one would not
+help."""
 
 RELEASE = 0.5
-"""Time constant of regaining low frequencies, s: some periods of what they were given up for."""
+"""Time constant of the return of low frequencies, s: some periods of them."""
 
 FADING = 0.005
 """Duration of the crossfade to other taps, s."""
 
-_BLOCKS = 8  # of the responses' length in the buffer, so that it is seldom moved
-_SETTLED = 1e-3  # of a place in the bank: too little to matter
+_BLOCKS = 8  # of the responses' length in the buffer, so that it is rarely moved
+_SETTLED = 1e-3  # of an index in the bank: negligible
 
 
 class TravelPredictor:
-    """Largest travel of the next `HORIZON` that each member of a bank would take.
+    """Maximum travel of each member of a bank in the next `HORIZON`.
 
-    Each member is taken to have been in use all the time, and no further input to come; what is
-    further ahead counts less (`REVERSION`).
+    The prediction assumes that each member has always been in use, and that the input is zero from
+    now on. Later travel has a smaller weight (`REVERSION`).
 
     Parameters
     ----------
     suspension : Suspension
-        The actuator's.
+        Parameters of the actuator.
     rate : float
-        Samples per second. Above `PREDICTION_RATE` the mean of some samples is one of the
-        prediction's.
+        Samples per second. Above `PREDICTION_RATE` the prediction uses means of several samples.
     """
 
     def __init__(self, suspension: Suspension, rate: float) -> None:
@@ -69,13 +69,13 @@ class TravelPredictor:
         self._sum = 0.0
 
     def expect(self, forces: FloatArray) -> None:
-        """Set how each member answers; what was predicted stays.
+        """Set the response of each member; the predicted travel remains.
 
         Parameters
         ----------
         forces : ndarray, shape (k, n)
-            Force, and what the handle's acceleration adds to it, after a unit sample, N. The
-            shape must stay the same.
+            Force plus the effect of the handle's acceleration after a unit sample, N. The shape
+            must not change.
         """
         count, length = forces.shape
         spare = -length % self._every
@@ -85,11 +85,11 @@ class TravelPredictor:
         total = held.shape[1] + len(self._per_force) - 1
         size = 1 << total.bit_length()
         spectrum = np.fft.rfft(held, size) * np.fft.rfft(self._per_force, size)
-        # By time, then by member: what moves on in time lies side by side.
+        # Time first, then member: data that move together in time are contiguous.
         self._travels = np.ascontiguousarray(np.fft.irfft(spectrum, size)[:, :total].T)
 
     def sample(self, value: float) -> bool:
-        """Take a sample of the members' input; return whether the prediction has advanced."""
+        """Add a sample of the members' input; return whether the prediction has advanced."""
         self._sum += value
         self._count += 1
         if self._count < self._every:
@@ -99,16 +99,16 @@ class TravelPredictor:
         return True
 
     def peaks(self) -> FloatArray:
-        """Return the largest travel by member, m, shape (k,)."""
+        """Return the maximum travel of each member, m, shape (k,)."""
         return np.asarray(np.abs(self._ahead[self._seen] * self._kept[:, None]).max(axis=0))
 
     def exceeds(self, limit: float) -> bool:
-        """Return whether the first member would take more travel than a limit in m."""
+        """Return whether the first member would exceed a travel limit in m."""
         ahead = self._ahead[self._seen, 0] * self._kept
         return bool(ahead.max() > limit or ahead.min() < -limit)
 
     def reset(self) -> None:
-        """Return to a state without any past."""
+        """Clear the past."""
         length, count = self._travels.shape
         self._ahead = np.zeros((_BLOCKS * length + self._horizon, count))
         self._start = self._count = 0
@@ -130,28 +130,28 @@ class TravelPredictor:
 
 
 class ExcursionControl:
-    """Inverses that give up more and more of the low frequencies, and the choice among them.
+    """Selection among inverses with increasing attenuation of low frequencies.
 
-    As loudspeaker amplifiers do it (Klippel, J. Audio Eng. Soc. 40, 1992), the travel of the next
-    tens of milliseconds is predicted. The first member of the bank that keeps the limit is used,
-    between two of them their weighted mean: at once where more has to be given up, so that a
-    landing meets the filter that stands it, and slowly back.
+    As in loudspeaker amplifiers (Klippel, J. Audio Eng. Soc. 40, 1992), the travel of the next
+    tens of milliseconds is predicted. The first member of the bank within the limit is used, or a
+    weighted mean of two members. Attenuation increases at once, so that it is effective at
+    contact, and decreases slowly.
 
     Parameters
     ----------
     bank : InverseBank
-        From all to least travel.
+        Inverses from most to least travel.
     suspension : Suspension
-        The actuator's.
+        Parameters of the actuator.
     limit : float
-        Largest travel, m.
+        Maximum travel, m.
     rate : float
         Samples per second.
 
     Attributes
     ----------
     taps : ndarray, shape (k, n)
-        Taps of the members as used now, N per m/s^2.
+        Present taps of the members, N per m/s^2.
     place : float
         Member in use, from 0 for the first to k - 1 for the last.
     """
@@ -160,7 +160,7 @@ class ExcursionControl:
         self, bank: InverseBank, suspension: Suspension, limit: float, rate: float
     ) -> None:
         self._limit = limit
-        # Both move the actuator: m_a d'' + b_s d' + k_s d = -f_a - m_a a_h.
+        # Both inputs move the actuator: m_a d'' + b_s d' + k_s d = -f_a - m_a a_h.
         self._following = suspension.m_a * bank.motion
         self._window = SampleWindow(bank.taps.shape[1])
         self._attack = -math.expm1(-1.0 / (ATTACK * rate))
@@ -175,9 +175,9 @@ class ExcursionControl:
         return self._left > 0
 
     def replace(self, taps: FloatArray) -> None:
-        """Fade to other taps of the members, over `FADING`.
+        """Crossfade to other taps of the members over `FADING`.
 
-        Travel is predicted with them at once. A crossfade that has begun ends where it is.
+        The prediction uses the new taps at once. A running crossfade stops at its present mixture.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class ExcursionControl:
         self._predictor.expect(taps + self._following)
 
     def restart(self, taps: FloatArray) -> None:
-        """Forget the past, and use these taps of the members, shape (k, n)."""
+        """Clear the past, and use these taps of the members, shape (k, n)."""
         self.taps = np.array(taps, dtype=np.float64, order="C")
         self._left = 0
         self._predictor.expect(self.taps + self._following)
@@ -197,7 +197,7 @@ class ExcursionControl:
         self.place = self._wanted = 0.0
 
     def sample(self, value: float) -> float:
-        """Take one sample of the members' input, return the force, N."""
+        """Process one sample of the members' input; return the force, N."""
         if self._left:
             self._left -= 1
             self.taps += self._slope
@@ -229,7 +229,7 @@ class ExcursionControl:
                 self._wanted = 0.0
 
     def _needed(self) -> float:
-        """Return the first place whose interpolated peak keeps the limit, else the last one."""
+        """Return the first index whose interpolated peak is within the limit, or the last one."""
         peaks = self._predictor.peaks()
         keeping = peaks <= self._limit
         if not keeping.any():

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The inverse for every grip, with more and less travel."""
+"""Inverses for all grips, with more and less travel."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class InverseFamily:
     Attributes
     ----------
     sections : ndarray, shape (2, 6)
-        The extension, which no grip changes.
+        Extension, independent of the grip.
     basis : ndarray, shape (k, 4, n)
-        Taps to multiply by m_h, b_u, k_u and 1, then to add.
+        Taps to multiply by m_h, b_u, k_u and 1, and to add.
     motion : ndarray, shape (k, n)
-        As in `InverseBank`, taken to be the same for every grip.
+        As in `InverseBank`; assumed to be equal for all grips.
     """
 
     sections: FloatArray
@@ -62,7 +62,7 @@ def design_family(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inver
     """Design the inverse for all grips of one actuator.
 
     Parameters, errors
-        Those of `design_inverse`; the plant has the grip in the middle of those expected.
+        As for `design_inverse`; the plant has the middle one of the expected grips.
 
     Returns
     -------

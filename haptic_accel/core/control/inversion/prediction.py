@@ -31,11 +31,11 @@ class Prediction:
     travel_rms : float
         Root mean square of the actuator's displacement from the handle, m.
     landing_travel : float
-        Its maximum after a change of the tool's velocity by `LANDING_VELOCITY`, m.
+        Maximum displacement after a change of the tool's velocity by `LANDING_VELOCITY`, m.
     frequency : ndarray, shape (n,)
         Frequencies, Hz, evenly spaced, without 0.
     tracking : ndarray, shape (n,)
-        Handle over desired acceleration after the granted delay, complex: 1 is exact.
+        Handle over desired acceleration after the granted delay, complex; 1 is ideal.
     """
 
     nrmse_percent: float
@@ -52,24 +52,24 @@ class Prediction:
 
     @property
     def phase(self) -> FloatArray:
-        """Angle of `tracking`, rad; positive where the handle leads."""
+        """Angle of `tracking`, rad; positive if the handle leads."""
         return np.angle(self.tracking)
 
 
 def predict(
     inverse: InverseFilter, plant: Dynamics, spectrum: ToolSpectrum = PRIOR, *, noise: float = 0.0
 ) -> Prediction:
-    """Predict error, force and travel of a filter on a plant without limits and friction.
+    """Predict error, force and travel of a filter for a plant without limits and friction.
 
     Parameters
     ----------
     inverse : InverseFilter
     plant : Plant or IdentifiedPlant
-        True plant, which need not be the one of the design.
+        True plant, which may differ from the one of the design.
     spectrum : callable
         Spectrum of the measured tool acceleration.
     noise : float
-        Standard deviation of a sample of the handle's accelerometer, m/s^2: all of it counts as
+        Standard deviation of a sample of the handle's accelerometer, m/s^2; all of it counts as
         error.
     """
     rate = inverse.rate

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Spectrum of tool acceleration that a filter is designed for."""
+"""Spectrum of tool acceleration for the design of a filter."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ import numpy as np
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, parameter
 
-# scipy.signal takes half a second to import: only the measurement of a spectrum waits for it.
+# scipy.signal takes half a second to import: only the measurement of a spectrum needs it.
 
 ToolSpectrum = Callable[[FloatArray], FloatArray]
 """One-sided power spectral density of tool acceleration, (m/s^2)^2/Hz, at frequencies in Hz."""
 
 TEXTURE_DENSITY = 0.15
-"""Density in the middle of the texture, m/s^2/sqrt(Hz): 1.4 m/s^2 RMS in all, as of rough wood."""
+"""Density in the middle of the texture, m/s^2/sqrt(Hz): 1.4 m/s^2 RMS in total, as for rough
+wood."""
 
 HAND_DENSITY = 0.02
 """Density of slow motion of hand and arm below the texture, m/s^2/sqrt(Hz)."""
@@ -34,10 +35,10 @@ SEGMENT_SECONDS = 0.5
 
 @dataclass(frozen=True)
 class TexturePrior(Checked):
-    """Spectrum of an unknown surface: broad texture over slow motion and noise.
+    """Spectrum of an unknown surface: broadband texture, slow motion and noise.
 
-    Its power rises with the fourth power of frequency and falls with the sixth. The narrower the
-    prior, the smaller the error on textures within it, and the larger on all others.
+    Its power rises with the fourth power of frequency and falls with the sixth. A narrower prior
+    gives smaller errors on textures within it, and larger errors on all others.
     """
 
     rise: float = parameter(
@@ -82,7 +83,7 @@ def measured_spectrum(acceleration: FloatArray, rate: float) -> ToolSpectrum:
     Returns
     -------
     callable
-        Linear between the lines, and nowhere below the noise of the tool's accelerometer.
+        Linear between the lines, and at least the noise of the tool's accelerometer.
     """
     from scipy import signal
 
@@ -91,7 +92,7 @@ def measured_spectrum(acceleration: FloatArray, rate: float) -> ToolSpectrum:
     floor = SENSOR_DENSITY**2
 
     def spectrum(frequency: FloatArray) -> FloatArray:
-        # The mean was removed, so that the line at 0 Hz has no meaning.
+        # The mean was removed, so the line at 0 Hz is meaningless.
         return np.maximum(np.interp(frequency, lines[1:], power[1:]), floor)
 
     return spectrum

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Toeplitz equations solved piece by piece."""
+"""Iterative solution of Toeplitz equations in small steps."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from haptic_accel.core.model import FloatArray
 def improved(
     columns: FloatArray, right: FloatArray, starts: FloatArray
 ) -> Iterator[FloatArray | None]:
-    """Yield ever better solutions of equations with symmetric positive definite Toeplitz matrices.
+    """Yield improving solutions of symmetric positive definite Toeplitz equations.
 
-    Conjugate gradients with products by fast Fourier transforms, and T. Chan's circulant as
-    preconditioner (R. Chan and Ng, Conjugate gradient methods for Toeplitz systems, SIAM Review
-    38, 1996). What each step lowers is the quadratic form itself, the error of the filter, where
-    Levinson's recursion has no intermediate results. All matrices take a step together: for the
-    short sequences of low rates a call costs more than a transform.
+    Method: conjugate gradients with products by fast Fourier transforms, and T. Chan's circulant
+    as preconditioner (R. Chan and Ng, Conjugate gradient methods for Toeplitz systems, SIAM Review
+    38, 1996). Each step reduces the quadratic form itself, the error of the filter; Levinson's
+    recursion has no intermediate results. All matrices take a step together, as for the short
+    sequences of low rates a call costs more than a transform.
 
     Parameters
     ----------
     columns : ndarray, shape (k, n)
         First column of each matrix.
     right : ndarray, shape (n,)
-        Right side, the same for all.
+        Right side, common to all.
     starts : ndarray, shape (k, n)
-        First solutions.
+        Initial solutions.
 
     Yields
     ------
     ndarray, shape (k, n), or None
-        The solutions after another step; None between its pieces, of one transform each.
-        Ends where no step improves any.
+        Solutions after another step; None between its parts, of one transform each. Ends when a
+        step improves no solution.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def improved(
         yield None
         corrected = np.fft.irfft(spectra, length)
         remaining = _products(residuals, corrected)
-        # What cannot be improved stays as it is.
+        # Solutions without improvement remain unchanged.
         going_on = remaining > least
         if not going_on.any():
             return
