@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The error of the handle's acceleration by frequency."""
+"""Error of the handle's acceleration by frequency band."""
 
 from __future__ import annotations
 
@@ -17,31 +17,32 @@ from haptic_accel.core.evaluation.metrics import spectra
 from haptic_accel.core.model import FloatArray
 
 BAND_EDGES = (15.0, 30.0, 60.0, 125.0, 250.0, 500.0, 1000.0, 2000.0)
-"""Octaves from the paper's high-pass on, Hz, rounded as octave bands are (IEC 61260). Their middle
-ones are where fingers feel vibration best; the paper's spectra are alike up to about 300 Hz."""
+"""Octaves above the paper's high-pass corner, Hz, rounded as octave bands are (IEC 61260). Fingers
+are most sensitive to vibration in the middle ones. The paper's spectra are similar up to about 300
+Hz."""
 
 assert BAND_EDGES[0] == HIGH_PASS_FREQUENCY
 
 QUIET_SHARE = 1e-6
-"""Fraction of the desired signal's power below which a band has no relative error: a thousandth of
-the amplitude, which is hidden by the sensor's noise."""
+"""Fraction of the desired signal's power below which a band has no relative error. It is a
+thousandth of the amplitude, which is below the sensor's noise."""
 
 
 @dataclass(frozen=True)
 class Band:
-    """Frequencies from `low` to below `high`, Hz."""
+    """Frequencies from `low` (included) to `high` (excluded), Hz."""
 
     low: float
     high: float
 
     @property
     def name(self) -> str:
-        """Name of the band, as ``30-60 Hz``."""
+        """Name of the band, for example ``30-60 Hz``."""
         return f"{self.low:g}-{self.high:g} Hz"
 
 
 def bands(rate: float) -> tuple[Band, ...]:
-    """Return the bands up to half a sampling rate in Hz; the last ends there."""
+    """Return the bands up to half a sampling rate in Hz, where the last one ends."""
     half = rate / 2
     edges = [edge for edge in BAND_EDGES if edge < half] + [min(half, BAND_EDGES[-1])]
     edges = list(dict.fromkeys(edges))
@@ -51,16 +52,16 @@ def bands(rate: float) -> tuple[Band, ...]:
 def band_nrmse(
     desired: FloatArray, actual: FloatArray, rate: float, chosen: Sequence[Band]
 ) -> dict[str, float]:
-    """Return the error within bands of frequency.
+    """Return the error within frequency bands.
 
-    In each band it is the root of the power of (actual - desired) over the power of desired, both
-    from the spectra of `metrics.spectra`: by Parseval's theorem equal to `metrics.nrmse` of both
-    signals behind an ideal zero-phase filter of that band.
+    For each band it is the root of the power of (actual - desired) over the power of desired, from
+    `metrics.spectra`. By Parseval's theorem this is equal to `metrics.nrmse` of both signals after
+    an ideal zero-phase filter of the band.
 
     Parameters
     ----------
     desired, actual : ndarray, shape (n,)
-        Already aligned, m/s^2; at least 16 samples.
+        Aligned signals, m/s^2; at least 16 samples.
     rate : float
         Samples per second.
     chosen : sequence of Band
@@ -68,13 +69,13 @@ def band_nrmse(
     Returns
     -------
     dict
-        Ratio by the band's name; NaN where the desired signal is below `QUIET_SHARE`, or the
-        spectrum has no line.
+        Ratio by the band's name; NaN if the desired signal is below `QUIET_SHARE`, or the spectrum
+        has no line.
 
     Raises
     ------
     ValueError
-        As `metrics.spectra`.
+        As for `metrics.spectra`.
     """
     found = spectra(desired, actual - desired, rate)
     wanted, wrong = found.desired**2, found.actual**2

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Delay between two signals to a fraction of a sample, and its compensation."""
+"""Estimation and compensation of the delay between two signals, to a fraction of a sample."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ LONGEST_DELAY = 20e-3
 """Maximum lag searched, either way, s: twenty times the paper's, one period of 50 Hz."""
 
 FRACTION_EDGE = 32
-"""Samples dropped at both ends after a shift by a fraction of a sample: interpolation needs
-neighbours, which the ends lack."""
+"""Samples dropped at both ends after a shift by a fraction of a sample, as interpolation needs
+neighbours on both sides."""
 
 ALIKE = 0.3
-"""Minimum correlation for a delay: below it less than a tenth of the power is in common, which may
-be due to the hand, the sensor or chance."""
+"""Minimum correlation for a delay. A smaller one means less than a tenth of common power, which
+may be due to the hand, the sensor or chance."""
 
 WHOLE = 1e-6
 """Distance from a whole number of samples below which a shift counts as whole."""
@@ -30,12 +30,12 @@ WHOLE = 1e-6
 
 @dataclass(frozen=True)
 class Delay:
-    """The lag at which two signals are most alike.
+    """Lag with the highest correlation of two signals.
 
     Attributes
     ----------
     seconds : float
-        Positive where the second signal comes later; NaN where no lag stands out.
+        Lag, s; positive if the second signal is later; NaN without a distinct maximum.
     correlation : float
         Correlation coefficient of the signals at that lag, 0 to 1.
     """
@@ -49,16 +49,16 @@ def estimate_delay(
 ) -> Delay:
     """Find the lag of `actual` behind `desired` by the peak of their cross-correlation.
 
-    The peak is refined between samples on the band-limited cross-correlation itself, not by a
-    parabola, which is biased by up to a twentieth of a sample. It is the generalised correlation
-    method without weights (Knapp and Carter, IEEE Trans. ASSP 24(4), 1976): the lag at which a
-    pure delay leaves the least error. For a response that is not a pure delay it is the lag at the
-    frequencies with most of the common power.
+    The peak is refined between samples on the band-limited cross-correlation itself. A parabola
+    would be biased by up to a twentieth of a sample. It is the generalised correlation method
+    without weights (Knapp and Carter, IEEE Trans. ASSP 24(4), 1976): the lag at which a pure delay
+    has the least error. For a response that is no pure delay, it is the lag at the frequencies
+    with most of the common power.
 
     Parameters
     ----------
     desired, actual : ndarray, shape (n,)
-        Sampled at the same times, the same unit; finite.
+        Signals with the same sampling times and unit; finite.
     rate : float
         Samples per second.
     longest : float
@@ -67,8 +67,8 @@ def estimate_delay(
     Returns
     -------
     Delay
-        NaN where either signal is constant or empty, their correlation is below `ALIKE` at all
-        lags up to the longest, or it is largest at the end of these.
+        NaN if a signal is constant or empty, if the correlation is below `ALIKE` at all lags up to
+        the longest, or if it is largest at the longest lag.
     """
     nothing = Delay(math.nan, 0.0)
     if not len(desired):
@@ -80,7 +80,7 @@ def estimate_delay(
         return nothing
     from scipy import fft
 
-    # Zeros behind the signals keep their ends from meeting their beginnings.
+    # Zeros after the signals prevent circular overlap.
     length = fft.next_fast_len(len(first) + farthest + 1, real=True)
     cross: ComplexArray = np.conj(fft.rfft(first, length)) * fft.rfft(second, length)
     correlation = fft.irfft(cross, length)
@@ -94,7 +94,7 @@ def estimate_delay(
 
 
 def _between_samples(cross: ComplexArray, length: int, peak: int) -> tuple[float, float]:
-    """Return lag and value of a cross-correlation's maximum between the peak's neighbours."""
+    """Return lag and value of a cross-correlation's maximum around its peak sample."""
     from scipy import optimize
 
     turns = 2j * np.pi * np.arange(cross.size) / length
@@ -115,7 +115,7 @@ def _between_samples(cross: ComplexArray, length: int, peak: int) -> tuple[float
 def shift_back(
     desired: FloatArray, actual: FloatArray, rate: float, delay: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Compensate a delay, so that a response coincides with its cause.
+    """Shift a response back by its delay, so that it coincides with its cause.
 
     Parameters
     ----------
@@ -124,8 +124,8 @@ def shift_back(
     rate : float
         Samples per second.
     delay : float
-        Lag of `actual`, s; negative where it leads. A whole number of samples only moves the
-        signals; for a fraction, `actual` is interpolated as a band-limited signal.
+        Lag of `actual`, s; negative if it leads. A whole number of samples only shifts the
+        signals. For a fraction, `actual` is interpolated as a band-limited signal.
 
     Returns
     -------
@@ -154,7 +154,7 @@ def shift_back(
 
 
 def _advanced(values: FloatArray, samples: float) -> FloatArray:
-    """Move a signal to earlier times by a fraction of a sample."""
+    """Shift a signal to earlier times by a fraction of a sample."""
     from scipy import fft
 
     # A length without large prime factors: others take many times as long.

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Metrics of the paper: how closely an actual acceleration follows the desired one.
+"""Metrics of the paper: agreement of an actual acceleration with the desired one.
 
 The paper is McMahan and Kuchenbecker, "Haptic display of realistic tool contact via dynamically
 compensated control of a dedicated actuator", IROS 2009.
@@ -20,7 +20,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import check_positive_rate
 
 PAPER_DELAY = 1.0e-3
-"""Time by which the actual acceleration is shifted back before comparing, s: tau_d, Table I."""
+"""Shift of the actual acceleration before the comparison, s: tau_d, Table I."""
 
 _ERRORS = {  # none, constant, dynamic
     "plywood": (99.6, 69.8, 65.1),
@@ -36,33 +36,33 @@ TABLE_II: Mapping[tuple[str, str], float] = MappingProxyType(
         for controller, error in zip(("none", "constant", "dynamic"), errors, strict=True)
     }
 )
-"""The paper's Table II: NRMSE in percent by (surface, controller).
+"""Table II of the paper: NRMSE in percent by (surface, controller).
 
-The surface ``average`` is the paper's own column of averages. It is not the plain mean of the
+The surface ``average`` is the column of averages in the paper. It differs from the mean of the
 three surfaces, which would be 80.9 for constant and 73.7 for dynamic.
 """
 
 REGRESSION: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"constant": (0.60, 0.65), "dynamic": (0.64, 0.71)}
 )
-"""The paper's slope, of desired on actual acceleration, and R^2, averaged over its surfaces.
+"""Slope of desired over actual acceleration and R^2 in the paper, averaged over its surfaces.
 
-The paper does not say which way it regressed; only so do its numbers agree with Table II, since
-NRMSE^2 = 1 - 2 b + b^2 / R^2 with b = R^2 / slope of actual on desired.
+The paper does not state the direction of its regression. Only this one agrees with Table II, as
+NRMSE^2 = 1 - 2 b + b^2 / R^2 with b = R^2 / slope of actual over desired.
 """
 
 SEGMENT_SECONDS = 0.25
 """Maximum length of the segments of a spectrum, s: lines 4 Hz apart."""
 
-_LARGEST = 1.0e100  # a rig that diverges reaches this on its way to infinity
-_SMALLEST = 1.0e-100  # root sum of squares; together these keep every ratio finite
+_LARGEST = 1.0e100  # a diverging rig reaches this value before infinity
+_SMALLEST = 1.0e-100  # root sum of squares; both limits together keep all ratios finite
 
-_FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is 1 whatever it holds
+_FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is always 1
 
 
 @dataclass(frozen=True)
 class Regression:
-    """Least-squares straight lines between two signals, in both directions.
+    """Least-squares lines between two signals, in both directions.
 
     The product of the two slopes is `r2`.
 
@@ -92,7 +92,7 @@ class Spectra:
     desired, actual : ndarray, shape (n,)
         One-sided amplitude spectral density, m/s^2/sqrt(Hz).
     coherence : ndarray, shape (n,)
-        Magnitude-squared coherence, 0 to 1; 0 where either signal has nothing.
+        Magnitude-squared coherence, 0 to 1; 0 where a signal is zero.
     """
 
     frequency: FloatArray
@@ -110,8 +110,8 @@ class Evaluation:
     nrmse_percent : float
         RMS(actual - desired) / RMS(desired) after the shift, in percent (Table II).
     slope_desired_on_actual, slope_actual_on_desired, r2 : float
-        See `Regression`. The averages that the paper states agree with its Table II only as
-        slopes of desired on actual.
+        See `Regression`. The paper's averages agree with its Table II only as slopes of desired
+        over actual.
     """
 
     nrmse_percent: float
@@ -148,24 +148,25 @@ def align(desired: FloatArray, actual: FloatArray, samples: int) -> tuple[FloatA
 
 
 def nrmse(desired: FloatArray, actual: FloatArray) -> float:
-    """Root-mean-square error as a fraction of the desired signal's root mean square.
+    """Return the root-mean-square error relative to the desired signal's root mean square.
 
-    The measure of the paper's Table II: RMS(actual - desired) / RMS(desired). No mean is removed.
+    This is the measure of the paper's Table II: RMS(actual - desired) / RMS(desired). No mean is
+    removed.
 
     Parameters
     ----------
     desired, actual : ndarray, shape (n,)
-        Signals already aligned, in the same unit.
+        Aligned signals in the same unit.
 
     Returns
     -------
     float
-        A ratio: 0 for equal signals, 1 for an actual signal of zero.
+        Ratio: 0 for equal signals, 1 for an actual signal of zero.
 
     Raises
     ------
     ValueError
-        The signals differ in length, are empty, hold NaN or infinity, or `desired` is all zero.
+        The signals differ in length, are empty or not finite, or `desired` is zero throughout.
     """
     _check_pair(desired, actual)
     reference = float(np.linalg.norm(desired))
@@ -175,19 +176,19 @@ def nrmse(desired: FloatArray, actual: FloatArray) -> float:
 
 
 def regress(desired: FloatArray, actual: FloatArray) -> Regression:
-    """Fit straight lines between two signals by least squares, in both directions.
+    """Fit least-squares lines between two signals, in both directions.
 
     Parameters
     ----------
     desired, actual : ndarray, shape (n,)
-        Signals already aligned.
+        Aligned signals.
 
     Returns
     -------
     Regression
-        Always finite. A constant signal explains nothing and is explained by nothing: both
-        slopes and `r2` are then 0. Where that leaves the slope undetermined (regressing on the
-        constant) it is the least-squares solution of smallest magnitude.
+        Always finite. For a constant signal both slopes and `r2` are 0, as it explains nothing.
+        Where the slope is undetermined (regression on the constant), this is the least-squares
+        solution of smallest magnitude.
 
     Raises
     ------
@@ -201,7 +202,7 @@ def regress(desired: FloatArray, actual: FloatArray) -> Regression:
     if norm_desired < _SMALLEST or norm_actual < _SMALLEST:
         return Regression(0.0, 0.0, 0.0)
     correlation = float(np.dot(varying_desired / norm_desired, varying_actual / norm_actual))
-    correlation = min(max(correlation, -1.0), 1.0)  # rounding may carry it past one
+    correlation = min(max(correlation, -1.0), 1.0)  # rounding may make it exceed one
     return Regression(
         slope_desired_on_actual=correlation * norm_desired / norm_actual,
         slope_actual_on_desired=correlation * norm_actual / norm_desired,
@@ -212,8 +213,8 @@ def regress(desired: FloatArray, actual: FloatArray) -> Regression:
 def spectra(desired: FloatArray, actual: FloatArray, rate: float) -> Spectra:
     """Estimate the spectra of two signals by Welch's method.
 
-    Hann-windowed segments of `SEGMENT_SECONDS`, or of a quarter of a shorter signal, overlap by
-    half; the mean is removed.
+    Hann-windowed segments of `SEGMENT_SECONDS`, or a quarter of a shorter signal, overlap by half.
+    The mean is removed.
 
     Parameters
     ----------
@@ -238,13 +239,13 @@ def spectra(desired: FloatArray, actual: FloatArray, rate: float) -> Spectra:
     quarter = len(desired) // _FEWEST_SEGMENTS
     segment = min(max(math.ceil(SEGMENT_SECONDS * rate), 4), quarter)
     first, second = _without_mean(desired), _without_mean(actual)
-    # Loading it takes a second, which a node that never evaluates does without.
+    # Its import takes a second, which nodes without an evaluation avoid.
     from scipy import signal
 
     frequency, power_desired = signal.welch(first, rate, nperseg=segment)
     _, power_actual = signal.welch(second, rate, nperseg=segment)
     _, cross = signal.csd(first, second, rate, nperseg=segment)
-    # scipy.signal.coherence divides zero by zero where a signal has nothing.
+    # scipy.signal.coherence divides zero by zero where a signal is zero.
     amplitudes = np.sqrt(power_desired) * np.sqrt(power_actual)
     coherence = np.zeros_like(amplitudes)
     np.divide(np.abs(cross), amplitudes, out=coherence, where=amplitudes > 0.0)
@@ -259,7 +260,7 @@ def spectra(desired: FloatArray, actual: FloatArray, rate: float) -> Spectra:
 def evaluate(
     desired: FloatArray, actual: FloatArray, rate: float, delay: float = PAPER_DELAY
 ) -> Evaluation:
-    """Compare an actual with a desired acceleration as the paper does.
+    """Compare an actual with a desired acceleration by the paper's method.
 
     Parameters
     ----------
@@ -268,8 +269,8 @@ def evaluate(
     rate : float
         Samples per second.
     delay : float
-        Time that the actual signal is shifted back, s; taken to the nearest whole number of
-        samples, so that the paper's 1 ms at 1 kHz is one sample.
+        Shift of the actual signal, s, rounded to whole samples: the paper's 1 ms at 1 kHz is one
+        sample.
 
     Returns
     -------
@@ -292,7 +293,7 @@ def evaluate(
 
 
 def _without_mean(values: FloatArray) -> FloatArray:
-    """Subtract the mean; a constant gives exact zeros, not the rounding of its mean."""
+    """Subtract the mean; a constant gives exact zeros without rounding errors."""
     if np.ptp(values) == 0.0:
         return np.zeros_like(values)
     return values - np.mean(values)

@@ -3,8 +3,8 @@
 
 """Confidence intervals of metrics, and paired tests of differences between conditions.
 
-Student (1908) for means, Efron (1979) for the bootstrap, Wilcoxon (1945) for signed ranks; the
-distributions are those of `scipy.stats`.
+Student (1908) for means, Efron (1979) for the bootstrap, Wilcoxon (1945) for signed ranks;
+distributions from `scipy.stats`.
 """
 
 from __future__ import annotations
@@ -21,39 +21,39 @@ CONFIDENCE = 0.95
 """Confidence level of every interval."""
 
 SEGMENT = 1.0
-"""Length of the pieces of a trial that are treated as independent, s: some strokes of a hand, and
-many times the correlation time of handle and texture."""
+"""Length of the pieces of a trial that count as independent, s: some strokes of a hand, and many
+times the correlation time of handle and texture."""
 
 FEWEST_SEGMENTS = 5
 """Minimum number of pieces for a trial's own interval."""
 
 RESAMPLES = 2000
-"""Number of bootstrap draws: quantiles are then exact to about a tenth of the interval."""
+"""Number of bootstrap draws; quantiles are then accurate to about a tenth of the interval."""
 
 FEWEST = 3
-"""Minimum number of values for an interval, and of pairs for a test: over two, Student's interval
-is 13 times as wide as over very many, and says nothing."""
+"""Minimum number of values for an interval, and of pairs for a test. For two values Student's
+interval is 13 times as wide as for very many, and is useless."""
 
 FEWEST_RANKED = 6
-"""Minimum number of pairs with which Wilcoxon's test can give less than 5 %: 2 / 2^6 is 3 %."""
+"""Minimum number of pairs for which Wilcoxon's test can give less than 5 %: 2 / 2^6 is 3 %."""
 
-_SEED = 0  # the same interval for the same trial, every time
+_SEED = 0  # fixed, so that a trial always has the same interval
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A value with its confidence interval.
+    """Value with its confidence interval.
 
     Attributes
     ----------
     value : float
         Estimate.
     low, high : float
-        Ends of the interval of `CONFIDENCE`; NaN where there is none.
+        Ends of the interval of `CONFIDENCE`; NaN if there is none.
     n : int
-        Number of values or pieces that the interval is computed from.
+        Number of values or pieces in the interval.
     method : str
-        Method of the interval, in words.
+        Description of the interval's method.
     """
 
     value: float
@@ -65,7 +65,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """Test of the difference between two conditions, pair by pair.
+    """Paired test of the difference between two conditions.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class PairedDifference:
     p_wilcoxon : float
         Two-sided probability of Wilcoxon's signed-rank test; NaN where not tested.
     verdict : str
-        Result in words, including tests that were not possible and the reason.
+        Description of the result, with the reason for each test that was not possible.
     """
 
     n: int
@@ -95,8 +95,8 @@ class PairedDifference:
 def mean_interval(values: Sequence[float]) -> Interval:
     """Return the mean of independent values with Student's interval.
 
-    Values that are not finite are left out. Fewer than `FEWEST` values have no interval; the mean
-    is NaN if none is left.
+    Values that are not finite are ignored. Fewer than `FEWEST` values have no interval; the mean
+    of no values is NaN.
     """
     finite = np.array([value for value in values if math.isfinite(value)])
     n = len(finite)
@@ -116,21 +116,21 @@ def mean_interval(values: Sequence[float]) -> Interval:
 def nrmse_interval(desired: FloatArray, actual: FloatArray, rate: float) -> Interval:
     """Return a trial's NRMSE with a bootstrap interval from its pieces.
 
-    The trial is cut into pieces of `SEGMENT`, which are drawn with replacement `RESAMPLES` times;
-    the interval is between quantiles of the NRMSE of the draws. It covers the variation within the
-    trial, not that between trials.
+    The trial is divided into pieces of `SEGMENT`, which are drawn with replacement `RESAMPLES`
+    times. The interval lies between quantiles of the NRMSE of the draws. It covers the variation
+    within the trial, not between trials.
 
     Parameters
     ----------
     desired, actual : ndarray, shape (n,)
-        Already aligned, m/s^2.
+        Aligned signals, m/s^2.
     rate : float
         Samples per second.
 
     Returns
     -------
     Interval
-        A ratio; without ends where there are fewer than `FEWEST_SEGMENTS`.
+        Ratio; without ends for fewer than `FEWEST_SEGMENTS` pieces.
     """
     reference = float(np.sum(desired**2))
     value = (
@@ -152,23 +152,23 @@ def nrmse_interval(desired: FloatArray, actual: FloatArray, rate: float) -> Inte
 
 
 def paired_difference(first: Sequence[float], second: Sequence[float]) -> PairedDifference:
-    """Test whether two conditions differ, from values that belong together in pairs.
+    """Test whether two conditions differ, from paired values.
 
     Parameters
     ----------
     first, second : sequence of float, the same length
-        Finite; the value of each pair under either condition.
+        Value of each pair under either condition; finite.
 
     Returns
     -------
     PairedDifference
-        Without probabilities where there are fewer than `FEWEST` pairs, and without
-        Wilcoxon's below `FEWEST_RANKED`.
+        Without probabilities for fewer than `FEWEST` pairs, and without Wilcoxon's for fewer than
+        `FEWEST_RANKED`.
 
     Raises
     ------
     ValueError
-        They differ in length.
+        The sequences differ in length.
     """
     if len(first) != len(second):
         raise ValueError(f"{len(first)} and {len(second)} values: must be pairs")
@@ -176,7 +176,7 @@ def paired_difference(first: Sequence[float], second: Sequence[float]) -> Paired
     n = len(differences)
     mean = mean_interval(differences.tolist())
     spread = float(np.std(differences, ddof=1)) if n > 1 else math.nan
-    # Equal differences differ by the rounding of their subtraction all the same.
+    # Equal differences may still differ by rounding errors.
     varies = spread > 1e-12 * max(float(np.max(np.abs(differences))), 1e-300) if n > 1 else False
     effect = mean.value / spread if varies else math.nan
     t = p_t = p_wilcoxon = math.nan

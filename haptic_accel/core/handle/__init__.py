@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Dynamics of the handle: its mechanics, responses, and the plant that a controller meets."""
+"""Dynamics of the handle: mechanics, responses, and the plant for controllers."""

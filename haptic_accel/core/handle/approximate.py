@@ -13,15 +13,15 @@ from haptic_accel.core.model import ApproximateModel, FloatArray, HandleParamete
 from haptic_accel.core.parameters import ParameterError
 
 LOWEST_FREQUENCY = 15.0
-"""Corner of the high-pass, from which on the model matters, Hz (paper)."""
+"""Lower frequency limit of the model, the corner of the high-pass, Hz (paper)."""
 
 HIGHEST_FREQUENCY = 200.0
-"""Upper end of the identified band, Hz (paper)."""
+"""Upper frequency limit of the identified band, Hz (paper)."""
 
-_LINES = 200  # evenly spaced in the logarithm of frequency, as ears and hands judge
-_FREQUENCIES = (4.0, 60.0)  # Hz; a slower inverse would wander, paper 9 to 20 Hz (assumed)
-_DAMPING = (0.15, 1.5)  # less would ring in the inverse; paper 0.3 to 0.5 (assumed)
-_PULL = 0.01  # towards the paper's values: decides only what the response leaves open
+_LINES = 200  # spaced evenly in the logarithm of frequency, as human perception is logarithmic
+_FREQUENCIES = (4.0, 60.0)  # Hz; a slower inverse would drift, paper 9 to 20 Hz (assumed)
+_DAMPING = (0.15, 1.5)  # the inverse would oscillate with less; paper 0.3 to 0.5 (assumed)
+_PULL = 0.01  # towards the paper's values; matters only where the response leaves freedom
 
 _FREE = tuple(field.name for field in fields(ApproximateModel) if field.name != "gain")
 
@@ -31,8 +31,8 @@ def approximate_model(
 ) -> ApproximateModel:
     """Choose the zero and pole pairs of the paper's model for a handle.
 
-    Fits the logarithm of the magnitude, starting from the paper's values. The gain at zero
-    frequency, which the high-pass hides, stays 1.
+    Fit the logarithm of the magnitude, starting from the paper's values. The gain at zero
+    frequency, which the high-pass hides, remains 1.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ def approximate_model(
     Raises
     ------
     ParameterError
-        The band is out of range, or the handle is no spring-mounted mass: its response in the
-        band vanishes.
+        The band is out of range, or the response of the handle vanishes in it, so that the handle
+        is no mass on a spring.
     """
     from scipy.optimize import least_squares
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Discrete model of the handle, which an identification writes and a plant uses."""
+"""Discrete model of the handle, as written by an identification and used by a plant."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from haptic_accel.core.parameters import Specification
 
 @dataclass(frozen=True)
 class DiscreteModel:
-    """A stable transfer function in z with a delay.
+    """Stable transfer function in z with a delay.
 
     Attributes
     ----------
@@ -49,12 +49,12 @@ def read_discrete_model(path: Path) -> DiscreteModel:
     Parameters
     ----------
     path : Path
-        JSON file as ``haptic-accel identify --json`` writes it.
+        JSON file written by ``haptic-accel identify --json``.
 
     Raises
     ------
     ParameterError
-        It cannot be read, or holds no stable discrete model.
+        The file cannot be read, or contains no stable discrete model.
     """
     content = read_json_document(path).at("discrete_model")
     rate, delay = content.at("rate_hz").number(), content.at("delay_samples")

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frequencies at which a plant is inverted."""
+"""Frequency grid for the inversion of a plant."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import numpy as np
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 FINEST_STEP = 0.2
-"""Distance of a grid's frequencies, Hz: a fifth of the lowest corner in a filter."""
+"""Frequency spacing of a grid, Hz: a fifth of the lowest corner in a filter."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Frequencies between lines of a discrete Fourier transform, which leave out 0 Hz.
+    """Frequencies between the lines of a discrete Fourier transform, without 0 Hz.
 
-    Handle and high-pass have zeros at 0 Hz, so that nothing can be divided by them there.
+    Handle and high-pass have zeros at 0 Hz, which would cause a division by zero.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Grid:
 
     @property
     def step(self) -> float:
-        """Distance of two frequencies, Hz."""
+        """Distance between two frequencies, Hz."""
         return self.rate / (2 * self.points)
 
     def delay(self, samples: float) -> ComplexArray:
@@ -61,7 +61,7 @@ class Grid:
     def sequence(self, spectrum: ComplexArray | FloatArray) -> FloatArray:
         """Return the real sequence of a Fourier transform, shape (2 points,).
 
-        It is antiperiodic: its second half, with the sign turned, are the times before zero.
+        It is antiperiodic: its second half, with opposite sign, contains the times before zero.
         """
         both = np.concatenate([spectrum, np.zeros(self.points)])
         shift = np.exp(1j * np.pi * np.arange(2 * self.points) / (2 * self.points))
@@ -69,6 +69,6 @@ class Grid:
 
 
 def grid_for(rate: float, taps: int = 0, step: float = FINEST_STEP) -> Grid:
-    """Return a grid fine enough for a step in Hz, long enough for a filter of so many taps."""
+    """Return a grid with a step in Hz or finer, long enough for a filter with a number of taps."""
     needed = max(rate / (2 * step), 4 * taps)
     return Grid(rate, 1 << int(np.ceil(np.log2(needed))))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mechanics of the handle between hand, actuator and accelerometer, linear in time."""
+"""Linear time-invariant mechanics of the handle between hand, actuator and accelerometer."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from haptic_accel.core.model import FloatArray, HandleParameters, MountParameter
 Y_A, V_A, Y_H, V_H, X_U, Y_U, VX_U, V_U, MEASURED, X_H, VX_H, Y_M, V_M = range(13)
 F_A, F_Z, F_X, AX_U, A_U, F_BETWEEN, G = range(7)
 STATES, INPUTS = 13, 7
-# Neighbours, read together: one access to an array costs as much as its arithmetic.
+# Adjacent, to be read together: an array access costs as much as its arithmetic.
 ACTUATOR_AND_HANDLE = slice(Y_A, X_U)
 
 
 def mechanics(
     handle: HandleParameters, mount: MountParameters, corner: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return A and B of x' = A x + B u: eq. (1) and (2) of the paper, and a mass across.
+    """Return A and B of x' = A x + B u: eq. (1) and (2) of the paper, and a transverse mass.
 
-    States are positions, m, and velocities, m/s, of actuator, handle and mount along the
-    actuator's axis, of the handle across it, and of the hand in both; and the acceleration as
-    the sensor gives it, m/s^2. Inputs are forces, N, and accelerations, m/s^2. The constants of
-    this module name both.
+    States are positions, m, and velocities, m/s: of actuator, handle and mount along the
+    actuator's axis, of the handle across it, and of the hand in both directions. The last state is
+    the sensor's acceleration, m/s^2. Inputs are forces, N, and accelerations, m/s^2. The constants
+    of this module name both.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def mechanics(
     b[VX_H, F_X] = 1 / (h.m_a + h.m_h)
     b[V_U, A_U] = b[VX_U, AX_U] = 1.0
     sensed = _add_mount(mount, a, b)
-    # The accelerometer's first-order low-pass of its mount's acceleration.
+    # The accelerometer's first-order low-pass, applied to its mount's acceleration.
     omega = 2 * np.pi * corner
     a[MEASURED] = omega * a[sensed]
     a[MEASURED, MEASURED] = -omega
@@ -64,7 +64,7 @@ def mechanics(
 def axial_mechanics(
     handle: HandleParameters, mount: MountParameters, corner: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return A and B of the actuator's axis with the hand at rest; the last state is the output.
+    """Return A and B of the actuator's axis for a hand at rest; the last state is the output.
 
     Parameters as for `mechanics`. The input is the actuator's force; B has shape (n,).
     """
@@ -74,7 +74,7 @@ def axial_mechanics(
 
 
 def zero_order_hold(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
-    """Return the factors of the state, and of an input held over it, after a time in s."""
+    """Return the factors of the state and of a held input after a time in s."""
     from scipy.linalg import expm
 
     states = len(b)
@@ -85,11 +85,11 @@ def zero_order_hold(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArr
 
 
 def _add_mount(mount: MountParameters, a: FloatArray, b: FloatArray) -> int:
-    """Add the accelerometer's mount to A and B; return the state that is its velocity."""
+    """Add the accelerometer's mount to A and B; return the index of its velocity."""
     if not mount.frequency:
         return V_H
     omega = 2 * np.pi * mount.frequency
-    # The mount's mass is neglected: it exerts no force on the handle.
+    # The mount's mass is neglected, so that it exerts no force on the handle.
     a[Y_M, V_M] = 1.0
     a[V_M, [Y_H, Y_M]] = omega**2, -(omega**2)
     a[V_M, [V_H, V_M]] = 2 * mount.damping * omega, -2 * mount.damping * omega

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plant to be inverted: from a force at one tick to the handle's acceleration at later ones."""
+"""Plant for controllers: from a force at one tick to the handle's acceleration at later ticks."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from haptic_accel.core.sampling import check_latency
 
 
 class Dynamics(Protocol):
-    """Properties of a plant that a design needs."""
+    """Interface of plants for the design of controllers."""
 
     @property
     def handle(self) -> HandleParameters:
-        """Parameters of the handle, as far as known: for the actuator's travel."""
+        """Parameters of the handle, as far as known; used for the actuator's travel."""
 
     def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
         """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz."""
@@ -38,7 +38,7 @@ class Dynamics(Protocol):
 
 @dataclass(frozen=True)
 class Plant(Checked):
-    """The handle of eq. (3) with everything between a command and a sample."""
+    """Handle of eq. (3) with the complete path between command and sample."""
 
     handle: HandleParameters = field(default_factory=HandleParameters)
     mount: MountParameters = field(default_factory=MountParameters)
@@ -53,7 +53,7 @@ class Plant(Checked):
     friction: float = parameter(0.0, "dry friction of the actuator's bearing", "N", 0.0, 1.0)
     coupling: float = parameter(
         250.0,
-        "stiffness of the coupling to the slave, which adds to that of the grip (paper)",
+        "stiffness of the coupling to the slave, added to that of the grip (paper)",
         "N/m",
         0.0,
         1e5,
@@ -72,20 +72,20 @@ class Plant(Checked):
 
     @property
     def latency(self) -> int:
-        """Samples from the one that caused a force to the tick at which the force is due."""
+        """Delay from sample to force, in samples."""
         return 0
 
     def coupled(self) -> Plant:
-        """Return the plant with the coupling as a part of the grip.
+        """Return the plant with the coupling's stiffness added to the grip's.
 
-        The slave hardly moves at the frequencies that are felt, so that the coupling's spring is
+        The slave hardly moves at perceptible frequencies, so that the coupling's spring is
         parallel to that of the grip.
         """
         handle = replace(self.handle, k_u=self.handle.k_u + self.coupling)
         return replace(self, handle=handle, coupling=0.0)
 
     def delayed(self, latency: int) -> DelayedPlant:
-        """Return the plant of a loop whose forces are due so many samples after their cause.
+        """Return the plant of a loop with a delay from sample to force, in samples.
 
         Raises
         ------
@@ -98,12 +98,12 @@ class Plant(Checked):
     def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
         """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz.
 
-        It begins one sample after the force. See `sampled_response`.
+        It starts one sample after the force; see `sampled_response`.
 
         Raises
         ------
         ParameterError
-            The file of the model is not usable, or the model was identified at another rate.
+            The model's file is not usable, or the model was identified at another rate.
         """
         if self.model:
             return IdentifiedPlant(_model(self.model), self.handle).response(frequency, rate)
@@ -114,12 +114,12 @@ class Plant(Checked):
 
 @dataclass(frozen=True)
 class DelayedPlant(Plant):
-    """A plant in a loop whose forces are due some samples after their cause: `latency`."""
+    """Plant in a loop with a delay of `latency` samples from sample to force."""
 
     latency: int = 0
 
     def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
-        """Return the response of the plant, m/s^2 per N, one sample after the latency."""
+        """Return the response of the plant, m/s^2 per N, from one sample after the latency on."""
         turns = np.asarray(frequency) * (self.latency / rate)
         return np.asarray(super().response(frequency, rate) * np.exp(-2j * np.pi * turns))
 
@@ -131,14 +131,14 @@ def _model(path: str) -> DiscreteModel:
 
 @dataclass(frozen=True)
 class IdentifiedPlant:
-    """A discrete model of the handle that was identified without its physics.
+    """Discrete model of the handle, identified without a physical model.
 
     Attributes
     ----------
     model : DiscreteModel
         Discrete model at the rate of the design.
     handle : HandleParameters
-        Handle parameters, for the actuator's travel only, which the model does not contain.
+        Handle parameters, used only for the actuator's travel, which is not part of the model.
     """
 
     model: DiscreteModel

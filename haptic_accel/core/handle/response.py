@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frequency responses of the handle, as sampled and in continuous time."""
+"""Frequency responses of the handle, for sampled signals and in continuous time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ACCELEROMETER_CORNER = 500.0
 """Corner of the accelerometer's first-order low-pass, Hz (paper: ADXL320J)."""
 
 RIGID = MountParameters()
-"""A mount without a mode."""
+"""Mount without a mode."""
 
 
 def sampled_response(
@@ -34,11 +34,11 @@ def sampled_response(
     low_pass_frequency: float = ACCELEROMETER_CORNER,
     mount: MountParameters = RIGID,
 ) -> ComplexArray:
-    """Return the response of sampled acceleration to actuator force, behind delay and low-pass.
+    """Return the response of sampled acceleration to actuator force, with delay and low-pass.
 
-    The force is held from one sample to the next. The response is exact for what is sampled:
-    sin(x)/x and half a sample of delay, and all aliases, which at 1 kHz behind a 500 Hz
-    first-order low-pass make up 14 % at 200 Hz.
+    The force is held from one sample to the next. The response is exact for sampled signals: it
+    includes sin(x)/x, half a sample of delay, and all aliases. At 1 kHz with a 500 Hz first-order
+    low-pass the aliases amount to 14 % at 200 Hz.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def sampled_response(
     rate : float
         Samples per second.
     delay : float
-        Delay beside that of the hold, s.
+        Delay in addition to that of the hold, s.
     low_pass_frequency : float
         Corner of the accelerometer's first-order low-pass, Hz.
     mount : MountParameters
@@ -61,10 +61,10 @@ def sampled_response(
     """
     frequency = np.asarray(frequency, dtype=np.float64)
     a, b = axial_mechanics(handle, mount, low_pass_frequency)
-    late = math.ceil(delay * rate)  # whole samples until the force is first seen
+    late = math.ceil(delay * rate)  # whole samples until the force first appears
     over, step = zero_order_hold(a, b, 1.0 / rate)
-    # A force held from sample m acts from then plus the delay: at each later sample what remains
-    # of the last period is added to what the earlier ones left.
+    # A force held from sample m acts from then plus the delay. Each later sample is the sum of the
+    # last period's remainder and the effect of earlier periods.
     over_rest, step_rest = zero_order_hold(a, b, late / rate - delay)
     z = np.exp(2j * np.pi * frequency / rate)
     # x[n+1] = over x[n] + step u[n], by solving (z - over) x = step for all z at once.
@@ -76,7 +76,7 @@ def sampled_response(
 
 
 def travel_response(handle: HandleParameters, frequency: FloatArray) -> ComplexArray:
-    """Return the actuator's displacement from the handle over its force, m per N.
+    """Return the actuator's displacement relative to the handle over its force, m per N.
 
     From eq. (1) for the difference y = y_a - y_h:
     (m_a s^2 + b_s s + k_s) Y = -F_a - m_a A_h with A_h = H F_a.
@@ -93,15 +93,15 @@ def travel_response(handle: HandleParameters, frequency: FloatArray) -> ComplexA
 
 
 def inverse_terms(handle: HandleParameters, frequency: FloatArray) -> ComplexArray:
-    """Terms of 1/H, which is linear in mass, damping and stiffness of handle and grip.
+    """Return the terms of 1/H, which is linear in mass, damping and stiffness of handle and grip.
 
-    With A = m_a s^2 + b_s s + k_s and B = b_s s + k_s, eq. (3) turned over is
-    1/H = A (m_h s^2 + b_u s + k_u) / (m_a s^4) + B / s^2, as A B - B^2 = m_a s^2 B.
+    With A = m_a s^2 + b_s s + k_s and B = b_s s + k_s, the reciprocal of eq. (3) is 1/H = A (m_h
+    s^2 + b_u s + k_u) / (m_a s^4) + B / s^2, as A B - B^2 = m_a s^2 B.
 
     Parameters
     ----------
     handle : HandleParameters
-        Only the actuator's m_a, b_s and k_s are used.
+        Handle, of which only the actuator's m_a, b_s and k_s are used.
     frequency : ndarray, shape (n,)
         Frequencies, Hz, above 0.
 

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Identification of the handle: excite it, estimate its response, fit models to that."""
+"""Identification of the handle: excitation, response estimates and model fits."""

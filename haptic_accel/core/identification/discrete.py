@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A discrete rational model of the handle, where its physics does not explain all."""
+"""Discrete rational model of the handle, for effects that the physical model lacks."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from haptic_accel.core.identification.estimate import RecordingError, check_pair
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError, check_positive_rate
 
-# scipy.signal takes half a second to import: only an identification waits for it.
+# scipy.signal takes half a second to import: only an identification needs it.
 
 HIGHEST_ORDER = 40
-"""Largest number of poles."""
+"""Maximum number of poles."""
 
 LONGEST_DELAY_SAMPLES = 100
-"""Largest delay in samples."""
+"""Maximum delay in samples."""
 
 ITERATIONS = 30
-"""Largest number of relocations of the poles; five to ten suffice."""
+"""Maximum number of pole relocations; five to ten suffice."""
 
-_LARGEST_RADIUS = 1.0 - 1e-6  # of a pole: one reflected onto the unit circle would ring on
-_CONVERGED = 1e-7  # largest step of a pole
-_FARTHEST_ZERO = 1e4  # a zero farther off is rounding of one at infinity
+_LARGEST_RADIUS = 1.0 - 1e-6  # of a pole: one reflected onto the unit circle would not decay
+_CONVERGED = 1e-7  # maximum step of a pole
+_FARTHEST_ZERO = 1e4  # a zero farther away is a zero at infinity with rounding errors
 
 
 def identify_discrete(
@@ -33,36 +33,36 @@ def identify_discrete(
 ) -> DiscreteModel:
     """Identify a discrete model from a recording that starts at rest.
 
-    Steiglitz-McBride iterations (IEEE Trans. Automatic Control 10, 1965), unbiased with white
-    noise in the acceleration, on partial fractions instead of powers of z (vector fitting in
-    the time domain: Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999), which stay
-    well-conditioned at high orders and rates. Poles outside the unit circle are reflected.
+    Steiglitz-McBride iterations (IEEE Trans. Automatic Control 10, 1965), which are unbiased for
+    white noise in the acceleration. They use partial fractions instead of powers of z (vector
+    fitting in the time domain: Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999), which
+    are well-conditioned even at high orders and rates. Poles outside the unit circle are
+    reflected.
 
     Parameters
     ----------
     force, acceleration : ndarray, shape (n,)
-        N and m/s^2. The mean of the acceleration is removed: it is the sensor's offset, as the
-        handle answers no constant force.
+        N and m/s^2. The mean of the acceleration is removed: it is the sensor's offset, as a
+        constant force causes no acceleration.
     order : int
         Number of poles, and of zeros.
     rate : float
         Samples per second.
     delay_samples : int
-        Whole samples from a force to the first acceleration that shows it. In a loop that
-        applies its force after it has measured, this is 1.
+        Number of whole samples from a force to the first acceleration that shows it. It is 1 in a
+        loop that applies its force after the measurement.
 
     Returns
     -------
     DiscreteModel
-        Stable. Its delay is longer than the given one where the model has fewer zeros than
-        poles.
+        Stable model. Its delay is longer than the given one if it has fewer zeros than poles.
 
     Raises
     ------
     ParameterError
         Order, rate or delay is out of range.
     RecordingError
-        Signals that differ in length, are too short, not finite, or constant.
+        Signals differ in length, are too short, not finite, or constant.
     """
     _check(order, rate, delay_samples, force, acceleration)
     force = np.concatenate([np.zeros(delay_samples), force])[: len(force)]
@@ -81,7 +81,7 @@ def identify_discrete(
 
 
 def _starting_poles(order: int, rate: float) -> ComplexArray:
-    """Return damped pairs spread over the band in equal ratios, conjugates side by side."""
+    """Return damped pole pairs, spaced logarithmically over the band, conjugates adjacent."""
     frequencies = np.geomspace(1e-3 * rate, 0.4 * rate, max(1, order // 2))
     upper = np.exp(2 * np.pi * frequencies / rate * (1j - 0.2))
     pairs = np.column_stack([upper, upper.conj()]).ravel()[: 2 * (order // 2)]
@@ -89,7 +89,7 @@ def _starting_poles(order: int, rate: float) -> ComplexArray:
 
 
 def _fractions(poles: ComplexArray, values: FloatArray) -> FloatArray:
-    """Pass a signal through 1/(z - p) of each pole, pairs as their real and imaginary part.
+    """Filter a signal by 1/(z - p) for each pole; pairs give their real and imaginary part.
 
     Returns
     -------
@@ -108,19 +108,19 @@ def _fractions(poles: ComplexArray, values: FloatArray) -> FloatArray:
 
 
 def _first_poles(poles: ComplexArray) -> list[tuple[int, complex]]:
-    """Return real poles and the first of each conjugate pair, which has the positive angle."""
+    """Return the real poles and, of each conjugate pair, the pole with positive angle."""
     return [(index, pole) for index, pole in enumerate(poles.tolist()) if pole.imag >= 0.0]
 
 
 def _relocated(poles: ComplexArray, force: FloatArray, acceleration: FloatArray) -> ComplexArray:
-    """Return better poles: the zeros of the weight under which both signals fit linearly."""
+    """Return improved poles: the zeros of the weight for which both signals fit linearly."""
     from scipy.linalg import qr
 
     order = len(poles)
     both = np.column_stack([_fractions(poles, force), force, -_fractions(poles, acceleration)])
     scale = np.linalg.norm(both, axis=0)
     scale[scale == 0.0] = 1.0
-    # The triangle of a QR factorisation solves the same least squares, with fewer rows.
+    # The triangular factor of a QR factorisation gives the same solution with fewer rows.
     triangle = np.asarray(qr(np.column_stack([both / scale, acceleration]), mode="r")[0])
     columns = 2 * order + 1
     solution = np.linalg.lstsq(triangle[:columns, :columns], triangle[:columns, columns])[0]
@@ -166,29 +166,29 @@ def _stable(poles: ComplexArray) -> ComplexArray:
 def _sections(poles: ComplexArray, residues: FloatArray, direct: float) -> tuple[FloatArray, int]:
     """Return the sum of partial fractions as second-order sections, and samples of delay.
 
-    Each zero at infinity is a sample of delay: sections have as many zeros as poles.
+    Each zero at infinity becomes a sample of delay, as sections have equally many zeros and poles.
     """
     from scipy import linalg, signal
 
     a, b = _realised(poles)
     order = len(poles)
-    # Zeros are the finite eigenvalues of the system's pencil, also where there is no direct term.
+    # Zeros are the finite eigenvalues of the system's pencil, even without a direct term.
     pencil = np.block([[a, b[:, None]], [residues[None, :], np.array([[direct]])]])
     turned = np.diag(np.append(np.ones(order), 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         found = np.asarray(linalg.eigvals(pencil, turned), dtype=np.complex128)
     zeros = _paired(found[np.isfinite(found) & (np.abs(found) < _FARTHEST_ZERO)])
-    # The gain by comparing both forms at a point away from poles and zeros.
+    # The gain follows from comparing both forms at a point away from poles and zeros.
     at = 2.0 + np.max(np.abs(zeros), initial=1.0)
     value = residues @ np.linalg.solve(at * np.eye(order) - a, b) + direct
     gain = float(np.real(value * np.prod(at - poles) / np.prod(at - zeros)))
-    # Pads missing zeros with zeros at the origin, each an advance by a sample.
+    # Missing zeros are replaced by zeros at the origin, each an advance by a sample.
     sections: FloatArray = signal.zpk2sos(zeros, poles, gain)  # type: ignore[arg-type]
     return sections, order - len(zeros)
 
 
 def _paired(roots: ComplexArray) -> ComplexArray:
-    """Return roots whose conjugates, or reality, rounding has blurred, as exact ones."""
+    """Return exact conjugate pairs and real roots for roots with rounding errors."""
     real = np.abs(roots.imag) <= 1e-9 * np.maximum(np.abs(roots), 1e-9)
     upper = roots[~real & (roots.imag > 0)]
     return np.concatenate([upper, upper.conj(), roots[real].real.astype(np.complex128)])

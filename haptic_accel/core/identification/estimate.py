@@ -14,7 +14,7 @@ import numpy.typing as npt
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError, check_positive_rate
 
-# scipy.signal takes half a second to import: only an estimate waits for it.
+# scipy.signal takes half a second to import: only an estimate needs it.
 
 Band = tuple[float, float]
 Values = TypeVar("Values", FloatArray, ComplexArray)
@@ -23,11 +23,11 @@ SEGMENT_SECONDS = 0.5
 """Length of the segments of averaged estimates, s: lines 2 Hz apart."""
 
 SMALLEST_FORCE = 0.01
-"""Root mean square below which nothing is excited, N (assumed; a dozen steps of the paper's
+"""Minimum root mean square of the excitation force, N (assumed; a dozen steps of the paper's
 14-bit converter)."""
 
 LARGEST_SATURATED_SHARE = 1e-3
-"""Largest accepted share of samples at the end of the sensor's range (assumed)."""
+"""Maximum accepted fraction of samples at the limits of the sensor's range (assumed)."""
 
 SMALLEST_COHERENCE = 0.7
 """Mean coherence over the band below which a recording is rejected (assumed; Table I with
@@ -36,13 +36,13 @@ the paper's sweep and accelerometer has 0.99)."""
 _FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is always 1
 
 _NOISE_LINES = 25
-"""Lines over which the noise is averaged: two repeats alone leave one line's noise uncertain by
-its own size, 25 lines by a fifth of that; noise is smooth in frequency."""
+"""Lines over which the noise is averaged. Two repeats give each line's noise with an uncertainty
+of 100 %; for 25 lines it is 20 %. Noise is smooth in frequency."""
 
 _HANN_OVERLAP = 1.0 / 36.0
 """Squared correlation of Hann-windowed segments that overlap by half (Welch 1967)."""
 
-_AT_RANGE = 0.999  # of the range: a converter's largest step may lie a little below it
+_AT_RANGE = 0.999  # of the range: a converter's largest step may lie slightly below it
 
 
 class RecordingError(ValueError):
@@ -51,20 +51,21 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """An estimate of handle acceleration over actuator force.
+    """Estimated response of handle acceleration to actuator force.
 
     Attributes
     ----------
     frequency : ndarray, shape (n,)
-        Rising, above 0, below half the rate, Hz.
+        Increasing frequencies, above 0, below half the rate, Hz.
     response : ndarray, shape (n,)
         Complex, m/s^2 per N.
     coherence : ndarray, shape (n,)
-        Magnitude-squared, 0 to 1: share of the acceleration's power that the force explains.
+        Magnitude-squared coherence, 0 to 1: fraction of the acceleration's power explained by the
+        force.
     rate : float
         Samples per second of the signals.
     averages : float
-        Independent periods or segments that the estimate is the mean of.
+        Number of independent periods or segments in the mean.
     """
 
     frequency: FloatArray
@@ -77,7 +78,7 @@ class FrequencyResponse:
     def standard_deviation(self) -> FloatArray:
         """Standard deviation of the real and of the imaginary part, m/s^2 per N, shape (n,).
 
-        For Gaussian noise in the acceleration: Bendat and Piersol, Random Data, chapter 9.
+        For Gaussian noise in the acceleration; see Bendat and Piersol, Random Data, chapter 9.
         """
         noise_to_signal = (1.0 - self.coherence) / np.maximum(self.coherence, _TINY)
         deviation = np.abs(self.response) * np.sqrt(noise_to_signal / (2.0 * self.averages))
@@ -90,16 +91,16 @@ _TINY = 1e-12
 def dft_ratio(
     force: FloatArray, acceleration: FloatArray, rate: float, band: Band, repeats: int = 2
 ) -> FrequencyResponse:
-    """Return DFT(acceleration) / DFT(force) of a force that repeats itself, as the paper has it.
+    """Return DFT(acceleration) / DFT(force) for a periodic force, as in the paper.
 
-    Free of leakage once the handle has settled. The repeats' mean, weighted with the force's
-    power; what differs between them is the noise, whose spectrum is smoothed over neighbouring
-    lines as two repeats alone say little of it.
+    Without leakage once the handle has settled. It is the mean over the repeats, weighted with the
+    force's power. The difference between the repeats is the noise. Its spectrum is smoothed over
+    adjacent lines, as two repeats alone give a poor estimate.
 
     Parameters
     ----------
     force, acceleration : ndarray, shape (repeats * n,)
-        Whole repeats, N and m/s^2, the first (settling) one dropped: see `kept_repeats`.
+        Whole repeats, N and m/s^2, without the first one (settling); see `kept_repeats`.
     rate : float
         Samples per second.
     band : tuple of float
@@ -110,14 +111,14 @@ def dft_ratio(
     Returns
     -------
     FrequencyResponse
-        At the lines of one repeat within the band where there is force.
+        At the lines of one repeat within the band at which the force is not zero.
 
     Raises
     ------
     ParameterError
         Band, rate or number of repeats is out of range, or no line lies in the band.
     RecordingError
-        Signals that do not fit each other, are not finite, or have no force in the band.
+        Signals differ in length, are not finite, or have no force in the band.
     """
     _check_band(rate, band)
     check_pair(force, acceleration)
@@ -144,14 +145,14 @@ def dft_ratio(
     return FrequencyResponse(frequency[inside], response[inside], coherence, rate, float(repeats))
 
 
-_WEAKEST_LINE = 1e-6  # of the strongest line's power; below it there is only rounding
+_WEAKEST_LINE = 1e-6  # of the strongest line's power; weaker lines contain only rounding errors
 
 
 def h1(force: FloatArray, acceleration: FloatArray, rate: float, band: Band) -> FrequencyResponse:
-    """Estimate the response with noise in the acceleration: cross spectrum over force spectrum.
+    """Estimate the response for noise in the acceleration: cross spectrum over force spectrum.
 
-    Averaged over Hann-windowed segments that overlap by half. For any force, where `dft_ratio`
-    needs one that repeats itself; near a resonance narrower than a line it is biased by leakage.
+    Averaged over Hann-windowed segments that overlap by half. Suitable for any force, while
+    `dft_ratio` needs a periodic one. Biased by leakage near a resonance narrower than a line.
 
     Parameters
     ----------
@@ -165,14 +166,14 @@ def h1(force: FloatArray, acceleration: FloatArray, rate: float, band: Band) -> 
     Returns
     -------
     FrequencyResponse
-        At the lines within the band; zero where there is no force.
+        At the lines within the band; zero where the force is zero.
 
     Raises
     ------
     ParameterError
         Band or rate is out of range.
     RecordingError
-        Signals that do not fit each other, are not finite, or are too short.
+        Signals differ in length, are not finite, or are too short.
     """
     from scipy import signal
 
@@ -201,12 +202,12 @@ def h1(force: FloatArray, acceleration: FloatArray, rate: float, band: Band) -> 
 
 
 def h2(first: FrequencyResponse) -> FrequencyResponse:
-    """Return the estimate with noise in the force: acceleration spectrum over cross spectrum.
+    """Return the estimate for noise in the force: acceleration spectrum over cross spectrum.
 
     Parameters
     ----------
     first : FrequencyResponse
-        H1 estimate of the same signals; by definition it is H2 times the coherence.
+        H1 estimate of the same signals. By definition H1 is H2 times the coherence.
     """
     return replace(first, response=_ratio(first.response, first.coherence))
 
@@ -214,7 +215,7 @@ def h2(first: FrequencyResponse) -> FrequencyResponse:
 def check_recording(
     force: FloatArray, acceleration: FloatArray, rate: float, band: Band, acceleration_range: float
 ) -> None:
-    """Refuse a recording that no fit would make sense of.
+    """Reject a recording that is not suitable for a fit.
 
     Parameters
     ----------
@@ -225,12 +226,12 @@ def check_recording(
     band : tuple of float
         Band that the force excites, Hz.
     acceleration_range : float
-        Largest acceleration that the sensor gives either way, m/s^2.
+        Maximum acceleration of the sensor's range, both ways, m/s^2.
 
     Raises
     ------
     RecordingError
-        In one line: the signal that is wrong, its value, and the values allowed.
+        The message is one line with the signal, its value, and the allowed values.
     ParameterError
         Band or rate is out of range.
     """
@@ -256,12 +257,12 @@ def check_recording(
 
 
 def _inside(frequency: FloatArray, band: Band) -> npt.NDArray[np.bool_]:
-    """Return the mask of the lines that lie in a band.
+    """Return the mask of the lines in a band.
 
     Raises
     ------
     ParameterError
-        There is none.
+        The band contains no line.
     """
     inside = np.asarray((frequency >= band[0]) & (frequency <= band[1]))
     if not inside.any():
@@ -272,13 +273,13 @@ def _inside(frequency: FloatArray, band: Band) -> npt.NDArray[np.bool_]:
 
 
 def _ratio(numerator: Values, denominator: FloatArray) -> Values:
-    """Return a quotient that is zero where the denominator is."""
+    """Return a quotient that is zero where the denominator is zero."""
     zeros = np.zeros_like(numerator)
     return np.divide(numerator, denominator, out=zeros, where=denominator > 0)
 
 
 def smoothed(values: FloatArray) -> FloatArray:
-    """Return the moving average over `_NOISE_LINES`, over fewer at the ends."""
+    """Return the moving average over `_NOISE_LINES`, or fewer at the ends."""
     window = np.ones(min(_NOISE_LINES, len(values)))
     counts = np.convolve(np.ones_like(values), window, "same")
     return np.asarray(np.convolve(values, window, "same") / counts)
@@ -295,12 +296,12 @@ def _check_band(rate: float, band: Band) -> None:
 
 
 def check_pair(force: FloatArray, acceleration: FloatArray) -> None:
-    """Refuse signals that do not fit each other.
+    """Reject signals that do not match each other.
 
     Raises
     ------
     RecordingError
-        They differ in length, are empty, not finite, or have more than one dimension.
+        Signals differ in length, are empty, not finite, or have more than one dimension.
     """
     for name, values in (("actuator_force", force), ("handle_acceleration", acceleration)):
         if values.ndim != 1:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From recordings of a handle to the models that describe it."""
+"""Evaluation of recordings of a handle: responses, physical fit and models."""
 
 from __future__ import annotations
 
@@ -37,21 +37,21 @@ DISCRETE_ORDER = 7
 """Order of the discrete model: eq. (3) has 4, the accelerometer 1, its mount 2."""
 
 UNEXPLAINED = 2.0
-"""Residual, in standard deviations of the noise, above which a model is regarded as incomplete."""
+"""Residual, in standard deviations of the noise, above which a model counts as incomplete."""
 
 DEFAULT_FREE = (*OF_RESPONSES, "friction")
 """Fitted parameters."""
 
 Fit = Callable[..., HandleFit]
-"""Function `fit_handle` for one accelerometer and what is known of the handle."""
+"""Function `fit_handle` with the accelerometer and the known parameters already set."""
 
 MOUNT_START = MountParameters(frequency=280.0, damping=0.15)
-"""Start of the search for a mode of the mount, near that of the paper's rig."""
+"""Initial mode of the mount for the search, near that of the paper's rig."""
 
 
 @dataclass(frozen=True)
 class GripIdentification:
-    """Estimates and fit of a handle held in one way.
+    """Estimates and fit of a handle that is held with one grip.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class GripIdentification:
     averaged_h1, averaged_h2 : FrequencyResponse
         H1 and H2 estimates over the segments of all trials, with their coherence.
     fit : HandleFit
-        Physical parameters, all trials pooled.
+        Physical parameters from all trials together.
     """
 
     trials: list[IdentificationTrial]
@@ -79,13 +79,13 @@ class Identification:
     Attributes
     ----------
     grips : dict of str to GripIdentification
-        By the name of the grip.
+        Results by the name of the grip.
     fit : HandleFit
-        Physical parameters, all trials of all grips pooled.
+        Physical parameters from all trials of all grips together.
     discrete : DiscreteModel
-        Model of all trials, for a compensator where physics does not explain all.
+        Model of all trials, for a compensator if the physical model is incomplete.
     approximate : ApproximateModel
-        The paper's kind of invertible model of the pooled handle.
+        Invertible model of the pooled handle, of the paper's kind.
     band : tuple of float
         Band of the sweep, Hz.
     """
@@ -106,28 +106,28 @@ def identify_handle(
     known: HandleParameters | None = None,
     free: Sequence[str] = DEFAULT_FREE,
 ) -> Identification:
-    """Estimate, fit and choose models from recordings of one handle.
+    """Estimate responses, fit parameters and choose models from recordings of one handle.
 
     Parameters
     ----------
     recorded : mapping of str to sequence of IdentificationTrial
-        Trials by the name of the grip. Their latency is taken off first, so that the delay found
-        is that of the hardware.
+        Trials by the name of the grip. Their latency is removed first, so that the identified
+        delay is that of the hardware.
     sweep : SweepParameters
         Excitation of the handle.
     acceleration_range, bandwidth : float
-        Range and bandwidth of the accelerometer, m/s^2 either way and Hz.
+        Range, both ways, and bandwidth of the accelerometer, m/s^2 and Hz.
     known : HandleParameters, optional
-        Values of the parameters that are not free, and start of the search; Table I otherwise.
+        Values of the fixed parameters, and initial values of the others; default: Table I.
     free : sequence of str
         Names of the fitted parameters, as in `fit_handle`, and ``"friction"``.
 
     Raises
     ------
     RecordingError
-        A recording is of no use; with the reason.
+        A recording is not suitable; the message gives the reason.
     ParameterError
-        There is no trial, or a parameter is out of range.
+        No trial is given, or a parameter is out of range.
     """
     if not recorded or not all(recorded.values()):
         raise ParameterError("recorded: must hold at least one trial of every grip")
@@ -150,7 +150,7 @@ def identify_handle(
 
 
 def centred(values: FloatArray) -> FloatArray:
-    """Return values without their mean: gravity and the sensor's offset."""
+    """Return values without their mean, which is gravity and the sensor's offset."""
     return np.asarray(values - values.mean())
 
 
@@ -181,7 +181,7 @@ def _identify_grip(
 def _fit_responses(
     responses: Sequence[FrequencyResponse], fit: Fit, free: Sequence[str]
 ) -> HandleFit:
-    """Fit a handle on a rigid mount, or on an elastic one where that explains far more."""
+    """Fit a handle on a rigid mount, or on an elastic one if that explains much more."""
     found = fit(responses, free=free)
     if found.residual > UNEXPLAINED:
         moving = fit(responses, free=_with_mount(free), mount=MOUNT_START)
@@ -190,20 +190,20 @@ def _fit_responses(
 
 
 def _pooled(grips: Sequence[GripIdentification], fit: Fit, free: Sequence[str]) -> HandleFit:
-    """Fit one handle to several grips, between which it is a compromise.
+    """Fit one handle to several grips, as a compromise.
 
-    The deviation of a line comes from the difference of the grips there, not from noise: weighted
-    by noise, the few lines that have least of it would decide alone.
+    The standard deviation of a line is the difference between the grips, not the noise. With
+    weights from noise, the few lines with the least noise would dominate.
     """
     if len(grips) == 1:
         return grips[0].fit
-    # The models of the grips rather than what was measured: they are without dry friction.
+    # Use the models of the grips, not the measurements, as they exclude dry friction.
     models = [_modelled(grip) for grip in grips]
     means = [model.response for model in models]
     spread = np.sqrt(np.mean(np.abs(means - np.mean(means, axis=0)) ** 2, axis=0) / 2)
     widened = [_widened(model, spread) for model in models]
     free = [name for name in free if name != "friction"]
-    # The fits of the grips have decided already if the mount has a mode.
+    # The fits of the grips have already decided whether the mount has a mode.
     if any(grip.fit.mount.frequency for grip in grips):
         found = fit(widened, free=_with_mount(free), mount=MOUNT_START)
     else:
@@ -212,16 +212,16 @@ def _pooled(grips: Sequence[GripIdentification], fit: Fit, free: Sequence[str]) 
 
 
 def _modelled(grip: GripIdentification) -> FrequencyResponse:
-    """Return the response of a grip's model, as certain as that of a trial."""
+    """Return the response of a grip's model, with the uncertainty of one trial."""
     first = grip.responses[0]
     return replace(first, response=grip.fit.response(first.frequency, first.rate))
 
 
 def _with_friction(found: HandleFit, fits: Sequence[HandleFit]) -> HandleFit:
-    """Return a fit with the mean friction of others: a grip has no influence on it."""
+    """Return a fit with the mean friction of other fits, as it does not depend on the grip."""
     if not all("friction" in fit.standard_errors for fit in fits):
         return found
-    # What the model lacks is the same for all, so that the error of a mean is not smaller.
+    # The errors of the model are common to all, so the mean has no smaller error.
     error = fmean(fit.standard_errors["friction"] for fit in fits)
     return replace(
         found,
@@ -235,7 +235,7 @@ def _with_mount(free: Sequence[str]) -> list[str]:
 
 
 def _widened(response: FrequencyResponse, spread: FloatArray) -> FrequencyResponse:
-    """Return a response with a deviation, of real and of imaginary part, added to its own."""
+    """Return a response with a larger standard deviation of real and imaginary part."""
     deviation = np.hypot(response.standard_deviation, spread)
     noise_to_signal = 2.0 * response.averages * (deviation / np.abs(response.response)) ** 2
     return replace(response, coherence=1.0 / (1.0 + noise_to_signal))

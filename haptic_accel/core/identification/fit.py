@@ -19,7 +19,7 @@ from haptic_accel.core.identification.estimate import Band, FrequencyResponse
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 
-# scipy.optimize and scipy.linalg take a while to import: only a fit waits for them.
+# scipy.optimize and scipy.linalg are slow to import: only a fit needs them.
 
 DEFAULT_FREE = ("b_s", "m_h", "k_u", "b_u", "delay")
 """Fitted parameters. Mass and spring of the actuator can be measured on the bench."""
@@ -28,31 +28,31 @@ LONGEST_DELAY = 0.01
 """Upper bound of a fitted delay, s: ten times the paper's."""
 
 EARLIEST_DELAY = -0.001
-"""Lower bound of a fitted delay, s: the acceleration may be sampled after its stamp."""
+"""Lower bound of a fitted delay, s: the sampling may occur after the stamp."""
 
 MOUNT = ("mount_frequency", "mount_damping")
-"""Further parameters that can be fitted: the mode of the accelerometer's mount."""
+"""Optional fitted parameters: the mode of the accelerometer's mount."""
 
 FRICTION = ("friction", "slip_velocity", "friction_lag")
-"""Parameters of dry friction, which no response shows: they are fitted to the motion."""
+"""Parameters of dry friction. They are fitted to the motion, as no response shows them."""
 
 _HANDLE = tuple(field.name for field in fields(HandleParameters))
 _UNITS = {"delay": 1e-3, "friction": 0.01, "friction_lag": 1e-4}
-"""Units, s and N, of the parameters that may be zero; all others are searched as logarithms."""
-_REACH = math.log(1e3)  # a parameter is looked for within this factor of its start
-_BOUNDS: dict[str, Any] = {  # as searched: the delay in its unit, the mount's as logarithms
+"""Units, s and N, of the parameters that may be zero; all others use logarithms."""
+_REACH = math.log(1e3)  # a parameter is searched within this factor of its initial value
+_BOUNDS: dict[str, Any] = {  # in search units: the delay in its unit, the mount's as logarithms
     "delay": (EARLIEST_DELAY / _UNITS["delay"], LONGEST_DELAY / _UNITS["delay"]),
-    "friction": (-0.02 / _UNITS["friction"], 10.0 / _UNITS["friction"]),  # below 0 by noise
+    "friction": (-0.02 / _UNITS["friction"], 10.0 / _UNITS["friction"]),  # below 0 due to noise
     "friction_lag": (-1e-3 / _UNITS["friction_lag"], 2e-3 / _UNITS["friction_lag"]),
     "mount_frequency": np.log((20.0, 2000.0)),
     "mount_damping": np.log((0.011, 1.9)),
 }
-_START_FACTORS = {  # stiffness and damping of the grip vary that much in people
+_START_FACTORS = {  # stiffness and damping of the grip vary that much between people
     **dict.fromkeys(("b_s", "m_h", "k_u", "b_u"), (0.3, 1.0, 3.0)),
     "mount_frequency": (0.7, 1.0, 1.4),
 }
-_START_DELAYS = 2.5e-4  # s, apart: a sixth of a turn at 200 Hz would be 8e-4
-_START_LINES = 40  # of a response that the search for a start looks at
+_START_DELAYS = 2.5e-4  # spacing, s: a sixth of a turn at 200 Hz would be 8e-4
+_START_LINES = 40  # of a response in the search for initial values
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,9 @@ class Friction:
     friction : float
         Friction while the actuator slips, N.
     slip_velocity : float
-        Slip velocity from which on it is reached, m/s.
+        Slip velocity at which it is reached, m/s.
     friction_lag : float
-        Time by which it follows the slip, s.
+        Delay of the friction behind the slip, s.
     """
 
     friction: float = 0.0
@@ -76,7 +76,7 @@ class Friction:
 
 @dataclass(frozen=True)
 class Point:
-    """Arguments of the model of a recording: the handle, and what its accelerometer adds.
+    """Arguments of the model of a recording: the handle and its accelerometer.
 
     Attributes
     ----------
@@ -84,11 +84,11 @@ class Point:
     mount : MountParameters
         Mount of the accelerometer.
     delay : float
-        Delay beside the hold and the accelerometer's low-pass, s.
+        Delay in addition to the hold and the accelerometer's low-pass, s.
     low_pass_frequency : float
-        The accelerometer's corner, Hz.
+        Corner frequency of the accelerometer, Hz.
     bearing : Friction
-        Dry friction of the actuator's bearing, of which a response knows nothing.
+        Dry friction of the actuator's bearing; it does not appear in a response.
     """
 
     handle: HandleParameters
@@ -114,7 +114,7 @@ class Point:
         return float(getattr(self.handle, name))
 
     def replaced(self, values: dict[str, float]) -> Point:
-        """Return the point with other values of the named parameters."""
+        """Return the point with other values for the named parameters."""
         handle = {n: v for n, v in values.items() if n in _HANDLE}
         mount = {n.removeprefix("mount_"): v for n, v in values.items() if n in MOUNT}
         bearing = {n: v for n, v in values.items() if n in FRICTION}
@@ -129,28 +129,28 @@ class Point:
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Free parameters as numbers of order one, among which a search looks.
+    """Free parameters as search variables of order one.
 
     Attributes
     ----------
     known : Point
-        Values of the parameters that are not free.
+        Values of the fixed parameters.
     free : tuple of str
-        Names of the free ones.
+        Names of the free parameters.
     """
 
     known: Point
     free: tuple[str, ...]
 
     def values(self, point: Point) -> FloatArray:
-        """Return the numbers of a point, shape (n,)."""
+        """Return the search variables of a point, shape (n,)."""
         given = ((name, point.value(name)) for name in self.free)
         return np.array(
             [value / _UNITS[name] if name in _UNITS else math.log(value) for name, value in given]
         )
 
     def point(self, values: FloatArray) -> Point:
-        """Return the point of some numbers."""
+        """Return the point for search variables."""
         return self.known.replaced(
             {
                 name: value * _UNITS[name] if name in _UNITS else math.exp(value)
@@ -159,7 +159,7 @@ class Coordinates:
         )
 
     def bounds(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the lowest and highest numbers of a search from a start."""
+        """Return the lower and upper bounds of a search from an initial point."""
         pairs = [
             _BOUNDS.get(name, (value - _REACH, value + _REACH))
             for name, value in zip(self.free, start, strict=True)
@@ -168,7 +168,7 @@ class Coordinates:
         return low, high
 
     def errors(self, point: Point, covariance: FloatArray) -> dict[str, float]:
-        """Return standard errors by name, in the parameters' units, from those of the numbers."""
+        """Return standard errors by name, in the parameters' units, from a covariance."""
         deviations = np.sqrt(np.diag(covariance)).tolist()
         return {
             name: deviation * _UNITS.get(name, point.value(name))
@@ -178,7 +178,7 @@ class Coordinates:
 
 @dataclass(frozen=True)
 class HandleFit(Point):
-    """The handle that explains the responses best.
+    """Handle with the best fit to the responses.
 
     Attributes
     ----------
@@ -187,19 +187,19 @@ class HandleFit(Point):
     mount : MountParameters
         Mount of the accelerometer, fitted or known.
     delay : float
-        Delay beside the hold and the accelerometer's low-pass, s. In lockstep, where a force acts
-        right after the sample that it was computed from, it is 0.
+        Delay in addition to the hold and the accelerometer's low-pass, s. It is 0 in lockstep,
+        where a force acts immediately after the sample that caused it.
     standard_errors : dict
-        Standard errors of the fitted parameters by name, in their units. Those of a fit to
-        responses, from the Jacobian and the residual, hold for noise alone; those of `fit_motion`
-        contain what the model lacks.
+        Standard errors of the fitted parameters by name, in their units. For a fit to responses
+        they are based on the Jacobian and the residual and include noise only. Those of
+        `fit_motion` also include the model's errors.
     residual : float
-        Root mean square of the error over the estimates' own standard deviation: 1 where the
-        model lacks nothing.
+        Root mean square of the error over the estimates' standard deviation; 1 for a complete
+        model.
     relative_residual : float
         Root mean square of |error| over |response|.
     band : tuple of float
-        Lowest and highest frequency that was fitted, Hz.
+        Lower and upper frequency limit of the fit, Hz.
     """
 
     standard_errors: dict[str, float]
@@ -219,24 +219,24 @@ def fit_handle(
 ) -> HandleFit:
     """Fit eq. (3) of the paper, with delay, hold and low-pass, to one or more responses.
 
-    Complex least squares, each line weighted by its standard deviation. Parameters are fitted
-    as logarithms, which keeps them positive.
+    Complex least squares with each line weighted by its standard deviation. Parameters are fitted
+    as logarithms, and thus remain positive.
 
     Parameters
     ----------
     responses : FrequencyResponse or sequence of FrequencyResponse
-        Responses of one handle held in one way; several are pooled.
+        Responses of one handle with one grip; several are pooled.
     known : HandleParameters, optional
-        Values of the parameters that are not free, and start of the search; Table I otherwise.
+        Values of the fixed parameters, and initial values of the others; default: Table I.
     free : sequence of str
         Names of the fitted parameters: fields of `HandleParameters`, at most five, ``"delay"``,
-        and of the mount ``"mount_frequency"`` and ``"mount_damping"``.
+        and for the mount ``"mount_frequency"`` and ``"mount_damping"``.
     delay : float
-        The delay where it is not free, s.
+        Delay if it is fixed, s.
     low_pass_frequency : float
         Corner of the accelerometer's first-order low-pass, Hz.
     mount : MountParameters
-        Mount of the accelerometer, where it is not free, and start of the search where it is.
+        Mount of the accelerometer if it is fixed, otherwise its initial value.
 
     Returns
     -------
@@ -245,7 +245,7 @@ def fit_handle(
     Raises
     ------
     ParameterError
-        Nothing or too much is free, a name is unknown, or too few lines have some coherence.
+        No or too many parameters are free, a name is unknown, or too few lines are coherent.
     """
     if isinstance(responses, FrequencyResponse):
         responses = [responses]
@@ -289,24 +289,24 @@ class _Problem:
         )
 
     def _searched(self, start: FloatArray) -> Any:
-        """Return the result of least squares from a start."""
+        """Return the least-squares solution from an initial point."""
         from scipy.optimize import least_squares
 
         bounds = self._coordinates.bounds(start)
         return least_squares(self._residuals, start, bounds=bounds, x_scale="jac")
 
     def _preference(self, found: Any) -> tuple[float, float]:
-        """Return what decides between two solutions: the cost; if equal, the known handle."""
-        # Equal but for rounding, which differs from one version of a library to the next.
+        """Return the criterion for two solutions: the cost, then closeness to the known handle."""
+        # Costs may differ by rounding, which depends on the version of a library.
         cost = float(f"{found.cost:.6g}")
         return cost, float(np.linalg.norm(found.x - self._coordinates.values(self._known)))
 
     def _mirrored(self, point: FloatArray) -> FloatArray:
-        """Return the point where bearing and grip have exchanged their damping.
+        """Return the point with exchanged damping of bearing and grip.
 
-        Of the coefficients of eq. (3) that tell the two apart, that of s^3 knows only
-        b_u + (1 + m_h/m_a) b_s and that of s^2 only b_u b_s: two solutions, between which only
-        the coefficients that fade above 10 Hz decide. The search may have found the wrong one.
+        Two coefficients of eq. (3) distinguish them. That of s^3 depends on b_u + (1 + m_h/m_a)
+        b_s only, and that of s^2 on b_u b_s only, which gives two solutions. Only the coefficients
+        that are small above 10 Hz distinguish these. The search may have found the wrong solution.
         """
         handle = self._coordinates.point(point).handle
         ratio = 1.0 + handle.m_h / handle.m_a
@@ -330,9 +330,9 @@ class _Problem:
         return float(np.sqrt(np.mean(np.concatenate(errors))))
 
     def _start(self) -> FloatArray:
-        """Return the best point of a coarse grid: far off, the search may end in a wrong valley.
+        """Return the best point of a coarse grid, to avoid local minima in the search.
 
-        Relative errors decide here: weighted by their deviation, a few lines would.
+        Uses relative errors: weighted by their standard deviation, a few lines would dominate.
         """
         lines = [_thinned(line) for line in self._lines]
         delays = [self._known.delay]
@@ -347,7 +347,7 @@ class _Problem:
         return self._coordinates.values(best)
 
     def _grid(self) -> Iterator[Point]:
-        """Yield points around the known one."""
+        """Yield points around the initial one."""
         known = self._known
         varied = {name: f for name, f in _START_FACTORS.items() if name in self._free}
         for factors in product(*varied.values()):
@@ -359,7 +359,7 @@ class _Problem:
         costs = np.zeros(len(delays))
         for line in lines:
             ratio = line.modelled(point.replaced({"delay": 0.0})) / line.response
-            # A turned phase for the delay: near enough for a start.
+            # A rotated phase represents the delay: accurate enough for initial values.
             turns = np.exp(-2j * np.pi * np.outer(delays, line.frequency))
             costs += np.sum(np.minimum(np.abs(turns * ratio - 1.0), 2.0) ** 2, axis=1)
         return costs
@@ -367,7 +367,7 @@ class _Problem:
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines of one response that are fitted, and the standard deviation of each."""
+    """Fitted lines of one response, with the standard deviation of each."""
 
     frequency: FloatArray
     response: ComplexArray
@@ -380,9 +380,9 @@ class _Lines:
 
 
 def _weighted(response: FrequencyResponse) -> _Lines:
-    """Return the lines of a response that have any coherence."""
+    """Return the lines of a response with non-zero coherence."""
     used = (response.coherence > 0.0) & (np.abs(response.response) > 0.0)
-    # Where a record without noise gives a coherence of one, rounding is left.
+    # Where a record without noise has a coherence of one, rounding remains.
     smallest = _ROUNDING * np.abs(response.response[used])
     return _Lines(
         response.frequency[used],
@@ -393,7 +393,7 @@ def _weighted(response: FrequencyResponse) -> _Lines:
 
 
 def _thinned(lines: _Lines) -> _Lines:
-    """Return a few of the lines, enough for the search for a start."""
+    """Return a few of the lines, enough for the search for initial values."""
     every = max(1, len(lines.frequency) // _START_LINES)
     return _Lines(
         lines.frequency[::every], lines.response[::every], lines.deviation[::every], lines.rate

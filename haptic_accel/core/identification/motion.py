@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Handle and dry friction, fitted to recorded motion.
+"""Fit of handle and dry friction to recorded motion.
 
-A response takes dry friction for damping that it is not. Here the motion is simulated, eq. (1) and
-(2) of the paper with friction between actuator and handle, and compared with the recording.
+A fit to responses mistakes dry friction for viscous damping. Here the motion is simulated, with
+eq. (1) and (2) of the paper and friction between actuator and handle, and compared with the
+recording.
 """
 
 from __future__ import annotations
@@ -31,58 +32,59 @@ from haptic_accel.core.identification.sweep import (
 )
 from haptic_accel.core.model import ComplexArray, FloatArray
 
-# scipy.optimize takes a while to import: only a fit waits for it.
+# scipy.optimize is slow to import: only a fit needs it.
 
 STEPS = (1e-3, 250e-6)
-"""Longest steps of the simulation, s, of a first search and of the last: friction is held over
-them, all else is exact. At the last the motion is as with a quarter of it but for a third of the
-accelerometer's noise."""
+"""Maximum steps of the simulation in the first and the last search, s. Friction is held over them;
+all else is exact. At the last step the motion differs from that at a quarter of it by a third of
+the accelerometer's noise."""
 
 HIGHEST_HARMONIC = 3.0
-"""Highest compared frequency over that of the sweep: dry friction has a third harmonic."""
+"""Ratio of the highest compared frequency to that of the sweep: dry friction has a third
+harmonic."""
 
 EXPECTED = {"slip_velocity": (2e-3, 1.0), "friction_lag": (0.0, 200e-6)}
-"""Expected value and its uncertainty, the former's as a logarithm, of what decides how friction
-changes its sign (assumed: 1 to 5 mm/s, and the micrometres within which contacts shear). The
-motion says little of them, but they shift the other parameters."""
+"""Expected values and uncertainties, the former's as a logarithm, of the parameters of friction
+reversal (assumed: 1 to 5 mm/s, and the micrometres within which contacts shear). The motion
+contains little information on them, but they shift the other parameters."""
 
 PATTERNS = 4.0
-"""Patterns for each parameter of which what the model lacks consists (assumed; a few, as it
-repeats itself at each reversal of the slip; so found errors are one standard error or less)."""
+"""Number of patterns in the model's error per parameter (assumed; few, as it repeats at each
+reversal of the slip; the actual errors are then one standard error or less)."""
 
 LARGEST_SHARE = 0.49
-"""Highest compared frequency over the sampling rate."""
+"""Ratio of the highest compared frequency to the sampling rate."""
 
 _FRICTION_START = 0.01  # N
-_DIFFERENCE = 1e-4  # of the numbers searched, for derivatives
-_CLOSE = 1e-6  # relative step, and relative gain, below which the search ends
-_NEAR = 1e-3  # of a sample, by which a delay found may fall short of a whole one
-_LEAST_NOISE = 1e-6  # of the strongest line; rounding of a recording without noise
+_DIFFERENCE = 1e-4  # of the search variables, for derivatives
+_CLOSE = 1e-6  # relative step and relative gain that end the search
+_NEAR = 1e-3  # of a sample, by which an identified delay may be below a whole one
+_LEAST_NOISE = 1e-6  # of the strongest line; rounding errors of a recording without noise
 
 
 def fit_motion(
     trials: Sequence[IdentificationTrial], sweep: SweepParameters, start: HandleFit
 ) -> HandleFit:
-    """Fit what a fit to responses found, and dry friction, to the mean of all repeats.
+    """Fit the parameters of a fit to responses, and dry friction, to the mean of all repeats.
 
-    Least squares, each spectral line weighted by its scatter between repeats. The standard errors
-    hold for noise and for what the model lacks: that is taken to consist of `PATTERNS` independent
-    patterns for each parameter, all alike. Then each parameter has absorbed one that is as large
-    as the mean of those left in the residual.
+    Least squares, with each spectral line weighted by its scatter between repeats. The standard
+    errors include noise and the model's errors. These are assumed to consist of `PATTERNS`
+    independent patterns per parameter, all of the same size. Each parameter has then absorbed one
+    pattern, as large as the mean of those in the residual.
 
     Parameters
     ----------
     trials : sequence of IdentificationTrial
-        Trials without latency, of one handle held in one way, each from rest.
+        Trials without latency, of one handle with one grip, each from rest.
     sweep : SweepParameters
         Excitation of the handle.
     start : HandleFit
-        Start of the search; its fitted parameters are free.
+        Initial point of the search; its fitted parameters are free.
 
     Returns
     -------
     HandleFit
-        With `FRICTION` among the fitted parameters.
+        Fit with `FRICTION` among the fitted parameters.
     """
     from scipy.optimize import least_squares
 
@@ -110,10 +112,10 @@ def fit_motion(
 
 
 def _continuous(delay: float, rate: float) -> tuple[float, float]:
-    """Return the range around a delay in which a sensor without a low-pass sees no jump, s.
+    """Return the range around a delay without a jump for a sensor without low-pass, s.
 
-    Where a force acts just before a sample rather than just after it, such a sensor shows it one
-    sample earlier, which no search by derivatives would find its way across.
+    If a force acts just before a sample instead of just after it, such a sensor shows it one
+    sample earlier. A search with derivatives cannot cross this jump.
     """
     whole = math.floor(delay * rate + _NEAR)
     return whole / rate, (whole + 1) / rate
@@ -127,13 +129,13 @@ def simulated(
     Parameters
     ----------
     points : sequence of Point
-        Handles, all with a mount of the same kind: they move side by side.
+        Handles with mounts of the same kind; they are simulated together.
     force : ndarray, shape (n,)
-        Actuator force right after each sample, N.
+        Actuator force immediately after each sample, N.
     rate : float
         Samples per second.
     longest_step : float
-        Longest time over which friction is held, s.
+        Maximum time over which friction is held, s.
 
     Returns
     -------
@@ -143,7 +145,7 @@ def simulated(
     steppings = [_stepping(point, 1.0 / (rate * steps)) for point in points]
     over, rub = (np.array(each) for each in zip(*steppings, strict=True))
     rub, states = rub[..., None], rub.shape[1]
-    # State and force at the beginning of each step, and the share of the friction during it.
+    # State and force at the start of each step, and the fraction of the friction during it.
     count = len(force) * steps
     begun = np.zeros((count + 1, len(points), states + 1, 1))
     begun[:-1, :, states, 0] = np.repeat(force, steps)[:, None]
@@ -158,10 +160,11 @@ def simulated(
 
 
 def _stepping(point: Point, time: float) -> tuple[FloatArray, FloatArray]:
-    """Return what state and force become over a step in s, and what full friction adds.
+    """Return the transition of state and force over a step in s, and the effect of full friction.
 
-    A last row gives the share of the friction that acts: proportional to the mean slip over the
-    step under its own effect, up to 1, so that friction held over a step cannot reverse a slip.
+    The last row gives the fraction of the friction that acts. It is proportional to the mean slip
+    over the step, including the friction's own effect, up to 1. Friction held over a step thus
+    cannot reverse a slip.
 
     Returns
     -------
@@ -174,7 +177,7 @@ def _stepping(point: Point, time: float) -> tuple[FloatArray, FloatArray]:
     slip = np.zeros(len(b))
     slip[1], slip[3] = 1.0, -1.0
     # Friction acts between actuator and handle, as the actuator's force does.
-    yielding = -float(slip @ push)  # slip that a unit of friction takes away
+    yielding = -float(slip @ push)  # slip removed by a unit of friction
     scale = bearing.slip_velocity + abs(bearing.friction) * yielding / 2
     late = bearing.friction_lag / time
     identity = np.eye(len(b))
@@ -185,18 +188,18 @@ def _stepping(point: Point, time: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _seen(point: Point, before: FloatArray, rate: float) -> FloatArray:
-    """Return what is sampled of a handle, whose force acts later than the sample by the delay.
+    """Return the sampled acceleration of a handle whose force acts a delay after the sample.
 
     Parameters
     ----------
     point : Point
     before : ndarray, shape (n, steps, states + 2)
-        State, force and share of friction at the beginning of each step.
+        State, force and fraction of friction at the start of each step.
     rate : float
         Samples per second.
     """
     samples, steps, _ = before.shape
-    late = math.ceil(point.delay * rate)  # samples until a force is first seen
+    late = math.ceil(point.delay * rate)  # samples until a force first appears
     rest = late / rate - point.delay
     step = min(int(rest * rate * steps), steps - 1)
     a, b = axial_mechanics(point.handle, point.mount, point.low_pass_frequency)
@@ -210,16 +213,16 @@ def _seen(point: Point, before: FloatArray, rate: float) -> FloatArray:
 
 
 class _Problem:
-    """Residuals of the mean spectrum as a function of the numbers searched.
+    """Residuals of the mean spectrum as a function of the search variables.
 
     Parameters
     ----------
     trials : sequence of IdentificationTrial
     sweep : SweepParameters
     coordinates : Coordinates
-        Meaning of the numbers.
+        Meaning of the variables.
     step : float
-        Longest step of the simulation, s.
+        Maximum step of the simulation, s.
     """
 
     def __init__(
@@ -234,7 +237,7 @@ class _Problem:
         frequency = np.fft.rfftfreq(self._repeat, 1.0 / self._rate)
         highest = min(HIGHEST_HARMONIC * sweep.end_frequency, LARGEST_SHARE * self._rate)
         self._used = (frequency >= sweep.start_frequency) & (frequency <= highest)
-        # Mostly all trials and repeats have the same force.
+        # Usually all trials and repeats have the same force.
         forces = [trial.actuator_force[: sweep.repeats * self._repeat] for trial in trials]
         self._forces, counts = np.unique(forces, axis=0, return_counts=True)
         self._shares = counts / len(trials)
@@ -253,7 +256,7 @@ class _Problem:
         self._residuals, self._jacobian = np.zeros(0), np.zeros((0, 0))
 
     def residuals(self, values: FloatArray) -> FloatArray:
-        """Return errors of real and imaginary parts over their deviations, then of `EXPECTED`."""
+        """Return normalised errors of real and imaginary parts, then of `EXPECTED`."""
         self._linearise(values)
         return self._residuals
 
@@ -263,10 +266,10 @@ class _Problem:
         return self._jacobian
 
     def fit(self, values: FloatArray, start: HandleFit) -> HandleFit:
-        """Return the fit of a solution."""
+        """Return the fit for a solution."""
         jacobian, error = self.jacobian(values), self.residuals(values)[: -len(EXPECTED)]
         free = len(values)
-        # A standard deviation of the sum, which noise may cause, is no sign of a misfit.
+        # A standard deviation of the sum may result from noise, and is no sign of a misfit.
         chance = math.sqrt(2 * len(error) * (1 + 1 / self._freedom))
         misfit = max(0.0, float(error @ error) - (len(error) - free) - chance)
         covariance = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
@@ -288,7 +291,7 @@ class _Problem:
         )
 
     def _linearise(self, values: FloatArray) -> None:
-        """Simulate the handle, and beside it one for each parameter that differs a little."""
+        """Simulate the handle, and one more for a small change of each parameter."""
         if np.array_equal(values, self._at):
             return
         shifted = values + _DIFFERENCE * np.eye(len(values))
@@ -307,14 +310,14 @@ class _Problem:
         return total
 
     def _spectra(self, values: FloatArray) -> ComplexArray:
-        """Return the lines of each repeat that is evaluated, shape (repeats, lines)."""
+        """Return the lines of each evaluated repeat, shape (repeats, lines)."""
         kept = values[DROPPED_REPEATS * self._repeat :]
         kept = kept[: len(kept) // self._repeat * self._repeat].reshape(-1, self._repeat)
         return np.asarray(np.fft.rfft(kept)[:, self._used])
 
 
 def _unexpected(point: Point) -> list[float]:
-    """Return how far friction's way of changing sign is from `EXPECTED`, in its uncertainty."""
+    """Return the normalised deviation of the friction reversal from `EXPECTED`."""
     velocity, spread = EXPECTED["slip_velocity"]
     lag, width = EXPECTED["friction_lag"]
     bearing = point.bearing

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Travel of the actuator in a recording: at its stops the handle is another one."""
+"""Checks of the actuator's travel in a recording, as its stops change the dynamics."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from haptic_accel.core.identification.sweep import IdentificationTrial
 from haptic_accel.core.model import Suspension
 
 STOPS_HIT = "travel_stops_hit"
-"""Name in a trial's status of the number of times that a stop was hit, where that is known."""
+"""Status entry of a trial: number of contacts with a stop, if known."""
 
 LIMITED = tuple(f"actuator force limited{by}" for by in ("", " by heat", " by travel"))
-"""Names, there and in a device's diagnostics, of the numbers of forces that its safety layer
-reduced: what was applied is then not what was commanded."""
+"""Entries in a trial's status and a device's diagnostics: number of forces reduced by the safety
+layer. The applied force then differs from the commanded one."""
 
 DOUBTFUL, REFUSED = 0.95, 1.1
-"""Shares of the travel from which its estimate is a reason to doubt a fit, and to refuse it: it
-knows neither dry friction nor the sensor's offset (assumed: 10 %)."""
+"""Ratios of estimated to free travel above which a fit is doubtful, or rejected. The estimate
+neglects dry friction and the sensor's offset (assumed: 10 %)."""
 
 Recorded = Mapping[str, Sequence[IdentificationTrial]]
 """Trials by the name of the grip."""
 
 
 def check_stops(recorded: Recorded) -> None:
-    """Refuse trials in which the actuator hit its stops or its force was limited, as is known.
+    """Reject trials in which the actuator hit its stops or its force was limited.
 
     Raises
     ------
     RecordingError
-        Naming the grip.
+        The message names the grip.
     """
     for name, trials in recorded.items():
         for key in (STOPS_HIT, *LIMITED):
@@ -46,7 +46,7 @@ def check_stops(recorded: Recorded) -> None:
 def check_travel(
     name: str, trial: IdentificationTrial, suspension: Suspension, most: float
 ) -> str:
-    """Estimate the actuator's travel in a trial; return a reason to doubt a fit, or nothing.
+    """Estimate the actuator's travel in a trial; return a reason for doubt, or an empty string.
 
     Parameters
     ----------
@@ -55,14 +55,14 @@ def check_travel(
     trial : IdentificationTrial
         Trial without latency; the acceleration includes gravity.
     suspension : Suspension
-        Actuator on its suspension as fitted: stops that were hit make it look the more mobile.
+        Actuator on its fitted suspension. Contacts with the stops make it look more mobile.
     most : float
         Free travel either way, m.
 
     Raises
     ------
     RecordingError
-        The estimate is so far beyond the travel that it cannot be wrong alone.
+        The estimate exceeds the travel by more than its own error.
     """
     estimator = TravelEstimator(suspension, trial.rate)
     pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)

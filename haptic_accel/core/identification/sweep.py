@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Logarithmic sine sweep that excites the handle, and its trials in a recording."""
+"""Logarithmic sine sweep as excitation of the handle, and its detection in a recording."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, parameter
 
 ALIKE = 0.95
-"""Correlation with the excitation above which a recorded force is the excitation (assumed)."""
+"""Minimum correlation of a recorded force with the excitation (assumed)."""
 
 SAMPLES_MISSING = "samples_missing"
-"""Name in a trial's status of the number of its samples that were not recorded."""
+"""Status entry of a trial: number of samples that were not recorded."""
 
 DROPPED_REPEATS = 1
-"""Repeats at the start that are not evaluated: the handle settles in them (paper)."""
+"""Number of initial repeats that are not evaluated, while the handle settles (paper)."""
 
 
 @dataclass(frozen=True)
 class SweepParameters(Checked):
-    """The paper's excitation, a sweep.
+    """Parameters of the paper's excitation, a sine sweep.
 
-    Frequency grows exponentially, amplitude linearly, in time. The amplitude is small where the
-    actuator travels far.
+    The frequency grows exponentially and the amplitude linearly in time. The amplitude is small at
+    frequencies with a large travel of the actuator.
     """
 
     start_frequency: float = parameter(
@@ -56,12 +56,12 @@ class SweepParameters(Checked):
     )
 
     def __post_init__(self) -> None:
-        """Check all fields, and the two frequencies against each other.
+        """Check all fields, and that the frequencies increase.
 
         Raises
         ------
         ParameterError
-            Naming the field, its value and what is allowed.
+            The message contains the field, its value and the allowed range.
         """
         super().__post_init__()
         if not self.end_frequency > self.start_frequency:
@@ -93,14 +93,15 @@ class SweepParameters(Checked):
 def sweep(parameters: SweepParameters, rate: float) -> FloatArray:
     """Return one repeat of the sweep.
 
-    It ends with its last whole cycle, so that force is zero, without a jump, at both ends and
-    repeats can follow one another; what is left of the duration, less than a cycle, stays zero.
+    It ends with its last whole cycle. The force is thus zero, without a jump, at both ends, and
+    repeats can follow one another. For the rest of the duration, less than a cycle, the force is
+    zero.
 
     Parameters
     ----------
     parameters : SweepParameters
     rate : float
-        Samples per second, more than twice the end frequency.
+        Samples per second, above twice the end frequency.
 
     Returns
     -------
@@ -160,12 +161,13 @@ def repeat_samples(parameters: SweepParameters, rate: float) -> int:
 
 
 def kept_repeats(values: FloatArray, parameters: SweepParameters, rate: float) -> FloatArray:
-    """Return the part of a recorded signal that is evaluated: all repeats but the first.
+    """Return the evaluated part of a recorded signal: all repeats but the first.
 
     Parameters
     ----------
     values : ndarray, shape (m,)
-        Recorded since the first sample of `excitation`; m at least its length.
+        Signal from the first sample of `excitation` on; m must be at least the length of the
+        excitation.
 
     Returns
     -------
@@ -186,21 +188,21 @@ def kept_repeats(values: FloatArray, parameters: SweepParameters, rate: float) -
 
 @dataclass(frozen=True)
 class IdentificationTrial:
-    """Signals of one trial; both of shape (n,) on the same sampling times.
+    """Signals of one trial, both of shape (n,) and with the same sampling times.
 
     Attributes
     ----------
     rate : float
         Samples per second.
     actuator_force : ndarray
-        Force as commanded right after each sample was measured, N.
+        Force commanded immediately after each sample was measured, N.
     handle_acceleration : ndarray
-        Acceleration as measured, m/s^2.
+        Measured acceleration, m/s^2.
     status : dict
-        Counts of what went beyond a range or was lost, by name: all zero in a good trial.
+        Counts of out-of-range values and losses by name; all zero in a good trial.
     latency : int
-        Samples from the one that caused a force to the tick at which the force took effect. Where
-        it is not known, it is part of the delay that is found.
+        Delay from sample to force, in samples. If it is unknown, it becomes part of the identified
+        delay.
     """
 
     rate: float
@@ -211,7 +213,7 @@ class IdentificationTrial:
 
     @property
     def aligned(self) -> IdentificationTrial:
-        """The trial as if each force had taken effect right after the sample that caused it."""
+        """Trial with each force shifted to the sample that caused it."""
         samples = len(self.actuator_force) - self.latency
         return replace(
             self,
@@ -240,19 +242,19 @@ def find_trials(
     rate : float
         Samples per second.
     missing : ndarray of bool, shape (n,), optional
-        Mask of the samples that were not recorded, and are filled in.
+        Mask of the samples that were not recorded, but interpolated.
     latency : int
-        Samples from the one that caused a force to the tick at which the force took effect.
+        Delay from sample to force, in samples.
 
     Returns
     -------
     list of IdentificationTrial
-        Trials in the order recorded; the number of missing samples of each is in its status.
+        Trials in recorded order; the status of each contains its number of missing samples.
 
     Raises
     ------
     RecordingError
-        The signals do not fit each other, or the excitation is not in the force.
+        The signals do not match each other, or the force does not contain the excitation.
     ParameterError
         The end frequency is not below half the rate.
     """
@@ -270,7 +272,7 @@ def find_trials(
     product = signal.correlate(actuator_force, wanted, mode="valid", method="fft")
     energy = np.cumsum(np.concatenate([[0.0], actuator_force**2]))
     norm = np.sqrt((energy[length:] - energy[:-length]) * float(np.sum(wanted**2)))
-    # Where there is hardly any force, rounding must not look like the sweep.
+    # If there is hardly any force, rounding errors must not resemble the sweep.
     correlation = product / np.maximum(norm, _LEAST_FORCE * float(np.sum(wanted**2)))
     starts = []
     best = float(correlation.max())
