@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scripted hand: set-points of its motion while it explores a surface."""
+"""Scripted hand: set-points of its motion while it explores a surface."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, parameter
 
 TABLE_STEP = 1e-3
-"""Step of the velocity table, s: the hand's velocity is linear in between."""
+"""Step of the velocity table, s; the hand's velocity is linear between entries."""
 
 
 @dataclass(frozen=True)
 class ExplorationParameters(Checked):
-    """Approach, press, strokes back and forth, lift; then again."""
+    """Cycle of the scripted hand: approach, press, strokes back and forth, lift."""
 
     height: float = parameter(0.010, "height of the hand above the surface at rest", "m", 0.0, 0.1)
     approach_time: float = parameter(
@@ -42,8 +42,8 @@ class ExplorationParameters(Checked):
 class Exploration:
     """Position and velocity of the hand along the surface (x) and its normal (z).
 
-    The velocity is tabulated and linear between the table's points, and the position is its
-    exact integral, as required by mechanics with piecewise constant hand acceleration.
+    The velocity is tabulated and linear between the entries. The position is its exact integral,
+    as required by mechanics with piecewise constant hand acceleration.
     """
 
     def __init__(self, parameters: ExplorationParameters) -> None:
@@ -56,11 +56,11 @@ class Exploration:
 
     @property
     def period(self) -> float:
-        """Length of one cycle, s; each begins where the one before ended."""
+        """Length of one cycle, s; each starts where the previous one ended."""
         return self._last * TABLE_STEP
 
     def at(self, time: float) -> tuple[float, float, float, float]:
-        """Return x, z in m and their velocities in m/s at a time in s; before 0, at rest."""
+        """Return x, z in m and their velocities in m/s at a time in s; at rest before 0."""
         place = max(0.0, time / TABLE_STEP) % self._last
         index = int(place)
         part = place - index
@@ -77,7 +77,7 @@ class Exploration:
 
 
 def _cycle(parameters: ExplorationParameters) -> FloatArray:
-    """Velocities (x, z) of one cycle on the table's times."""
+    """Return the velocities (x, z) of one cycle at the table's times."""
     travel = parameters.height + parameters.press_depth
     down = _minimum_jerk(parameters.approach_time, -travel)
     strokes = _strokes(parameters)
@@ -88,7 +88,7 @@ def _cycle(parameters: ExplorationParameters) -> FloatArray:
 
 
 def _minimum_jerk(duration: float, distance: float) -> FloatArray:
-    """Velocities of a minimum-jerk reach (Flash and Hogan 1985), without its last point."""
+    """Return minimum-jerk velocities (Flash and Hogan 1985), without the last point."""
     points = _points(duration)
     s = np.arange(points) / points
     velocity = s**2 * (1 - s) ** 2
@@ -96,10 +96,10 @@ def _minimum_jerk(duration: float, distance: float) -> FloatArray:
 
 
 def _strokes(parameters: ExplorationParameters) -> FloatArray:
-    """Velocities of strokes to and fro that turn round smoothly and end where they began."""
+    """Return the velocities of strokes back and forth with smooth turns, ending at the start."""
     turn = _points(parameters.turn_time)
     ramp = (1 - np.cos(np.pi * np.arange(turn) / turn)) / 2
-    # A stroke's two half turns, cosine-shaped, cover 2/pi of their time at full speed.
+    # A stroke's two half turns are cosine-shaped and cover 2/pi of the distance at full speed.
     cruise_time = parameters.stroke_length / max(parameters.stroke_speed, 1e-3)
     cruise = _points(max(0.0, cruise_time - parameters.turn_time * 2 / np.pi))
     profile = [ramp, np.ones(cruise)]
@@ -111,9 +111,9 @@ def _strokes(parameters: ExplorationParameters) -> FloatArray:
     profile.append(direction * (1 - ramp))
     velocity = np.concatenate(profile)
     if parameters.strokes % 2:
-        # An odd number of strokes ends at the far side: come back without pressing matter.
+        # An odd number of strokes ends at the far side: return without relevant pressure.
         velocity = np.concatenate([velocity, -velocity])
-    # Remove the rounding of the ramps, so that the hand does not wander from cycle to cycle.
+    # Remove the rounding of the ramps, so that the hand does not drift from cycle to cycle.
     return np.asarray(parameters.stroke_speed * (velocity - velocity.mean()))
 
 

@@ -1,40 +1,40 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The hand that goes where it is led, point by point."""
+"""Hand that follows given points, for example of a pointer."""
 
 from __future__ import annotations
 
 import math
 
 WORKSPACE = ((-0.15, 0.15), (-0.02, 0.08))
-"""Reach of the hand along the surface (x) and its normal (z), m; 13 mm below the surface the
-coupling's 250 N/m have the arms' largest force."""
+"""Workspace of the hand along the surface (x) and its normal (z), m. At 13 mm below the surface
+the coupling's 250 N/m give the arms' maximum force."""
 
 SPEED = 1.0
-"""Highest speed at which the hand follows, m/s: ten strokes of 0.1 m per second."""
+"""Maximum speed of the hand, m/s: ten strokes of 0.1 m per second."""
 
 STEP = 1e-3
-"""Longest step for which the hand's acceleration is held, s."""
+"""Maximum step over which the hand's acceleration is held, s."""
 
 LAG = 7e-3
-"""Time constant of each of the four lags behind the points, s. Together 28 ms; at 60 Hz, a usual
-rate of points, they leave 1/64 of what each new point corrects."""
+"""Time constant of each of the four lags behind the points, s. The total is 28 ms. At 60 Hz, a
+usual rate of points, they attenuate the correction of each new point to 1/64."""
 
 CORRECTION, ACCELERATION = 0.6, 0.3
-"""Shares of a point's deviation from where it was expected that correct the expected position and,
-divided by the time between points, velocity (alpha-beta filter)."""
+"""Gains of a point's deviation from its expected position, for the corrections of position and,
+divided by the time between points, of velocity (alpha-beta filter)."""
 
 EXPECTED = 0.05
-"""Time after a point for which it is expected to go on, s: three pictures of a screen."""
+"""Time after a point for which the motion is extrapolated, s: three frames of a screen."""
 
 
 class GuidedHand:
     """Position and velocity of a hand that follows points smoothly.
 
-    Between two points the motion goes on at the velocity of the last ones, so that points at the
-    rate of a screen make no steps, and four lags keep what remains below the tactile band. The
-    velocity is linear within a step, and the position its exact integral.
+    Between two points the motion is extrapolated with the velocity of the last ones, so that
+    points at the rate of a screen cause no steps. Four lags keep the rest below the tactile band.
+    The velocity is linear within a step, and the position is its exact integral.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ class GuidedHand:
         self._axes = _Axis(0.0, *WORKSPACE[0]), _Axis(self._height, *WORKSPACE[1])
 
     def point(self, x: float, z: float) -> None:
-        """Lead the hand to a point, m, or to that next to it within `WORKSPACE`.
+        """Lead the hand to a point, m, or to the nearest one within `WORKSPACE`.
 
-        One that is not finite is ignored.
+        A point that is not finite is ignored.
         """
         if math.isfinite(x) and math.isfinite(z):
             passed = max(STEP, self._time - self._pointed)
@@ -64,7 +64,7 @@ class GuidedHand:
     def at(self, time: float) -> tuple[float, float, float, float]:
         """Return x, z in m and their velocities in m/s at a time in s, as for `Exploration`.
 
-        Times do not go back, but to 0: there the hand rests.
+        Times must not decrease, except to 0, where the hand is at rest.
         """
         if time < self._time:
             self._rest()
@@ -90,8 +90,8 @@ class _Axis:
         self._lags = [place, place]
 
     def expect(self, place: float, passed: float) -> None:
-        """Correct the goal and its pace by a point, the time in s after the one before."""
-        if passed > EXPECTED:  # it was let go meanwhile
+        """Correct goal and velocity by a point, a time in s after the previous one."""
+        if passed > EXPECTED:  # the point was released meanwhile
             passed, self._pace = EXPECTED, 0.0
         place = min(self._high, max(self._low, place))
         farthest = SPEED * passed
@@ -107,7 +107,7 @@ class _Axis:
         ahead = self._goal
         for place, lagging in enumerate(self._lags):
             ahead = self._lags[place] = lagging + (ahead - lagging) * step / LAG
-        # The last two lags as one of second order, whose acceleration is held for the step.
+        # The last two lags as a second-order system, with constant acceleration over the step.
         acceleration = ((ahead - self.position) / LAG - 2 * self.velocity) / LAG
         self.position += (self.velocity + acceleration * step / 2) * step
         self.velocity += acceleration * step

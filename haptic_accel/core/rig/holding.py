@@ -1,21 +1,21 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detection of the moment at which a coupling lets an arm go."""
+"""Detection of an arm's release by a coupling."""
 
 from __future__ import annotations
 
 import math
 
 PUT_BACK_AFTER = 0.2
-"""Time without force and without a command after which an arm is put back to its start, s: longer
-than the coupler takes to release both arms when one falls silent."""
+"""Time without force and without commands after which an arm returns to its start, s. It is longer
+than the coupler takes to release both arms when one stops sending."""
 
 
 class Holding:
-    """Follows the commands of an arm's motors until the arm has been let go.
+    """Detect the release of an arm from the commands of its motors.
 
-    A coupling whose force is zero commands it over and over, and so holds the arm.
+    A coupling with zero force repeats its commands, and thus holds the arm.
 
     Examples
     --------
@@ -30,7 +30,7 @@ class Holding:
         self._silence = math.inf  # not held yet
 
     def command(self, *, free: bool) -> None:
-        """Note a command; `free` if it leaves the arm without force."""
+        """Record a command; `free` if its force is zero."""
         self._free = free
         self._silence = 0.0
 

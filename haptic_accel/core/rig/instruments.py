@@ -17,7 +17,7 @@ _NOISE_BLOCK = 4096
 
 
 class Quantizer:
-    """A converter with a symmetric range: rounds to its steps and saturates.
+    """Converter with a symmetric range: rounding to steps, and saturation.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Quantizer:
         self.saturated = 0
 
     def convert(self, value: float) -> float:
-        """Return the value as the converter gives it."""
+        """Return the value after conversion."""
         if abs(value) > self._full_scale:
             self.saturated += 1
             return math.copysign(self._full_scale, value)
@@ -39,7 +39,7 @@ class Quantizer:
 
 
 class Accelerometer:
-    """Noise, range and quantisation; the low-pass belongs to the mechanics' state.
+    """Accelerometer with noise, range and quantisation; its low-pass is part of the mechanics.
 
     Parameters
     ----------
@@ -47,7 +47,8 @@ class Accelerometer:
     seed : int
         Seed of the noise.
     stream : int
-        Number of the random stream: accelerometers of the same seed have independent noise.
+        Number of the random stream; accelerometers with equal seed and different streams have
+        independent noise.
     """
 
     def __init__(self, parameters: AccelerometerParameters, seed: int, stream: int = 0) -> None:
@@ -57,17 +58,17 @@ class Accelerometer:
         self._noise: list[float] = []
 
     def measure(self, low_passed: float, *, noisy: bool = True) -> float:
-        """Return a sample of the acceleration behind the sensor's low-pass, m/s^2."""
+        """Return a sample for an acceleration after the sensor's low-pass, m/s^2."""
         if not noisy:
             return self._converter.convert(low_passed)
         if not self._noise:
-            # Drawn in blocks: one call per sample would take longer than the rest together.
+            # Drawn in blocks, as one call per sample would dominate the computing time.
             self._noise = self._random.normal(0.0, self._deviation, _NOISE_BLOCK).tolist()
         return self._converter.convert(low_passed + self._noise.pop())
 
     @property
     def saturated(self) -> int:
-        """Number of samples beyond the range."""
+        """Number of saturated samples."""
         return self._converter.saturated
 
 
@@ -79,7 +80,7 @@ class ArmParameters(Checked):
     position_resolution: float = parameter(55e-6, "resolution of the arm's position", "m", 0, 1e-3)
 
     def motor_force(self, force: float) -> float:
-        """Return a force along one axis limited to that of the motors, N; zero for NaN."""
+        """Return a force along one axis, limited to that of the motors, N; zero for NaN."""
         if abs(force) <= self.max_force:
             return force
         return 0.0 if math.isnan(force) else math.copysign(self.max_force, force)

@@ -11,16 +11,16 @@ from typing import Protocol
 from haptic_accel.core.model import Sample, Vector
 
 LONGEST_ADVANCE = 0.1
-"""Longest time simulated in one go, s; after a longer stall the rig has stood still."""
+"""Maximum time simulated in one call, s; the rig stands still for the rest of a longer stall."""
 
 RESOLUTION = 10e-6
-"""Longest step of a rig's clock, s."""
+"""Maximum step of a rig's clock, s."""
 
 
 def clock_step(rate: float) -> float:
-    """Return the step of a rig's clock, s: whole steps fit into a sampling period.
+    """Return the step of a rig's clock, s; a sampling period is a whole number of steps.
 
-    A clock that counts steps gives every period the same length, whenever the rig has started.
+    As the clock counts steps, all periods have the same length, whenever the rig started.
 
     Examples
     --------
@@ -34,10 +34,10 @@ def clock_step(rate: float) -> float:
 class Rig(Protocol):
     """One side of the virtual rig; times in s.
 
-    It stands still until its first force: that of the arm, even if zero, or one of the actuator
-    that is not zero. Until then every sample is the same, without noise. So nothing that comes
-    afterwards depends on how long it stood still. An arm that has been let go, see `Holding`, is
-    put back to where it began, so that each engaging finds it there.
+    The rig stands still until its first force: any of the arm, even zero, or a non-zero one of the
+    actuator. Until then all samples are equal, without noise. Later samples are thus independent
+    of the waiting time. A released arm (see `Holding`) returns to its start, so that all
+    engagements begin there.
     """
 
     def advance(self, time: float) -> None:
@@ -53,16 +53,16 @@ class Rig(Protocol):
         """Set the force of the handle's actuator, N."""
 
     def release(self) -> None:
-        """Take all forces off."""
+        """Set all forces to zero."""
 
     def status(self) -> dict[str, int]:
-        """Return counts of values beyond a range, by name."""
+        """Return counts of out-of-range values by name."""
 
 
 class SampledRig:
-    """A rig as a device: sampled exactly at the requested times, as by a converter with a clock.
+    """Rig as a device, sampled exactly at the requested times, like a converter with a clock.
 
-    Its time begins with the first read or write.
+    Its time starts with the first read or write.
 
     Parameters
     ----------

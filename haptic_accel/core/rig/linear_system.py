@@ -13,8 +13,8 @@ from haptic_accel.core.model import FloatArray
 class LinearSystem:
     """x' = A x + B u, advanced by whole multiples of a time step without error.
 
-    The inputs hold their value between calls, which is what a digital controller's output
-    does; so the result does not depend on how an interval is divided.
+    The inputs are constant between calls, like the output of a digital controller. The result is
+    therefore independent of the division of an interval.
 
     Parameters
     ----------
@@ -23,11 +23,11 @@ class LinearSystem:
     step : float
         Smallest step, s.
     longest : int
-        Largest number of steps whose transition is kept ready.
+        Maximum number of steps with a precomputed transition.
     """
 
     def __init__(self, a: FloatArray, b: FloatArray, step: float, longest: int) -> None:
-        # Not at the top: scipy.linalg is slow to import, and most nodes have no rig.
+        # Imported here, as scipy.linalg is slow to import, and most nodes have no rig.
         from scipy.linalg import expm
 
         states, inputs = b.shape
@@ -44,12 +44,12 @@ class LinearSystem:
         self._longest = longest
         self._joint = np.zeros(states + inputs)
         self.state = self._joint[:states]
-        """The state, shape (n,): a view that may be written."""
+        """State, shape (n,): a view that may be written."""
         self.inputs = self._joint[states:]
-        """The inputs, shape (m,): a view that may be written."""
+        """Inputs, shape (m,): a view that may be written."""
 
     def step_response(self, index: int) -> FloatArray:
-        """Return what one unit of an input, held over a number of steps, adds to the state.
+        """Return the state's response to one unit of an input, held over a number of steps.
 
         Parameters
         ----------
@@ -59,19 +59,19 @@ class LinearSystem:
         Returns
         -------
         ndarray, shape (longest, n)
-            After 1, 2, ... steps.
+            State after 1, 2, ... steps.
         """
         return np.array([each[:, len(self.state) + index] for each in self._transitions])
 
     def advance(self, steps: int) -> None:
-        """Advance the state by a number of steps with the inputs as they are."""
+        """Advance the state by a number of steps with constant inputs."""
         while steps > 0:
             block = min(steps, self._longest)
             self.state[:] = self.after(block)
             steps -= block
 
     def after(self, steps: int) -> FloatArray:
-        """Return the state after a number of steps, at most `longest`, without advancing to it."""
-        # For so small a matrix `dot` takes a third of the time of `@`.
+        """Return the state after a number of steps, at most `longest`, without advancing."""
+        # For such a small matrix `dot` takes a third of the time of `@`.
         after: FloatArray = self._transitions[steps - 1].dot(self._joint)
         return after

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The master of the virtual rig: hand, handle, voice coil, arm and accelerometer."""
+"""Master of the virtual rig: hand, handle, voice coil, arm and accelerometer."""
 
 from __future__ import annotations
 
@@ -53,15 +53,15 @@ from haptic_accel.core.rig.interface import LONGEST_ADVANCE, clock_step
 from haptic_accel.core.rig.linear_system import LinearSystem
 
 STOP_STEPS = 5
-"""Steps between updates of the travel stops' force when a stop is near (50 us)."""
+"""Steps between updates of a nearby travel stop's force (50 us)."""
 
 NOISE_STREAM = 1
-"""Random stream of the handle's accelerometer, independent of the slave's of the same seed."""
+"""Random stream of the handle's accelerometer, independent of the slave's with the same seed."""
 
 
 @dataclass(frozen=True)
 class DriveParameters(Checked):
-    """The simulated actuator's converter, amplifier, bearing and travel stops."""
+    """Simulated converter, amplifier, bearing and travel stops of the actuator."""
 
     bits: int = parameter(14, "resolution of the converter of the force", "bit", 4, 32)
     stop_stiffness: float = parameter(
@@ -85,7 +85,7 @@ class DriveParameters(Checked):
 
 @dataclass(frozen=True)
 class MasterRigParameters:
-    """All parameters of the simulated master."""
+    """Parameters of the simulated master."""
 
     handle: HandleParameters = field(default_factory=HandleParameters)
     grip: GripParameters = field(default_factory=GripParameters)
@@ -98,31 +98,30 @@ class MasterRigParameters:
 
 
 class Hand(Protocol):
-    """The user's hand: where it wants the handle to be."""
+    """Interface of the user's hand: desired position of the handle."""
 
     def at(self, time: float) -> tuple[float, float, float, float]:
-        """Return x, z in m and their velocities in m/s at a time in s; at 0, at rest."""
+        """Return x, z in m and their velocities in m/s at a time in s; at rest at 0."""
 
 
 class MasterRig:
-    """Eq. (1) and (2) of the paper along the actuator's axis (z), a mass along x.
+    """Eq. (1) and (2) of the paper along the actuator's axis (z), and a mass along x.
 
-    Linear between commands and advanced exactly; only the travel stops and dry friction are
-    not linear. The stops' force is updated every 50 us when one is within reach; friction holds
-    for a sample at most and follows the mean slip. Everything stands still until the first force.
-    The hand rests until the arm receives its first one (the coupling has engaged), then starts to
-    explore. An arm that has been let go is put back to where it began, and the hand starts over
-    with its next force.
+    The system is linear between commands and advanced exactly, except for travel stops and dry
+    friction. The force of a nearby stop is updated every 50 us. Friction is held for a sample at
+    most and follows the mean slip. Everything stands still until the first force. The hand rests
+    until the arm's first force (engagement), then starts to explore. A released arm returns to its
+    start, and the hand starts again with the next force.
 
     Parameters
     ----------
     parameters : MasterRigParameters
     rate : float
-        Samples per second at which it is read.
+        Sampling rate, Hz.
     seed : int
         Seed of the accelerometer's noise and of the user's grip.
     hand : Hand, optional
-        Hand in place of the scripted one.
+        Hand that replaces the scripted one.
 
     Attributes
     ----------
@@ -153,8 +152,8 @@ class MasterRig:
         self._started = False
         self._holding = Holding()
         self._explored_since: int | None = None
-        self._hand_until = 0  # up to here the hand's acceleration is as set
-        self._led = -1, (0.0, 0.0, 0.0, 0.0)  # when the hand was last asked for, and where it was
+        self._hand_until = 0  # end of the hand's present acceleration
+        self._led = -1, (0.0, 0.0, 0.0, 0.0)  # time and motion of the hand's last update
         self._touching = False
         self._stop_hits = 0
         self._rest()
@@ -186,13 +185,13 @@ class MasterRig:
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
         state = self._system.state.tolist()
-        # Held against gravity, the sensor reads as much upwards.
+        # The sensor is held against gravity, which it measures as an upward acceleration.
         low_passed = state[MEASURED] + self._p.grip.gravity
         acceleration = self._accelerometer.measure(low_passed, noisy=self._started)
         return self._p.arm.sample(state[X_H], state[Y_H], state[VX_H], state[V_H], acceleration)
 
     def apply_arm_force(self, force: Vector) -> None:
-        """Set the force of the arm's motors, N, each axis up to their limit."""
+        """Set the force of the arm's motors, N, each axis limited to their maximum."""
         if self._explored_since is None:
             self._started = True
             self._explored_since = self._hand_until = self._now
@@ -204,7 +203,7 @@ class MasterRig:
     def apply_actuator_force(self, force: float) -> None:
         """Set the voice coil's force, N, rounded and limited by its converter and amplifier.
 
-        NaN takes the force off.
+        NaN sets the force to zero.
         """
         converted = self._converter.convert(0.0 if math.isnan(force) else force)
         self._started = self._started or converted != 0.0
@@ -212,7 +211,7 @@ class MasterRig:
         self._take_commands()
 
     def change_grip(self, handle: HandleParameters) -> None:
-        """Change the parameters of the handle from now on; nothing moves at that moment."""
+        """Change the parameters of the handle from now on, without a jump of the motion."""
         before = self._system
         self.handle = handle
         self._build_mechanics()
@@ -227,13 +226,13 @@ class MasterRig:
         self._system.inputs[G] = -grip.gravity
 
     def release(self) -> None:
-        """Take all forces off."""
+        """Set all forces to zero."""
         self._commands.clear()
         self._system.inputs[[F_A, F_X, F_Z]] = 0.0
         self._holding.command(free=True)
 
     def status(self) -> dict[str, int]:
-        """Return counts of saturated samples and commands, and of travel stops hit."""
+        """Return counts of saturated samples and commands, and of contacts with travel stops."""
         return {
             "accelerometer_saturated": self._accelerometer.saturated,
             "actuator_saturated": self._converter.saturated,
@@ -251,7 +250,7 @@ class MasterRig:
         return float(kinetic + springs + self._p.drive.stop_stiffness * overrun**2) / 2
 
     def disturb(self, handle_velocity: float = 0.0, actuator_velocity: float = 0.0) -> None:
-        """Set velocities along the actuator's axis, m/s: a blow, for tests and experiments."""
+        """Set velocities along the actuator's axis, m/s: an impact for tests and experiments."""
         self._started = True
         self._system.state[V_H] = handle_velocity
         self._system.state[V_A] = actuator_velocity
@@ -269,20 +268,20 @@ class MasterRig:
         self._friction = drive.coulomb_friction
         self._friction_steps = self._longest
         if self._friction:
-            # Within its time constant, friction that is held does not reverse a slip.
+            # Within its time constant, held friction does not reverse a slip.
             reduced_mass = 1 / (1 / h.m_a + 1 / h.m_h)
             relaxation = reduced_mass * drive.slip_velocity / self._friction
             self._friction_steps = max(1, int(min(self._longest, relaxation / self._step)))
         response = self._system.step_response(F_BETWEEN)
         travels = (response[:, Y_A] - response[:, Y_H]).tolist()
-        # By the number of steps: the answer to a unit of friction, and the travel that has all.
+        # By the number of steps: response to a unit of friction, and travel with full friction.
         self._rubbed = [
             (each, drive.slip_velocity * steps * self._step + self._friction * travel)
             for steps, (each, travel) in enumerate(zip(response, travels, strict=True), start=1)
         ]
 
     def _advance(self, due: int) -> int:
-        """Advance by due steps until an input may change; return their number."""
+        """Advance by at most `due` steps, until an input may change; return their number."""
         if self._commands:
             self._take_commands()
         if self._now >= self._hand_until:
@@ -300,7 +299,7 @@ class MasterRig:
         return steps
 
     def _step_limit(self, due: int, offset: float, slip: float) -> int:
-        """Return the number of steps until an input must be updated."""
+        """Return the number of steps until the next update of an input."""
         steps = min(due, self._hand_until - self._now, self._friction_steps)
         if self._commands:
             steps = min(steps, max(1, self._commands[0][0] - self._now))
@@ -308,7 +307,7 @@ class MasterRig:
         return min(steps, STOP_STEPS) if reach > self._travel / 2 else steps
 
     def _take_commands(self) -> None:
-        """Apply the commands whose delay is over."""
+        """Apply the commands whose delay has passed."""
         while self._commands and self._commands[0][0] <= self._now:
             self._system.inputs[F_A] = self._commands.popleft()[1]
 
@@ -320,7 +319,7 @@ class MasterRig:
         self._rest()
 
     def _rest(self) -> None:
-        """Set the state in which hand, spring and gravity balance."""
+        """Set the state of equilibrium of hand, spring and gravity."""
         h, gravity, state = self.handle, self._p.grip.gravity, self._system.state
         state[X_U], state[Y_U], state[VX_U], state[V_U] = self._hand(self._now)
         self._system.inputs[G] = -gravity
@@ -330,13 +329,13 @@ class MasterRig:
         state[X_H] = state[X_U]
 
     def _lead_hand(self) -> None:
-        """Set the hand's motion from now on, for at most a step of its table."""
+        """Set the hand's motion for at most a step of its table."""
         self._hand_until = self._now + self._longest
         x, z, v_x, v_z = self._hand(self._now)
         _, _, next_x, next_z = self._hand(self._hand_until)
         duration = self._longest * self._step
         state, inputs = self._system.state, self._system.inputs
-        # One by one: an array takes longer to read a tuple than four numbers.
+        # One by one, as an array reads four numbers faster than a tuple.
         state[X_U], state[Y_U], state[VX_U], state[V_U] = x, z, v_x, v_z
         inputs[AX_U], inputs[A_U] = (next_x - v_x) / duration, (next_z - v_z) / duration
 
@@ -347,7 +346,7 @@ class MasterRig:
         return self._led[1]
 
     def _stop_force(self, offset: float, slip: float) -> float:
-        """Force of a travel stop on the actuator's mass, N; zero in free travel."""
+        """Return the force of a travel stop on the actuator's mass, N; zero in free travel."""
         p = self._p.drive
         overrun = abs(offset) - self._travel
         before, self._touching = self._touching, overrun > 0
@@ -355,16 +354,17 @@ class MasterRig:
             return 0.0
         self._stop_hits += not before
         outward = math.copysign(1.0, offset) * slip
-        # The force is held for some steps: that of their middle returns no more energy than taken.
+        # The force is held for some steps. That of their middle returns no more energy than was
+        # stored.
         held = STOP_STEPS * self._step
         push = p.stop_stiffness * (overrun + outward * held / 2) + p.stop_damping * outward
         return -math.copysign(max(0.0, push), offset)
 
     def _rub(self, offset: float, steps: int) -> None:
-        """Advance by so many steps under dry friction, held over them.
+        """Advance by a number of steps with constant dry friction.
 
-        It is that of the mean slip that remains under it: so it only takes energy, and is right to
-        second order in the time for which it is held.
+        The friction is that of the mean slip under the friction itself. It thus only dissipates
+        energy, and is second-order accurate in the holding time.
         """
         system = self._system
         free = system.after(steps)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The slave of the virtual rig: an arm's tip dragged over a surface, with its accelerometer."""
+"""Slave of the virtual rig: an arm's tip that slides on a surface, with an accelerometer."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from haptic_accel.core.rig.surface import (
 )
 
 PHYSICS_STEP = 100e-6
-"""Longest step of the contact's integration, s; half of it changes results by less than 1 %."""
+"""Maximum integration step of the contact, s; half of it changes results by less than 1 %."""
 
 
 Vibrating: TypeAlias = Callable[[float, float], float]
-"""Function that returns an acceleration from speed and normal force, sample by sample."""
+"""Function from speed and normal force to an acceleration, called once per sample."""
 
 NOISE_STREAM = 2
-"""Random stream of the tool's accelerometer, independent of the master's of the same seed."""
+"""Random stream of the tool's accelerometer, independent of the master's with the same seed."""
 
 
 @dataclass(frozen=True)
 class ToolParameters(Checked):
-    """The slave arm's tip."""
+    """Tip of the slave arm."""
 
     mass: float = parameter(
         0.060,
@@ -62,7 +62,7 @@ class ToolParameters(Checked):
 
 @dataclass(frozen=True)
 class SlaveRigParameters:
-    """All parameters of the simulated slave."""
+    """Parameters of the simulated slave."""
 
     tool: ToolParameters = field(default_factory=ToolParameters)
     accelerometer: AccelerometerParameters = field(default_factory=AccelerometerParameters)
@@ -71,27 +71,27 @@ class SlaveRigParameters:
 
 
 class SlaveRig:
-    """A point mass with friction, driven by the arm's motors, touching a textured surface.
+    """Point mass with friction, driven by the arm's motors, in contact with a textured surface.
 
-    The surface can only push (Hertz contact with Hunt-Crossley damping); harder pressing makes it
-    stiffer and transmits more of the texture. The tip's height follows the profile at the speed
-    of the stroke. It stands still until the arm receives its first force, and is put back to where
-    it began when it has been let go.
+    The surface can only push (Hertz contact with Hunt-Crossley damping). Harder pressing makes the
+    contact stiffer and transmits more of the texture. The tip's height follows the profile at the
+    speed of the stroke. The tip stands still until the arm's first force, and returns to its start
+    after a release.
 
     Parameters
     ----------
     parameters : SlaveRigParameters
     rate : float
-        Samples per second at which it is read.
+        Sampling rate, Hz.
     seed : int
         Seed of the texture and the accelerometer's noise.
     recording : ndarray, optional
-        Tool acceleration in m/s^2 at `rate`, played in a loop in place of the simulated one, from
-        the first sample after the arm received its first force.
+        Tool acceleration in m/s^2 at `rate`, repeated instead of the simulated one, from the first
+        sample after the arm's first force.
     physics_step : float
-        Longest step of integration, s.
+        Maximum integration step, s.
     texture : callable, optional
-        As `change_surface` takes it.
+        As for `change_surface`.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class SlaveRig:
         self._force_x = self._force_z = 0.0
         self._holding = Holding()
         self._clock_step = clock_step(rate)
-        self._now = 0  # steps of the clock
+        self._now = 0  # in steps of the clock
         self._started = False
         self._played_since: int | None = None
         self._put_back()
@@ -125,7 +125,7 @@ class SlaveRig:
         """Force of the surface on the tip, N."""
         motion = self._v_x, self._v_z, 0.0, 0.0
         *_, x, z, _, _ = self._law(self._x, self._z - self._lift, *motion)
-        # High above the surface only the joints' friction is left.
+        # High above the surface only the joints' friction acts.
         *_, free_x, free_z, _, _ = self._law(self._x, 1.0, *motion)
         mass = self._p.tool.mass
         return mass * (x - free_x), 0.0, mass * (z - free_z)
@@ -148,7 +148,7 @@ class SlaveRig:
         return self._p.arm.sample(self._x, self._z, self._v_x, self._v_z, acceleration)
 
     def apply_arm_force(self, force: Vector) -> None:
-        """Set the force of the arm's motors, N, each axis up to their limit."""
+        """Set the force of the arm's motors, N, each axis limited to their maximum."""
         self._started = True
         motor_force = self._p.arm.motor_force
         self._force_x, self._force_z = motor_force(force[0]), motor_force(force[2])
@@ -158,21 +158,20 @@ class SlaveRig:
         """Do nothing: the slave's tool has no actuator."""
 
     def change_surface(self, surface: SurfaceParameters, texture: Vibrating | None = None) -> None:
-        """Put another surface under the tip; nothing moves at that moment.
+        """Change the surface under the tip, without a jump of the motion.
 
-        Its height is such that the contact force stays the same, or that it is not above the tip
-        if there was no contact.
+        Its height keeps the contact force constant. Without contact it is not above the tip.
 
         Parameters
         ----------
         surface : SurfaceParameters
         texture : callable, optional
-            Returns for each sample, from speed in m/s and normal force in N, an acceleration in
-            m/s^2 that adds to that of the surface's profile.
+            Function from speed in m/s and normal force in N to an acceleration in m/s^2, called
+            for each sample. The acceleration is added to that of the surface's profile.
         """
         self._texture = texture
         pressed = max(0.0, self._penetration())
-        # The same elastic force out of another stiffness (Hertz).
+        # The same elastic force with another stiffness (Hertz).
         pressed *= (self._p.surface.stiffness / surface.stiffness) ** (2 / 3)
         self._p = replace(self._p, surface=surface)
         self._law = tip_law(self._p.tool, surface, self._seed)
@@ -182,22 +181,22 @@ class SlaveRig:
             self._lift = -excess
 
     def release(self) -> None:
-        """Take the motors' force off."""
+        """Set the motors' force to zero."""
         self._force_x = self._force_z = 0.0
         self._holding.command(free=True)
 
     def status(self) -> dict[str, int]:
-        """Return the count of samples beyond the accelerometer's range."""
+        """Return the count of out-of-range samples of the accelerometer."""
         return {"accelerometer_saturated": self._accelerometer.saturated}
 
     def energy(self) -> float:
-        """Return kinetic energy and the contact's elastic energy, J."""
+        """Return the kinetic energy and the contact's elastic energy, J."""
         penetration = max(0.0, self._penetration())
         kinetic = self._p.tool.mass * (self._v_x**2 + self._v_z**2) / 2
         return kinetic + self._p.surface.stiffness * float(penetration**2.5) / 2.5
 
     def disturb(self, velocity_x: float = 0.0, velocity_z: float = 0.0) -> None:
-        """Set the tip's velocity, m/s: a throw, for tests and experiments."""
+        """Set the tip's velocity, m/s, like a throw, for tests and experiments."""
         self._started = True
         self._v_x, self._v_z = velocity_x, velocity_z
 
@@ -213,8 +212,7 @@ class SlaveRig:
         steps = max(1, math.ceil(due / self._longest_step - 1e-6))
         step = due / steps
         decay = math.exp(-self._corner * step)
-        # A step's share of its first and last acceleration in the low-pass, the
-        # acceleration taken as linear in between.
+        # Weights of a step's first and last acceleration in the low-pass, for linear acceleration.
         mean = (1 - decay) / (self._corner * step)
         x, z, self._v_x, self._v_z, self._low_passed, *_ = self._law(
             *(self._x, self._z - self._lift, self._v_x, self._v_z, self._force_x, self._force_z),
@@ -231,9 +229,9 @@ class SlaveRig:
         if not self._started:
             return 0.0
         if self._played_since is None:
-            # From a sample and not from the force, which may fall in the middle between two.
+            # From a sample, as the force may change between two of them.
             self._played_since = self._now
-        # The recording went through a sensor already: it is played as it is.
+        # The recording has already passed a sensor, and is played unchanged.
         index = round((self._now - self._played_since) * self._clock_step * self._rate)
         return float(self._recording[index % len(self._recording)])
 
@@ -243,14 +241,15 @@ class SlaveRig:
 
 
 Moved = tuple[float, float, float, float, float, float, float, float, float]
-"""Place, velocity, low-passed acceleration and present acceleration of the tip, each along the
-surface before normal to it where it has both; normal force of the contact and penetration."""
+"""Motion of the tip: position, velocity, low-passed acceleration and present acceleration, each
+tangential before normal where it has both; then normal force and penetration of the contact."""
 
 
 def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Callable[..., Moved]:
     """Return the law of motion of a tip on one piece of a material.
 
-    A closure, with all it needs in local variables: a simulation spends most of its time here.
+    It is a closure with all data in local variables, as simulations spend most of their time in
+    it.
 
     Parameters
     ----------
@@ -262,11 +261,11 @@ def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Call
     Returns
     -------
     callable
-        From place and velocity of the tip and the motors' force, each along the surface and
-        normal to it (m, m/s, N), and optionally the low-passed acceleration, m/s^2, the number
-        of steps to move, their length, s, and the low-pass' factors of its state and of a step's
-        first and last acceleration, to where the tip is then: m, m/s, m/s^2, N, m. Without
-        steps it does not move.
+        Function to the tip's motion as in `Moved`, in m, m/s, m/s^2 and N. Its arguments are the
+        tip's position, velocity and motor force, tangential and normal (m, m/s, N). Optional are
+        the low-passed acceleration, m/s^2, the number of steps, their length, s, and the low-pass
+        weights of its state and of a step's first and last acceleration. Without steps the tip
+        does not move.
     """
     profile = height_profile(surface, seed)
     heights, rises = profile.tolist(), (np.roll(profile, -1) - profile).tolist()
@@ -292,13 +291,13 @@ def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Call
     ) -> Moved:
         half = step / 2
         half_x = half_z = before = 0.0
-        # The motors' force changes only at the beginning: the low-pass must see its jump.
+        # The motors' force changes only at the start, and the low-pass must include this jump.
         for done in range(steps + 1):
             slipping = sqrt(v_x * v_x + v_z * v_z + slow)
             joints = viscous + dry / slipping
             force_x = motor_x - joints * v_x
             force_z = motor_z - joints * v_z
-            # The height is linear between the points of the profile.
+            # The height is linear between points of the profile.
             place = x / spacing
             left = floor(place)
             index = left % points
@@ -314,7 +313,7 @@ def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Call
                 force_x -= sliding * normal * v_x / slipping + normal * slope
                 force_z += normal
             a_x, a_z = force_x / mass, force_z / mass
-            # The velocity Verlet scheme, whose energy does not drift.
+            # Velocity Verlet scheme, whose energy does not drift.
             if done:
                 v_x = half_x + half * a_x
                 v_z = half_z + half * a_z
@@ -323,7 +322,7 @@ def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Call
                 half_x, half_z, before = v_x + half * a_x, v_z + half * a_z, a_z
                 x += step * half_x
                 z += step * half_z
-                # Friction depends on velocity: a predicted one keeps the scheme second-order.
+                # Friction depends on velocity; a predicted one keeps the scheme second-order.
                 v_x, v_z = v_x + step * a_x, v_z + step * a_z
         return x, z, v_x, v_z, low_passed, a_x, a_z, normal, penetration
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Surfaces: what the tool touches, and the height profile that makes a texture."""
+"""Surface parameters: contact, and the height profile of the texture."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ PROFILE_STEP = 5e-6
 """Spacing of the height profile, m: a sixtieth of the shortest wavelength allowed."""
 
 PROFILE_POINTS = 2**16
-"""Points of the profile, which repeats every 0.33 m; strokes are shorter."""
+"""Number of points in the profile, which repeats every 0.33 m; strokes are shorter."""
 
 
 @dataclass(frozen=True)
 class SurfaceParameters(Checked):
-    """A surface as the tool's tip meets it: contact, friction, and two kinds of texture."""
+    """Parameters of a surface: contact, friction, and two kinds of texture."""
 
     name: str = parameter("plain", "name of the surface in results")
     stiffness: float = parameter(
-        3e6, "contact force over penetration^1.5 (Hertz)", "N/m^1.5", 1e3, 1e8
+        3e6, "contact force divided by penetration^1.5 (Hertz)", "N/m^1.5", 1e3, 1e8
     )
     contact_damping: float = parameter(
         1.5,
-        "factor of penetration velocity in the contact force (Hunt and Crossley 1975)",
+        "factor of the penetration velocity in the contact force (Hunt and Crossley 1975)",
         "s/m",
         0.0,
         1e3,
@@ -49,18 +49,18 @@ class SurfaceParameters(Checked):
         4e-3, "longest wavelength of the irregular texture", "m", 0.3e-3, 0.1
     )
     roughness_exponent: float = parameter(
-        1.0, "exponent of the fall of height power with spatial frequency", low=0.0, high=6.0
+        1.0, "negative exponent of height power over spatial frequency", low=0.0, high=6.0
     )
     bump_height: float = parameter(0.0, "height of raised features; 0 for none", "m", 0.0, 1e-3)
     bump_width: float = parameter(
         0.6e-3, "width of a raised feature at half height", "m", 0.1e-3, 0.05
     )
-    bump_pitch: float = parameter(2e-3, "mean distance of raised features", "m", 0.2e-3, 0.1)
+    bump_pitch: float = parameter(2e-3, "mean distance between raised features", "m", 0.2e-3, 0.1)
     bump_irregularity: float = parameter(
-        0.0, "standard deviation of the features' distance over its mean", low=0.0, high=1.0
+        0.0, "standard deviation of the features' distance, divided by its mean", low=0.0, high=1.0
     )
     texture: str = parameter(
-        "", "texture whose acceleration adds to that of the profile: its name or file; or none"
+        "", "texture whose acceleration is added to that of the profile: its name or file; or none"
     )
 
 
@@ -71,14 +71,14 @@ def height_profile(surface: SurfaceParameters, seed: int) -> FloatArray:
     ----------
     surface : SurfaceParameters
     seed : int
-        Seed of the texture: another seed is another piece of the same material.
+        Seed of the texture; another seed gives another piece of the same material.
     """
     random = np.random.default_rng(seed)
     return _roughness(surface, random) + _bumps(surface, random)
 
 
 def _roughness(surface: SurfaceParameters, random: np.random.Generator) -> FloatArray:
-    """Gaussian noise with a power-law spectrum between two wavelengths."""
+    """Return Gaussian noise with a power-law spectrum between two wavelengths."""
     turns = random.random(PROFILE_POINTS // 2 + 1)
     if surface.roughness == 0:
         return np.zeros(PROFILE_POINTS)
@@ -91,12 +91,12 @@ def _roughness(surface: SurfaceParameters, random: np.random.Generator) -> Float
     spectrum[within] = amplitude * np.exp(2j * np.pi * turns[within])
     heights = np.fft.irfft(spectrum, PROFILE_POINTS)
     deviation = heights.std()
-    # No wavelength of a periodic profile may lie between the two: then it is smooth.
+    # If no wavelength of a periodic profile lies between the two, the surface is smooth.
     return np.asarray(heights * (surface.roughness / deviation if deviation > 0 else 0.0))
 
 
 def _bumps(surface: SurfaceParameters, random: np.random.Generator) -> FloatArray:
-    """Gaussian-shaped ridges at more or less regular distances."""
+    """Return Gaussian ridges at more or less regular distances."""
     length = PROFILE_POINTS * PROFILE_STEP
     if surface.bump_height == 0:
         return np.zeros(PROFILE_POINTS)
