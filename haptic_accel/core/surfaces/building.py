@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Texture models from recordings of a tool dragged over a surface.
+"""Texture models from recordings of a tool that slides on a surface.
 
-Recordings are cut into stationary segments by exact dynamic programming with the minimum
-description length of Davis, Lee and Rodriguez-Yam (2006). Segments that lie close together in the
-plane of speed and force share a node of the model (Culbertson, Unwin and Kuchenbecker 2014); how
-many nodes there are, segments that were left out decide.
+Recordings are divided into stationary segments by exact dynamic programming, with the minimum
+description length of Davis, Lee and Rodriguez-Yam (2006). Segments with similar speed and force
+share a node of the model (Culbertson, Unwin and Kuchenbecker 2014). The number of nodes follows
+from cross-validation.
 """
 
 from __future__ import annotations
@@ -26,19 +26,22 @@ from haptic_accel.core.surfaces.line_spectrum import from_polynomial, levinson
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 
 RENDER_RATE = 1000.0
-"""Sampling rate at which models are fitted, Hz: the servo loop's, and twice the band of touch."""
+"""Sampling rate of fitted models, Hz: that of the servo loop, and twice the bandwidth of touch."""
 
 LOWEST_RATE = 500.0
-"""Lowest sampling rate of a recording, Hz: a model of a lower one lacks most of what is felt."""
+"""Minimum sampling rate of a recording, Hz; at lower rates most of the perceptible signal is
+missing."""
 
 BLOCK = 0.025
-"""Duration of the blocks that segments are made of, s."""
+"""Duration of the blocks in a segment, s."""
 
 SHORTEST, LONGEST = 2, 40
-"""Blocks of a segment: fewer hold too little for a spectrum; more take long to search."""
+"""Number of blocks in a segment. Fewer contain too little data for a spectrum; for more the search
+takes long."""
 
 WIDEST = 0.15
-"""Range of speed and force in a segment, over the largest of all recordings."""
+"""Maximum range of speed and force in a segment, relative to the largest values of all
+recordings."""
 
 SLOWEST = 5e-3
 """Speed below which the tool counts as at rest, m/s."""
@@ -47,56 +50,59 @@ LIGHTEST = 0.05
 """Force below which the tool counts as out of contact, N."""
 
 LANDING = 4
-"""Blocks left out where contact begins: a tap's vibration lasts about 0.1 s."""
+"""Number of blocks ignored after the start of contact, as a tap's vibration lasts about 0.1 s."""
 
 QUIETEST = 1e-3
-"""White noise that is added to segments, m/s^2: the resolution of 16 bits at 5 g. Silence and pure
-tones, which can be predicted exactly, have a description length with it."""
+"""White noise added to segments, m/s^2: the resolution of 16 bits at 5 g. It gives silence and
+pure tones, which are exactly predictable, a finite description length."""
 
 LARGEST_ORDER = 20
-"""Largest order of a model, as in the Penn Haptic Texture Toolkit."""
+"""Maximum order of a model, as in the Penn Haptic Texture Toolkit."""
 
 PILOT_ORDER = 8
-"""Order with which segments are found, before that of the model is known."""
+"""Order for finding segments, before the model's order is known."""
 
 FLAT = 0.01
-"""Fall of Akaike's criterion per sample that an order must bring: 0.04 dB of prediction error."""
+"""Minimum reduction of Akaike's criterion per sample for a higher order: 0.04 dB of prediction
+error."""
 
 MOST_NODES = 64
-"""Largest number of measured nodes; the Penn Haptic Texture Toolkit has 25 to 57 of all kinds."""
+"""Maximum number of measured nodes; the Penn Haptic Texture Toolkit has 25 to 57 nodes of all
+kinds."""
 
 BAND = (20.0, 450.0)
-"""Band in which spectra are compared, Hz."""
+"""Frequency band for comparing spectra, Hz."""
 
 LAGS = 64
-"""Lags of the spectra that are compared; Parzen's window makes their resolution 29 Hz at 1 kHz."""
+"""Number of lags of the compared spectra; Parzen's window makes their resolution 29 Hz at 1
+kHz."""
 
 GRID = 2048
-"""Samples of the discrete Fourier transform of those spectra."""
+"""Length of the discrete Fourier transform of these spectra."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A tool dragged over a surface; all arrays of shape (n,).
+    """Recording of a tool that slides on a surface; all arrays of shape (n,).
 
     Attributes
     ----------
     name : str
-        Name in messages, that of the file.
+        Name for messages, from the file.
     rate : float
         Samples per second.
     speed : ndarray
         Tangential speed, m/s.
     force : ndarray
-        Normal force, N; positive where the tool presses.
+        Normal force, N; positive if the tool presses.
     acceleration : ndarray
         Acceleration of the tool along one axis, m/s^2.
 
     Raises
     ------
     ParameterError
-        Arrays of different lengths, values that are not finite, a rate that is too low, or an
-        acceleration that is constant.
+        Arrays differ in length, values are not finite, the rate is too low, or the acceleration is
+        constant.
     """
 
     name: str
@@ -127,8 +133,8 @@ class Recording:
     def at_rate(self, rate: float) -> Recording:
         """Return the recording at a lower rate, without the hand's own motion.
 
-        The acceleration keeps all below half the new rate: a filter's transition band would be
-        a gap in the spectrum, on which an autoregressive model wastes its order.
+        The acceleration keeps all frequencies below half the new rate. The transition band of a
+        filter would be a gap in the spectrum, which takes up the order of an autoregressive model.
         """
         from scipy import signal
 
@@ -142,18 +148,18 @@ class Recording:
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch in which a recording is stationary.
+    """Stationary section of a recording.
 
     Attributes
     ----------
     recording : str
     begin, end : float
-        Place in the recording, s.
+        Start and end in the recording, s.
     speed, force : float
         Medians, m/s and N.
     samples : int
     products : ndarray, shape (LAGS,)
-        Sum of the products of samples that are 0, 1, ... apart, (m/s^2)^2.
+        Sum of the products of samples with distances 0, 1, ..., (m/s^2)^2.
     """
 
     recording: str
@@ -167,7 +173,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Refusal:
-    """A stretch of a recording that is not used: its place in s, and why."""
+    """Unused section of a recording: start and end in s, and the reason."""
 
     recording: str
     begin: float
@@ -177,20 +183,20 @@ class Refusal:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Segments about a node that had no part in the model they are compared with.
+    """Segments at a node, compared with a model built without them.
 
     Attributes
     ----------
     speed, force : float
-        Mean of the segments', m/s and N.
+        Means over the segments, m/s and N.
     seconds : float
-        Their duration.
+        Total duration of the segments.
     frequency : ndarray, shape (k,)
         Hz.
     measured, modelled : ndarray, shape (k,)
         Power spectral densities, (m/s^2)^2/Hz.
     rms, modelled_rms : float
-        Root mean square of all frequencies, m/s^2.
+        Root mean square over all frequencies, m/s^2.
     """
 
     speed: float
@@ -212,19 +218,20 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Built:
-    """A texture model and how it was obtained.
+    """Texture model with information on its construction.
 
     Attributes
     ----------
     model : TextureModel
     order : int
     measured : int
-        Number of its nodes that segments were recorded for; these come first.
+        Number of nodes with recorded segments; these come first.
     segments : tuple of Segment
     held_out : tuple of HeldOut
         Halves of the segments, each compared with a model of the other half.
     coverage : float
-        Share of the plane, from rest to the largest speed and force, within the segments' hull.
+        Fraction of the plane, from rest to the largest speed and force, within the hull of the
+        segments.
     refused : tuple of Refusal
     """
 
@@ -238,7 +245,7 @@ class Built:
 
     @property
     def distance(self) -> float:
-        """Log-spectral distance of held-out segments, dB, weighted by their duration."""
+        """Log-spectral distance of held-out segments, dB, weighted by duration."""
         weights = [each.seconds for each in self.held_out]
         return float(np.average([each.distance for each in self.held_out], weights=weights))
 
@@ -256,7 +263,7 @@ def build(name: str, recordings: Sequence[Recording], provenance: Provenance) ->
     Raises
     ------
     ParameterError
-        The recordings hold fewer than two segments.
+        The recordings contain fewer than two segments.
     """
     rate = min([RENDER_RATE, *(each.rate for each in recordings)])
     alike = [each.at_rate(rate) for each in recordings]
@@ -293,7 +300,7 @@ def build(name: str, recordings: Sequence[Recording], provenance: Provenance) ->
 
 
 def _parts(recording: Recording, largest: FloatArray) -> Iterator[Segment | Refusal]:
-    """Yield the segments of a recording, and what of it is not used."""
+    """Yield the segments of a recording, and its unused sections."""
     size = round(BLOCK * recording.rate)
     count = len(recording.speed) // size
     medians = np.array(
@@ -317,7 +324,7 @@ def _parts(recording: Recording, largest: FloatArray) -> Iterator[Segment | Refu
 
 
 def _segment(recording: Recording, first: int, last: int, size: int) -> Segment:
-    """Return the segment of some blocks."""
+    """Return the segment of a range of blocks."""
     own = slice(first * size, last * size)
     speed, force = (float(np.median(each[own])) for each in (recording.speed, recording.force))
     products = _products(recording.acceleration[own])
@@ -329,7 +336,7 @@ _REASONS = ("", "out of contact", "at rest", "landing")
 
 
 def _reasons(speed: FloatArray, force: FloatArray) -> IntArray:
-    """Return for each block the number in `_REASONS` of why it is not used, 0 if it is."""
+    """Return for each block the index in `_REASONS` of its rejection, 0 for none."""
     reasons = np.where(force < LIGHTEST, 1, np.where(speed < SLOWEST, 2, 0))
     for start in np.flatnonzero((force[:-1] < LIGHTEST) & (force[1:] >= LIGHTEST)) + 1:
         landing = slice(start, start + LANDING)
@@ -338,7 +345,7 @@ def _reasons(speed: FloatArray, force: FloatArray) -> IntArray:
 
 
 def _products(samples: FloatArray) -> FloatArray:
-    """Return the sums of products of samples that are 0 to LAGS - 1 apart."""
+    """Return the sums of products of samples with distances from 0 to LAGS - 1."""
     padded = np.concatenate([samples, np.zeros(LAGS - 1)])
     products = np.asarray(sliding_window_view(padded, LAGS).T @ samples)
     products[0] += len(samples) * QUIETEST**2
@@ -346,25 +353,25 @@ def _products(samples: FloatArray) -> FloatArray:
 
 
 def _stationary(samples: FloatArray, size: int, labels: FloatArray) -> Iterator[tuple[int, int]]:
-    """Yield the first and the last block, which is excluded, of each stationary segment.
+    """Yield the first block, and the block after the last, of each stationary segment.
 
-    The least sum of all segments' description lengths, found exactly.
+    The sum of all segments' description lengths is minimised exactly.
 
     Parameters
     ----------
     samples : ndarray, shape (blocks * size,)
     size : int
-        Samples of a block.
+        Number of samples in a block.
     labels : ndarray, shape (2, blocks)
-        Speed and force over their largest values.
+        Speed and force, relative to their largest values.
     """
     count, lags = len(samples) // size, PILOT_ORDER + 1
     ahead = sliding_window_view(np.concatenate([samples, np.zeros(lags - 1)]), lags)
     terms = ahead * samples[:, None]
     total = np.zeros((count + 1, lags))
     total[1:] = np.cumsum(terms.reshape(count, size, lags).sum(axis=1), axis=0)
-    # Products of a sample before the end of a block with one after it, which no segment that
-    # ends there has.
+    # Products of a sample before the end of a block with one after it, which a segment that ends
+    # there does not contain.
     reach = terms.reshape(count, size, lags)[:, size - lags + 1 :]
     left = np.arange(lags - 1, 0, -1)[:, None]
     crossing = (reach * (np.arange(lags) >= left)).sum(axis=1)
@@ -388,7 +395,7 @@ def _stationary(samples: FloatArray, size: int, labels: FloatArray) -> Iterator[
 
 
 def _description(products: FloatArray, samples: IntArray, total: int) -> FloatArray:
-    """Return the description length of segments in nats, by their products and samples."""
+    """Return the description length of segments in nats, from their products and lengths."""
     covariance = products / samples[:, None]
     covariance[:, 0] += QUIETEST**2
     _, variances = levinson(covariance)
@@ -413,7 +420,7 @@ def _order(segments: Sequence[Segment]) -> int:
 
 @dataclass(frozen=True)
 class _Plane:
-    """Values that all models of a set of recordings share."""
+    """Values common to all models of a set of recordings."""
 
     name: str
     rate: float
@@ -422,7 +429,7 @@ class _Plane:
     provenance: Provenance
 
     def model(self, segments: Sequence[Segment], count: int) -> TextureModel:
-        """Return a model of some segments with a number of nodes, and others around these."""
+        """Return a model of some segments with a number of measured nodes, and the frame nodes."""
         groups = self.groups(segments, count)
         labels = np.array([_label(group) for group in groups])
         covariance = np.array([_covariance(group) for group in groups])[:, : self.order + 1]
@@ -445,7 +452,7 @@ class _Plane:
         )
 
     def groups(self, segments: Sequence[Segment], count: int) -> list[list[Segment]]:
-        """Return segments that lie close together in the plane, by Ward's criterion."""
+        """Return groups of segments with similar speed and force, by Ward's criterion."""
         from scipy.cluster.hierarchy import fcluster, linkage
 
         if len(segments) == 1:
@@ -458,7 +465,7 @@ class _Plane:
         return found
 
     def surprise(self, known: Sequence[Segment], count: int, held_out: Sequence[Segment]) -> float:
-        """Return Whittle's negative log-likelihood of segments by a model of others, nats."""
+        """Return Whittle's negative log-likelihood of held-out segments for a model, nats."""
         model = self.model(known, count)
         total = 0.0
         for each in held_out:
@@ -471,7 +478,7 @@ class _Plane:
     def compared(
         self, known: Sequence[Segment], count: int, held_out: Sequence[Segment]
     ) -> Iterator[HeldOut]:
-        """Yield groups of segments beside the spectra that a model of others has there."""
+        """Yield groups of held-out segments and the spectra of a model for them."""
         model = self.model(known, count)
         for group in self.groups(held_out, count):
             frequency, measured, modelled = _densities(group, model)
@@ -481,9 +488,9 @@ class _Plane:
 
 
 FRAME = np.array([(0, 0), (1, 0), (0, 1), (1, 0.5), (0.5, 1), (1, 1)])
-"""Nodes around the measured ones, over the largest speed and force: silent where one of them is 0,
-like the nearest measured one elsewhere. The circle through the three silent ones holds the whole
-plane, so that they never make a triangle of their own."""
+"""Frame nodes around the measured ones, relative to the largest speed and force. They are silent
+where speed or force is 0, and like the nearest measured node elsewhere. The circle through the
+three silent ones contains the whole plane, so that they never form a triangle."""
 
 
 def _label(group: Sequence[Segment]) -> tuple[float, float]:
@@ -504,9 +511,9 @@ def _covariance(group: Sequence[Segment]) -> FloatArray:
 def _densities(
     group: Sequence[Segment], model: TextureModel
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return frequencies, and the mean power densities that segments have and a model has there.
+    """Return frequencies, and the mean power densities of segments and of a model for them.
 
-    Both at the resolution of `LAGS` samples, and the model's as segments of that length show it.
+    Both have the resolution of `LAGS` samples; the model's is that of segments of equal length.
     """
     from scipy.signal.windows import parzen
 
@@ -533,11 +540,11 @@ def _within_band(frequency: FloatArray) -> BoolArray:
 
 
 def _coverage(segments: Sequence[Segment], largest: FloatArray) -> float:
-    """Return the area of the segments' hull in the plane, over that up to the largest values."""
+    """Return the area of the segments' hull, relative to that up to the largest values."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
         hull = ConvexHull(np.array([(each.speed, each.force) for each in segments]) / largest)
-    except (QhullError, ValueError):  # fewer than three, or all in line
+    except (QhullError, ValueError):  # fewer than three, or collinear
         return 0.0
     return float(hull.volume)

@@ -14,26 +14,26 @@ from haptic_accel.core.surfaces.scene import SceneObject
 class Contact(NamedTuple):
     """Contact of a tool with a scene during one sampling period.
 
-    If the tool touches several objects, `force` is that of all; the rest is of the one that
-    was touched just now, else of the one that presses most.
+    If the tool touches several objects, `force` is the sum for all. The other values are those of
+    an object touched in this sample, or else of the one with the largest force.
 
     Attributes
     ----------
     object : SceneObject
     normal : tuple of float
-        Direction out of the object.
+        Outward direction of the object's surface.
     depth : float
-        Depth of the tool in the object, m.
+        Penetration depth of the tool, m.
     force : tuple of float
         Mean force on the tool, N.
     normal_force : float
-        Its part along the normal, of this object, N; never negative.
+        Normal component of this object's force, N; never negative.
     velocity : tuple of float
-        Velocity of the tool along the surface, m/s.
+        Tangential velocity of the tool, m/s.
     speed : float
-        Size of that, m/s.
+        Tangential speed, m/s.
     impact_speed : float
-        Speed against the surface when it was touched, m/s; 0 but in the sample of the onset.
+        Impact speed, m/s; 0 except in the first sample of a contact.
     sliding : bool
         True if the tool slides, False if it sticks.
     """

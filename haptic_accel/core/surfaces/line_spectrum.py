@@ -4,8 +4,9 @@
 """Prediction polynomials and their line spectral frequencies (Itakura 1975; Soong, Juang 1984).
 
 A polynomial A(z) = 1 + a_1 z^-1 + ... + a_p z^-p is half the sum of a symmetric and an
-antisymmetric one, whose roots lie on the unit circle. Their angles in (0, pi) take turns exactly
-where A has its roots inside: what lies between two stable polynomials, by angles, is stable.
+antisymmetric one, whose roots lie on the unit circle. The roots' angles in (0, pi) alternate if
+and only if all roots of A are inside. Interpolation of the angles between two stable polynomials
+thus gives a stable one.
 """
 
 from __future__ import annotations
@@ -22,17 +23,17 @@ def to_polynomial(lsf: FloatArray) -> FloatArray:
     Parameters
     ----------
     lsf : ndarray, shape (..., p)
-        Their line spectral frequencies in rising order, rad per sample.
+        Line spectral frequencies in increasing order, rad per sample.
     """
     order = lsf.shape[-1]
     ahead = np.zeros((*lsf.shape[:-1], order + 2))
     behind = np.zeros_like(ahead)
     symmetric, antisymmetric = _product(lsf[..., 0::2]), _product(lsf[..., 1::2])
-    if order % 2:  # the roots that are always there, of the antisymmetric one: 1 and -1
+    if order % 2:  # fixed roots of the antisymmetric one: 1 and -1
         ahead += symmetric
         ahead[..., :-2] += antisymmetric
         behind[..., 2:] = antisymmetric
-    else:  # -1 of the symmetric one, 1 of the other
+    else:  # -1 of the symmetric one, 1 of the antisymmetric one
         ahead[..., :-1] = symmetric + antisymmetric
         behind[..., 1:] = antisymmetric - symmetric
     return np.asarray((ahead - behind)[..., :-1] / 2)
@@ -51,7 +52,7 @@ def _product(angles: FloatArray) -> FloatArray:
 
 
 def from_polynomial(polynomial: FloatArray) -> FloatArray:
-    """Return the line spectral frequencies of a polynomial, rad per sample, in rising order.
+    """Return the line spectral frequencies of a polynomial, rad per sample, increasing.
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ def from_polynomial(polynomial: FloatArray) -> FloatArray:
 
 
 def _angles(coefficients: FloatArray) -> FloatArray:
-    """Return the angles of a symmetric polynomial's roots, not a number off the circle."""
+    """Return the angles of a symmetric polynomial's roots; NaN for roots off the circle."""
     half = len(coefficients) // 2
     series = 2 * coefficients[half:]
     series[0] /= 2  # in cosines of multiples of the angle
@@ -89,23 +90,23 @@ def _angles(coefficients: FloatArray) -> FloatArray:
 
 
 def is_ordered(lsf: FloatArray) -> bool:
-    """Return True if frequencies rise within (0, pi) along the last axis: a stable filter."""
+    """Return True if frequencies increase within (0, pi) along the last axis: a stable filter."""
     ends = np.zeros((*lsf.shape[:-1], 1))
     return bool(np.all(np.diff(np.concatenate([ends, lsf, ends + np.pi], axis=-1)) > 0))
 
 
 def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return prediction polynomials and innovation variances of autocovariances.
+    """Return prediction polynomials and innovation variances for autocovariances.
 
     Parameters
     ----------
     covariance : ndarray, shape (..., p + 1)
-        At lags 0 to p; of a signal of finite length, the biased ones.
+        Autocovariances at lags 0 to p; the biased ones for a signal of finite length.
 
     Returns
     -------
     polynomial : ndarray, shape (..., p + 1)
-        That of order p, 1 first; its roots are inside the unit circle.
+        Polynomials of order p, with 1 first; their roots are inside the unit circle.
     variances : ndarray, shape (..., p + 1)
         Variances of the prediction errors of orders 0 to p.
     """
@@ -123,11 +124,11 @@ def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 _FLOOR = 1e-9
-"""White noise that is added to a covariance, over its variance: keeps a pure tone stable."""
+"""White noise added to a covariance, relative to its variance; it keeps a pure tone stable."""
 
 
 def autocovariance(polynomial: FloatArray, lags: int) -> FloatArray:
-    """Return autocovariances at lags from 0 of white noise of variance 1 divided by polynomials.
+    """Return autocovariances from lag 0 on of unit white noise divided by polynomials.
 
     The inverse of `levinson`.
 
@@ -136,7 +137,7 @@ def autocovariance(polynomial: FloatArray, lags: int) -> FloatArray:
     polynomial : ndarray, shape (..., p + 1)
         1, a_1 ... a_p; all roots inside the unit circle.
     lags : int
-        Largest lag.
+        Maximum lag.
 
     Returns
     -------
@@ -145,7 +146,7 @@ def autocovariance(polynomial: FloatArray, lags: int) -> FloatArray:
     predictors = [polynomial]
     covariance = np.zeros((*polynomial.shape[:-1], lags + 1))
     covariance[..., 0] = 1.0
-    while predictors[-1].shape[-1] > 1:  # the polynomials of lower orders
+    while predictors[-1].shape[-1] > 1:  # polynomials of lower orders
         last = predictors[-1]
         unpredicted = 1 - last[..., -1:] ** 2
         predictors.append(((last - last[..., -1:] * last[..., ::-1]) / unpredicted)[..., :-1])
@@ -158,7 +159,7 @@ def autocovariance(polynomial: FloatArray, lags: int) -> FloatArray:
 
 
 def power_gain(forward: FloatArray, feedback: FloatArray) -> FloatArray:
-    """Return the mean square of white noise of variance 1 through filters, shape (...).
+    """Return the mean square of unit white noise after filters, shape (...).
 
     Parameters
     ----------

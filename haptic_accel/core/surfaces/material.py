@@ -14,20 +14,20 @@ from haptic_accel.core.surfaces.texture import TextureModel
 
 @dataclass(frozen=True)
 class Material(Checked):
-    """Surface of an object: its stiffness, friction, texture and taps.
+    """Material of an object: stiffness, friction, texture and taps.
 
     Attributes
     ----------
     name : str
     texture : TextureModel, optional
-        Acceleration of a tool that slides.
+        Acceleration of a sliding tool.
     tap : TapModel, optional
-        Acceleration of a tool that hits.
+        Acceleration after an impact.
 
     Raises
     ------
     ParameterError
-        A value out of range, or friction above static friction.
+        A value is out of range, or friction is above static friction.
     """
 
     name: str = "material"
@@ -39,7 +39,7 @@ class Material(Checked):
     tap: TapModel | None = None
 
     def __post_init__(self) -> None:
-        """Check each value, and that friction falls once the tool slides."""
+        """Check each value, and that sliding friction is not above static friction."""
         super().__post_init__()
         if self.friction > self.static_friction:
             raise ParameterError(

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The place of a tool's tip if surfaces were rigid: a god-object (Zilles and Salisbury, 1995)."""
+"""Tip position for rigid surfaces: a god-object (Zilles and Salisbury, 1995)."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.surfaces.scene import Scene
 
 SKIN = 1e-6
-"""Distance that the proxy keeps from surfaces, m: below what encoders resolve."""
+"""Distance between proxy and surfaces, m: below the resolution of encoders."""
 
 STEPS = 8
-"""Most steps of the proxy in one sample; it goes on from there in the next."""
+"""Maximum number of steps of the proxy in a sample; it continues in the next sample."""
 
-_SWEEPS = 4  # over the planes, of the search for the nearest place outside all of them
-_ARRIVED = 3e-6  # m; a step shorter than this is the last: planes turn by less than 0.1 mrad
+_SWEEPS = 4  # over the planes, in the search for the nearest position outside all of them
+_ARRIVED = 3e-6  # m; a shorter step is the last: planes turn by less than 0.1 mrad
 
 
 class LocalPlane(NamedTuple):
-    """Tangent plane of an object near the proxy: its points have normal * point = offset.
+    """Tangent plane of an object near the proxy; its points satisfy normal * point = offset.
 
     Attributes
     ----------
     number : int
-        Place of the object in the scene.
+        Index of the object in the scene.
     normal : tuple of float
-        Direction out of the object.
+        Outward direction of the object's surface.
     offset : float
         Distance of the plane from the origin along its normal, m.
     """
@@ -39,40 +39,40 @@ class LocalPlane(NamedTuple):
     offset: float
 
     def height(self, place: Vector) -> float:
-        """Return the distance of a place above the plane, m."""
+        """Return the height of a position above the plane, m."""
         n_x, n_y, n_z = self.normal
         return n_x * place[0] + n_y * place[1] + n_z * place[2] - self.offset
 
 
 class Proxy:
-    """Follows the tool outside of all objects, as near to it as it gets.
+    """Follow the tool outside all objects, as closely as possible.
 
-    From where it is, it goes to the place nearest to the tool that is above the tangent planes of
-    all objects in reach. A convex object is below its tangent plane, so the way there leads
-    through none, however thin or fast; other shapes limit the step to their `stride`.
+    The proxy moves to the position nearest to the tool above the tangent planes of all nearby
+    objects. A convex object lies below its tangent plane, so the path crosses no object, however
+    thin or fast. Other shapes limit the step to their `stride`.
 
     Parameters
     ----------
     scene : Scene
     place : tuple of float
-        Place at the start, m; inside of an object, it comes out to the nearest side.
+        Initial position, m; inside an object, the proxy leaves it at the nearest side.
     """
 
     def __init__(self, scene: Scene, place: Vector) -> None:
         self._objects = scene.objects
         self.place = place
-        # No object is nearer than the way that is left until it is due: distances are computed
-        # when the proxy may be in reach, and so for few objects.
+        # Travelled distance at which each object's distance is due for recomputation, since the
+        # proxy may then have reached it. Few objects are thus computed.
         self._travelled = 0.0
         self._due = [0.0] * len(scene.objects)
 
     def follow(self, tool: Vector, margin: float) -> list[LocalPlane]:
-        """Move towards the tool, and return the planes of all objects nearer than a margin.
+        """Move towards the tool; return the planes of all objects within a distance.
 
         Parameters
         ----------
         tool : tuple of float
-            Place of the tool, m.
+            Position of the tool, m.
         margin : float
             Distance in m.
         """
@@ -94,7 +94,7 @@ class Proxy:
     def _near(
         self, x: float, y: float, z: float, reach: float
     ) -> tuple[list[tuple[LocalPlane, float]], float]:
-        """Return tangent planes and distances of what is in reach, and the longest safe step."""
+        """Return planes and distances of objects within reach, and the longest safe step."""
         travelled, due = self._travelled, self._due
         near = []
         clearance = math.inf
@@ -114,7 +114,7 @@ class Proxy:
 
 
 def _allowed(step: Vector, near: list[tuple[LocalPlane, float]]) -> float:
-    """Return the share of a step that leads below no plane, each in some distance."""
+    """Return the fraction of a step that stays above all planes at given distances."""
     share = 1.0
     for (_, normal, _), distance in near:
         approach = -(normal[0] * step[0] + normal[1] * step[1] + normal[2] * step[2])
@@ -124,7 +124,7 @@ def _allowed(step: Vector, near: list[tuple[LocalPlane, float]]) -> float:
 
 
 def _nearest_outside(tool: Vector, planes: list[LocalPlane]) -> Vector:
-    """Return the place nearest to a tool that is above all planes (Hildreth, 1957)."""
+    """Return the position nearest to a tool that is above all planes (Hildreth, 1957)."""
     x, y, z = tool
     shares = [0.0] * len(planes)
     for _ in range(_SWEEPS if len(planes) > 1 else 1):

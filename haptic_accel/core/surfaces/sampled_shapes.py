@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shapes given by samples: height fields, and grids of distances, such as of meshes."""
+"""Sampled shapes: height fields, and distance grids, for example of meshes."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from haptic_accel.core.surfaces.shapes import unit
 
 @dataclass(frozen=True, eq=False)
 class HeightField:
-    """All that is below heights over a grid around the origin, which go on beyond its border.
+    """Solid below a grid of heights around the origin; the heights continue beyond its border.
 
-    Between samples heights are bilinear.
+    Heights are interpolated bilinearly between samples.
 
     Attributes
     ----------
     heights : ndarray, shape (n, m)
-        Heights in m, by place along x and y; at least two along each.
+        Heights in m, by index along x and y; at least two along each.
     spacing : float
         Distance between two samples, m.
     """
@@ -44,7 +44,7 @@ class HeightField:
         Raises
         ------
         ParameterError
-            Not a table of finite numbers, or a spacing not above 0.
+            The samples are no table of finite numbers, or the spacing is not above 0.
         """
         _check("heights", self.heights, self.spacing, axes=2)
         steepest = _slopes(self.heights, self.spacing).max()
@@ -52,7 +52,7 @@ class HeightField:
         n, m = self.heights.shape
         corner = (-(n - 1) * self.spacing / 2, -(m - 1) * self.spacing / 2)
         object.__setattr__(self, "_corner", corner)
-        # The distance is no less than the height times the cosine of the steepest slope.
+        # The distance is at least the height times the cosine of the steepest slope.
         object.__setattr__(self, "_scale", 1 / math.hypot(1, steepest))
 
     @property
@@ -61,7 +61,7 @@ class HeightField:
         return self.spacing / 2
 
     def distance(self, x: float, y: float, z: float) -> float:
-        """Return the signed distance of a point, m, or less where slopes differ."""
+        """Return a lower bound of a point's signed distance, m; exact for a constant slope."""
         (a, b), (c, d), u, v = self._cell(x, y)
         return (z - (1 - u) * ((1 - v) * a + v * b) - u * ((1 - v) * c + v * d)) * self._scale
 
@@ -80,7 +80,7 @@ class HeightField:
         return (points[:, 2] - _interpolated(self.heights, places)) * self._scale
 
     def _cell(self, x: float, y: float) -> tuple[Sequence[float], Sequence[float], float, float]:
-        """Return the heights around a place, two before it along x and two behind, and shares."""
+        """Return the heights of a position's cell, two by two along x and y, and the weights."""
         row, u = _interval((x - self._corner[0]) / self.spacing, len(self._rows))
         column, v = _interval((y - self._corner[1]) / self.spacing, len(self._rows[0]))
         before, behind = self._rows[row], self._rows[row + 1]
@@ -89,18 +89,18 @@ class HeightField:
 
 @dataclass(frozen=True, eq=False)
 class DistanceGrid:
-    """A solid by its signed distances on a grid, trilinear between them.
+    """Solid given by signed distances on a grid, with trilinear interpolation.
 
     Parts thinner than two spacings are lost.
 
     Attributes
     ----------
     grid : ndarray, shape (n, m, k)
-        Signed distances in m, by place along x, y and z; at least two along each.
+        Signed distances in m, by index along x, y and z; at least two along each.
     spacing : float
         Distance between two samples, m.
     corner : tuple of float
-        Place of the first sample, m.
+        Position of the first sample, m.
     """
 
     grid: FloatArray
@@ -115,17 +115,17 @@ class DistanceGrid:
         Raises
         ------
         ParameterError
-            Not a table of finite numbers, a spacing not above 0, or a solid that reaches the
-            border.
+            The samples are no table of finite numbers, the spacing is not above 0, or the solid
+            reaches the border.
         """
         _check("distances", self.grid, self.spacing, axes=3)
         inner = self.grid[1:-1, 1:-1, 1:-1]
         if (self.grid <= 0).sum() != (inner <= 0).sum():
             raise ParameterError("distances: must be above 0 m at the border of the grid")
-        # Python's floats without a copy.
+        # Python floats without a copy.
         flat = np.ascontiguousarray(self.grid, dtype=float).ravel()
         object.__setattr__(self, "_flat", cast(Sequence[float], flat.data))
-        # Interpolated distances may be steeper than distances are. Inside it does not matter.
+        # Interpolated distances may have a gradient above 1; inside this does not matter.
         outside = _largest_of_cells(self.grid) > 0
         steepest = _slopes(self.grid, self.spacing)[outside].max()
         object.__setattr__(self, "_scale", 1 / max(1.0, float(steepest)))
@@ -136,15 +136,16 @@ class DistanceGrid:
         return self.spacing / 2
 
     def distance(self, x: float, y: float, z: float) -> float:
-        """Return the signed distance of a point, m, or less where the grid is steep."""
+        """Return a lower bound of the signed distance of a point, m; exact without steep cells."""
         value, _, outside = self._look(x, y, z)
         if outside == ZERO:
             return value * self._scale
-        # The solid is in the grid: the way to it is no shorter than over the nearest place there.
+        # The solid is within the grid: the distance to it is at least that of the nearest grid
+        # position.
         return math.hypot(value * self._scale, *outside)
 
     def normal(self, x: float, y: float, z: float) -> Vector:
-        """Return the direction in which the distance grows."""
+        """Return the direction of increasing distance."""
         value, (g_x, g_y, g_z), (o_x, o_y, o_z) = self._look(x, y, z)
         if o_x or o_y or o_z:
             g_x, g_y, g_z = value * g_x + o_x, value * g_y + o_y, value * g_z + o_z
@@ -159,7 +160,7 @@ class DistanceGrid:
         return np.where(outside > 0, np.hypot(values, outside), values)
 
     def _look(self, x: float, y: float, z: float) -> tuple[float, Vector, Vector]:
-        """Return value and gradient at the nearest place in the grid, and the way from there."""
+        """Return value and gradient at the nearest grid position, and the vector from there."""
         step, (c_x, c_y, c_z), (n, m, k) = self.spacing, self.corner, self.grid.shape
         a, b, c = (x - c_x) / step, (y - c_y) / step, (z - c_z) / step
         (i, u), (j, v), (h, w) = _interval(a, n), _interval(b, m), _interval(c, k)
@@ -179,7 +180,7 @@ class DistanceGrid:
 
 
 def _check(name: str, samples: FloatArray, spacing: float, axes: int) -> None:
-    """Refuse what is no table of finite numbers, or a spacing not above 0."""
+    """Reject samples that are no table of finite numbers, and a spacing not above 0."""
     if samples.ndim != axes or min(samples.shape) < 2:
         raise ParameterError(
             f"{name}: shape {samples.shape}: must have {axes} axes with at least 2 samples each"
@@ -191,7 +192,7 @@ def _check(name: str, samples: FloatArray, spacing: float, axes: int) -> None:
 
 
 def _slopes(samples: FloatArray, spacing: float) -> FloatArray:
-    """Return a bound of the gradient between samples for each cell."""
+    """Return an upper bound of the gradient between samples for each cell."""
     squares: FloatArray = np.zeros(())
     for axis in range(samples.ndim):
         steps = np.abs(np.diff(samples, axis=axis)) / spacing
@@ -200,7 +201,7 @@ def _slopes(samples: FloatArray, spacing: float) -> FloatArray:
 
 
 def _largest_of_cells(values: FloatArray, besides: int = -1) -> FloatArray:
-    """Return the largest value of each cell's corners, along all axes but one."""
+    """Return the largest value at each cell's corners, along all axes but one."""
     for axis in set(range(values.ndim)) - {besides}:
         along = values.swapaxes(0, axis)
         values = np.maximum(along[1:], along[:-1]).swapaxes(0, axis)
@@ -208,7 +209,7 @@ def _largest_of_cells(values: FloatArray, besides: int = -1) -> FloatArray:
 
 
 def _interval(place: float, samples: int) -> tuple[int, float]:
-    """Return the sample before a place in units of the spacing, and the share of the next."""
+    """Return the index of the sample before a position, in units of the spacing, and weight."""
     if place <= 0:
         return 0, 0.0
     if place >= samples - 1:
@@ -218,7 +219,7 @@ def _interval(place: float, samples: int) -> tuple[int, float]:
 
 
 def _interpolated(samples: FloatArray, places: FloatArray) -> FloatArray:
-    """Return values between samples, at places of shape (n, axes) in units of the spacing."""
+    """Return interpolated values at positions of shape (n, axes) in units of the spacing."""
     last = np.array(samples.shape) - 1
     places = places.clip(0, last)
     before = np.minimum(places.astype(int), last - 1)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes: objects of some shape and material, each at its place."""
+"""Scenes: objects with shape, material and pose."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from haptic_accel.core.surfaces.material import Material
 from haptic_accel.core.surfaces.shapes import Shape
 
 MOST_STEPS = 1000
-"""Steps after which a straight way meets nothing: it passes a surface closely."""
+"""Maximum number of steps along a ray; a ray that needs more passes close to a surface."""
 
 _REACHED = 1e-7  # m
 
 SECTION_POINTS = 200
-"""Points along each side of a section: 1 mm apart on 20 cm."""
+"""Number of points along each side of a section: 1 mm spacing on 20 cm."""
 
 
 @dataclass(frozen=True, eq=False)
 class SceneObject:
-    """A shape of a material at its place.
+    """Shape with a material and a pose.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class SceneObject:
     _columns: tuple[Vector, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Compute the rotation's matrix: from the shape's frame to the base frame."""
+        """Compute the rotation matrix from the shape's frame to the base frame."""
         roll, pitch, yaw = self.rotation
         matrix = _turn(2, yaw) @ _turn(1, pitch) @ _turn(0, roll)
         object.__setattr__(self, "_matrix", matrix)
@@ -65,7 +65,7 @@ class SceneObject:
         return self.shape.distance(*self._inside(x, y, z))
 
     def normal(self, x: float, y: float, z: float) -> Vector:
-        """Return the direction of growing distance at a point, in the base frame."""
+        """Return the direction of increasing distance at a point, in the base frame."""
         normal = self.shape.normal(*self._inside(x, y, z))
         return normal if self.rotation == ZERO else _product(self._rows, *normal)
 
@@ -88,15 +88,15 @@ class Scene:
     ----------
     objects : tuple of SceneObject
     start : tuple of float
-        Place above which the tool begins, m.
+        Position above which the tool starts, m.
     name : str
     mover : callable, optional
-        Makes the tool of a scene that moves from its parameters, the scene and a rate.
+        Function from parameters, scene and rate to the tool of a scene that moves.
 
     Raises
     ------
     ParameterError
-        Two objects of one name.
+        Two objects have the same name.
     """
 
     objects: tuple[SceneObject, ...]
@@ -112,7 +112,7 @@ class Scene:
                 raise ParameterError(f"name = {name!r}: must be that of one object, not {count}")
 
     def moved(self, by: Vector) -> Scene:
-        """Return the scene with all objects moved, m; it begins where it did."""
+        """Return the scene with all objects moved, m; the start position remains."""
         return replace(
             self,
             objects=tuple(
@@ -121,21 +121,21 @@ class Scene:
         )
 
     def first_hit(self, place: Vector, direction: Vector, way: float) -> tuple[int, float]:
-        """Return which object is met first on a straight way of some length, and after what way.
+        """Return the first object hit by a ray of limited length, and the distance to it.
 
         Parameters
         ----------
         place : tuple of float
             m.
         direction : tuple of float
-            Direction, of length 1.
+            Unit vector.
         way : float
             m.
 
         Returns
         -------
         number : int
-            Place of the object in the scene, -1 for none, or if the way begins inside of one.
+            Index of the object in the scene; -1 for none, or if the ray starts inside one.
         way : float
             m.
         """
@@ -155,21 +155,21 @@ class Scene:
     def section(
         self, x: tuple[float, float], z: tuple[float, float], y: float = 0.0
     ) -> dict[str, list[FloatArray]]:
-        """Return the outlines of all objects that a plane across y cuts, by object's name.
+        """Return the outlines of all objects in a plane perpendicular to y, by object name.
 
         Parameters
         ----------
         x, z : tuple of float
-            First and last place that is shown, m.
+            Limits of the section, m.
         y : float
-            Place of the plane, m.
+            Position of the plane, m.
 
         Returns
         -------
         dict
-            Lines of shape (k, 2), x and z in m; an object without any is left out.
+            Lines of shape (k, 2), x and z in m; objects without an outline are omitted.
         """
-        from contourpy import contour_generator  # comes with matplotlib; for drawing only
+        from contourpy import contour_generator  # part of matplotlib; for drawing only
 
         across, up = np.linspace(*x, SECTION_POINTS), np.linspace(*z, SECTION_POINTS)
         places = np.stack(np.broadcast_arrays(across, y, up[:, np.newaxis]), axis=-1)
@@ -184,7 +184,7 @@ class Scene:
 
 def _product(rows: tuple[Vector, ...], x: float, y: float, z: float) -> Vector:
     """Return the product of a matrix and a vector."""
-    # In Python: numpy takes longer for three numbers.
+    # In Python, as numpy takes longer for three numbers.
     a, b, c = rows
     return (
         a[0] * x + a[1] * y + a[2] * z,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shapes by their signed distance, each in its own frame: m, negative inside."""
+"""Shapes by their signed distance in their own frame: m, negative inside."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ UP: Vector = (0.0, 0.0, 1.0)
 
 
 class Shape(Protocol):
-    """A solid; its distance is never larger in size than the way to its surface.
+    """Solid with a distance whose magnitude never exceeds the true distance to its surface.
 
     Attributes
     ----------
     stride : float
-        Way along the surface in m that leads past no part of it; infinite for a convex shape.
+        Tangential step in m that cannot skip any part of the shape; infinite for a convex one.
     """
 
     @property
     def stride(self) -> float:
-        """Way along the surface that leads past no part of it, m."""
+        """Tangential step that cannot skip any part of the shape, m."""
 
     def distance(self, x: float, y: float, z: float) -> float:
         """Return the signed distance of a point, m."""
 
     def normal(self, x: float, y: float, z: float) -> Vector:
-        """Return the direction in which the distance grows, of length 1."""
+        """Return the direction of increasing distance as a unit vector."""
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3), m."""
 
 
 class Convex(Checked):
-    """A convex solid: it is wholly below each of its tangent planes."""
+    """Convex solid, which lies below each of its tangent planes."""
 
     stride: ClassVar[float] = math.inf
 
 
 @dataclass(frozen=True)
 class Plane(Convex):
-    """All that is below z = 0."""
+    """Half-space below z = 0."""
 
     def distance(self, x: float, y: float, z: float) -> float:
         """Return the height above the plane, m."""
@@ -65,7 +65,7 @@ class Plane(Convex):
 
 @dataclass(frozen=True)
 class Sphere(Convex):
-    """A ball around the origin."""
+    """Sphere around the origin."""
 
     radius: float = parameter(0.02, "radius", "m", 1e-3, 1.0)
 
@@ -84,7 +84,7 @@ class Sphere(Convex):
 
 @dataclass(frozen=True)
 class Box(Convex):
-    """A box around the origin, with its edges along the axes."""
+    """Box around the origin, with edges along the axes."""
 
     length: float = parameter(0.05, "size along x", "m", 1e-4, 2.0)
     width: float = parameter(0.05, "size along y", "m", 1e-4, 2.0)
@@ -118,7 +118,7 @@ class Box(Convex):
 
 @dataclass(frozen=True)
 class Cylinder(Convex):
-    """A cylinder around the origin, its axis along z."""
+    """Cylinder around the origin, with its axis along z."""
 
     radius: float = parameter(0.01, "radius", "m", 1e-3, 1.0)
     height: float = parameter(0.05, "size along z", "m", 1e-4, 2.0)
@@ -148,12 +148,12 @@ class Cylinder(Convex):
 
 
 def _outside_corner(beyond: FloatArray) -> FloatArray:
-    """Return distances from a convex corner at the origin, of points of shape (n, axes)."""
+    """Return distances of points of shape (n, axes) from a convex corner at the origin."""
     outside = np.linalg.norm(np.maximum(beyond, 0), axis=1)
     return np.asarray(outside + np.minimum(beyond.max(axis=1), 0))
 
 
 def unit(x: float, y: float, z: float) -> Vector:
-    """Return a direction with length 1; upwards for none."""
+    """Return a direction as a unit vector; upwards for zero."""
     length = math.sqrt(x * x + y * y + z * z)
     return (x / length, y / length, z / length) if length else UP

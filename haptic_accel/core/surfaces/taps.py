@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Taps: what follows the impact of a tool, as modes that ring down or as recordings."""
+"""Taps: vibration after an impact of the tool, as decaying modes or from recordings."""
 
 from __future__ import annotations
 
@@ -22,56 +22,58 @@ from haptic_accel.core.resampling import resampled
 from haptic_accel.core.surfaces.texture import Provenance
 
 MOST_MODES = 3
-"""Modes of one tap; two or three describe wood, metal and rubber (Okamura et al. 2001)."""
+"""Maximum number of modes of a tap; two or three describe wood, metal and rubber (Okamura et al.
+2001)."""
 
 THRESHOLD_SPEED = 5e-3
-"""Impact speed in m/s below which a contact is a touch, not a tap: a hand that rests on a surface
-comes and goes by about that."""
+"""Impact speed below which a contact causes no tap, m/s: about the speed of a hand that rests on a
+surface."""
 
 REFRACTORY_TIME = 0.03
-"""Time in s after a tap in which no other begins: a stiff contact bounces (20 to 50 ms)."""
+"""Time after a tap without another tap, s; a stiff contact bounces for 20 to 50 ms."""
 
 CROSS_FADE = 0.03
-"""Time in s from a tap until the texture is at its full share."""
+"""Time from a tap until the texture has its full amplitude, s."""
 
 LONGEST_TAP = 0.5
-"""Time in s after which any tap is over."""
+"""Maximum duration of a tap, s."""
 
 MOST_SPEEDS = 100
-"""Impact speeds of a recorded set."""
+"""Maximum number of impact speeds in a recorded set."""
 
 LONGEST_RECORDING = 10.0
-"""Longest recording of a tap, s."""
+"""Maximum duration of a recorded tap, s."""
 
-_REST = 1e-3  # of a mode's amplitude, at which it is over: far below what is felt
-_PENCIL_SAMPLES = 400  # most that poles are found from: the effort grows with their cube
-_RANK_TOLERANCE = 1e-9  # of the largest singular value: smaller ones are rounding
-_LOWEST_MODE = 10.0  # Hz: slower ones are the tool's motion, not its ringing
+_REST = 1e-3  # of a mode's amplitude, at which it ends: far below the perceptible level
+_PENCIL_SAMPLES = 400  # maximum for finding poles: the effort grows with their cube
+_RANK_TOLERANCE = 1e-9  # of the largest singular value: smaller ones are rounding errors
+_LOWEST_MODE = 10.0  # Hz: slower ones are the tool's motion, not its vibration
 _WEAKEST_MODE = 1e-3  # of the largest amplitude: weaker ones fit noise
 
 
 @dataclass(frozen=True)
 class Mode(Checked):
-    """One decaying sinusoid: amplitude v exp(-decay t) sin(2 pi frequency t + phase)."""
+    """Decaying sinusoid: amplitude v exp(-decay t) sin(2 pi frequency t + phase)."""
 
     frequency: float = parameter(200.0, "frequency", "Hz", 1.0, 20e3)
-    decay: float = parameter(60.0, "rate of decay", "1/s", 0.0, 1e5, above=True)
+    decay: float = parameter(60.0, "decay rate", "1/s", 0.0, 1e5, above=True)
     amplitude: float = parameter(50.0, "acceleration per impact speed", "1/s", 0.0, 1e6)
-    phase: float = parameter(0.0, "phase at the contact", "rad", -2 * math.pi, 2 * math.pi)
+    phase: float = parameter(0.0, "phase at the impact", "rad", -2 * math.pi, 2 * math.pi)
 
 
 @dataclass(frozen=True, eq=False)
 class TapModel:
-    """The acceleration that follows an impact: modes, or a recorded set.
+    """Acceleration after an impact: modes, or a recorded set.
 
     Attributes
     ----------
     modes : tuple of Mode
-        Up to `MOST_MODES`; empty for a recorded set.
+        At most `MOST_MODES`; empty for a recorded set.
     speeds : ndarray, shape (m,)
-        Impact speeds of the recorded set, m/s, ascending and above 0.
+        Impact speeds of the recorded set, m/s, increasing and above 0.
     samples : ndarray, shape (m, k)
-        Acceleration in m/s^2 at each impact speed; the first sample is one period after contact.
+        Acceleration in m/s^2 for each impact speed; the first sample is one period after the
+        impact.
     rate : float
         Samples per second of the recorded set.
     provenance : Provenance
@@ -79,7 +81,7 @@ class TapModel:
     Raises
     ------
     ParameterError
-        Neither or both of modes and recordings, or values and shapes that do not fit.
+        Both or neither of modes and recordings are given, or values and shapes are invalid.
     """
 
     modes: tuple[Mode, ...] = ()
@@ -89,7 +91,7 @@ class TapModel:
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        """Check that there is one kind of tap, and that it is complete."""
+        """Check that exactly one kind of tap is given, and that it is complete."""
         check_positive_rate(self.rate)
         if bool(self.modes) == bool(np.size(self.speeds)):
             raise ParameterError("tap: must have either modes or a recorded set")
@@ -118,7 +120,7 @@ class TapModel:
             raise ParameterError("tap: samples of the recorded set must be finite numbers")
 
     def waveforms(self, rate: float) -> tuple[FloatArray, FloatArray]:
-        """Return impact speeds in m/s, and what follows each of them at another rate.
+        """Return impact speeds in m/s, and the acceleration for each of them, at another rate.
 
         Parameters
         ----------
@@ -129,7 +131,7 @@ class TapModel:
         -------
         speeds : ndarray, shape (m,)
         accelerations : ndarray, shape (m, k)
-            In m/s^2. Modes above the Nyquist frequency are left out.
+            Acceleration, m/s^2, without modes above the Nyquist frequency.
         """
         check_positive_rate(rate)
         if self.modes:
@@ -138,10 +140,10 @@ class TapModel:
 
 
 class Tap:
-    """Taps on one material, sample by sample.
+    """Taps on one material, processed sample by sample.
 
-    Between two recorded impact speeds the recordings are mixed; outside of them, as for modes, the
-    acceleration grows with the impact speed. Taps that overlap add up.
+    Between two recorded impact speeds the recordings are interpolated. Outside their range, and
+    for modes, the acceleration is proportional to the impact speed. Overlapping taps add up.
 
     Parameters
     ----------
@@ -152,12 +154,13 @@ class Tap:
     Raises
     ------
     ParameterError
-        `rate` is no positive number, or out of the range that recordings can be resampled to.
+        `rate` is no positive number, or is out of range for resampling the recordings.
     """
 
     def __init__(self, model: TapModel, rate: float) -> None:
         speeds, waves = model.waveforms(rate)
-        # A row of rest at zero speed: below the slowest one a tap is a part of that.
+        # A row of zeros for zero speed: below the slowest recorded tap the amplitude is
+        # interpolated to it.
         self._speeds = np.concatenate([[0.0], speeds])
         self._waves = np.vstack([np.zeros((1, waves.shape[1])), waves])
         self._refractory = math.ceil(REFRACTORY_TIME * rate)
@@ -166,13 +169,13 @@ class Tap:
         self._age = max(self._refractory, self._fade)  # samples since the last tap
 
     def strike(self, speed: float) -> None:
-        """Begin a tap: its first acceleration is what `sample` returns next.
+        """Start a tap; its first acceleration is the next result of `sample`.
 
         Parameters
         ----------
         speed : float
-            Impact speed, m/s. One below `THRESHOLD_SPEED`, or within `REFRACTORY_TIME` of the last
-            tap, begins none.
+            Impact speed, m/s. No tap starts below `THRESHOLD_SPEED`, or within `REFRACTORY_TIME`
+            of the last one.
         """
         if speed < THRESHOLD_SPEED or self._age < self._refractory:
             return
@@ -188,20 +191,20 @@ class Tap:
         self._wave, self._age = wave, 0
 
     def sample(self) -> float:
-        """Return the acceleration of one sample, m/s^2: 0 when all taps are over."""
+        """Return the acceleration of one sample, m/s^2; 0 after the end of all taps."""
         self._age += 1
         return float(self._wave[self._age - 1]) if self._age <= len(self._wave) else 0.0
 
     @property
     def texture_share(self) -> float:
-        """Factor from 0 to 1 for the texture beside the last sample: a tap hides it at first."""
+        """Factor of the texture in the last sample, 0 to 1: a tap masks it at first."""
         if self._age >= self._fade:
             return 1.0
         return 0.5 - 0.5 * math.cos(math.pi * self._age / self._fade)
 
 
 def _ringing(modes: tuple[Mode, ...], rate: float) -> FloatArray:
-    """Return the acceleration after an impact at 1 m/s, from one period after contact onwards."""
+    """Return the acceleration after an impact at 1 m/s, from one period after it on."""
     slowest = min(mode.decay for mode in modes)
     duration = min(-math.log(_REST) / slowest, LONGEST_TAP)
     time = np.arange(1, max(round(duration * rate), 1) + 1) / rate
@@ -219,17 +222,17 @@ def fitted_modes(acceleration: FloatArray, rate: float, count: int) -> tuple[Mod
     Parameters
     ----------
     acceleration : ndarray, shape (n,)
-        Acceleration after one impact over its speed, 1/s; the first sample is one period after
-        contact.
+        Acceleration after one impact, divided by its speed, 1/s; the first sample is one period
+        after the impact.
     rate : float
         Samples per second.
     count : int
-        Number of modes wanted, up to `MOST_MODES`.
+        Number of modes, at most `MOST_MODES`.
 
     Returns
     -------
     tuple of Mode
-        Largest amplitude first; fewer than `count` where the signal holds no more that oscillate
+        Largest amplitude first; fewer than `count` if the signal contains fewer that oscillate
         above 10 Hz and decay.
 
     Raises
@@ -265,7 +268,7 @@ def fitted_modes(acceleration: FloatArray, rate: float, count: int) -> tuple[Mod
 
 
 def _poles(signal: FloatArray, count: int) -> npt.NDArray[np.complex128]:
-    """Return the poles of a sum of `count` exponentials, by the shift of its signal space."""
+    """Return the poles of a sum of `count` exponentials, from the shift of its signal space."""
     width = len(signal) // 2
     hankel = np.lib.stride_tricks.sliding_window_view(signal, width)
     _, strengths, rows = np.linalg.svd(hankel, full_matrices=False)

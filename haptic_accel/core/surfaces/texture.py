@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Textures: what the tool's acceleration is while it slides, by speed and normal force.
+"""Textures: acceleration of a sliding tool as a function of speed and normal force.
 
-Noise through an autoregressive filter whose line spectral frequencies are interpolated between
-recorded speeds and forces (Culbertson, Unwin, Kuchenbecker, IEEE ToH 7(3), 2014).
+White noise passes an autoregressive filter, whose line spectral frequencies are interpolated
+between recorded speeds and forces (Culbertson, Unwin, Kuchenbecker, IEEE ToH 7(3), 2014).
 """
 
 from __future__ import annotations
@@ -35,33 +35,33 @@ SPEED_CORNER = 20.0
 """Corner of the second-order low-pass of the speed, Hz (Culbertson and others 2014)."""
 
 LIMIT = 100.0
-"""Largest acceleration of a texture, m/s^2: five times the RMS of the strongest of the 100
-textures of the Penn Haptic Texture Toolkit."""
+"""Maximum acceleration of a texture, m/s^2: five times the RMS of the strongest of the 100
+textures in the Penn Haptic Texture Toolkit."""
 
 CELLS = 64
-"""Cells along the range of speed and of force within which the filter is the same. Where the
-acceleration doubles between two nodes, at an eighth of the range, its steps are 9 %, half of them
-either way: a just noticeable difference of vibration is about 15 %."""
+"""Number of cells along the ranges of speed and force; the filter is constant in a cell. If the
+acceleration doubles between two nodes, an eighth of the range apart, its steps are 9 %, half of
+them in each direction. The just noticeable difference of vibration is about 15 %."""
 
 NOISE_BLOCK = 256
-"""Random numbers drawn at a time: few enough to delay no sample by more than 10 us."""
+"""Number of random numbers drawn at a time: few enough to delay a sample by at most 10 us."""
 
 MOST_NODES = 400
-"""Nodes of a model; those of the Penn Haptic Texture Toolkit have up to 60."""
+"""Maximum number of nodes in a model; those of the Penn Haptic Texture Toolkit have up to 60."""
 
 HIGHEST_ORDER = 200
-"""Largest order of a filter; those of the toolkit are up to 20."""
+"""Maximum order of a filter; those of the toolkit have up to 20."""
 
 SPECTRUM_POINTS = 2**13
-"""Frequencies at which a spectrum is integrated, for peaks as narrow as 1/4000 of the rate."""
+"""Number of frequencies for integrating a spectrum, for peaks as narrow as 1/4000 of the rate."""
 
 FLOOR = 1e-3
-"""Power density where a model of a lower rate knows nothing, over its mean density."""
+"""Power density above the band of a model with a lower rate, relative to its mean density."""
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Origin of a model, and the licence to use it."""
+    """Origin of a model, and its licence."""
 
     source: str = ""
     licence: str = ""
@@ -77,9 +77,9 @@ class Places(NamedTuple):
     corners : ndarray, shape (m, 3)
         Indices of the nodes.
     weights : ndarray, shape (m, 3)
-        Shares of the nodes at the point; from 0 to 1, with the sum 1.
+        Weights of the nodes at the point, from 0 to 1, with the sum 1.
     affine : ndarray, shape (m, 3, 3)
-        Around the point, the weights are its product with (speed, force, 1).
+        The weights near the point are its product with (speed, force, 1).
     """
 
     corners: IntArray
@@ -87,12 +87,12 @@ class Places(NamedTuple):
     affine: FloatArray
 
     def interpolate(self, values: FloatArray) -> FloatArray:
-        """Return values at the points from those at the nodes, shape (n, ...)."""
+        """Interpolate values, shape (n, ...), from the nodes to the points."""
         return np.asarray(np.einsum("mi,mi...->m...", self.weights, values[self.corners]))
 
 
 class _Plane:
-    """Delaunay triangles of nodes by speed and force, both relative to their largest."""
+    """Delaunay triangles of nodes by speed and force, both relative to their largest values."""
 
     def __init__(self, speeds: FloatArray, forces: FloatArray) -> None:
         from scipy.spatial import Delaunay, QhullError
@@ -103,7 +103,7 @@ class _Plane:
             mesh = Delaunay(nodes[:, :2])
         except (QhullError, ValueError):
             raise ParameterError("nodes: must not be in line in speed and force") from None
-        # Of nodes all but in line, Qhull makes triangles without an area.
+        # For nearly collinear nodes Qhull makes triangles without an area.
         areas = np.abs(np.linalg.det(nodes[mesh.simplices]))
         self.triangles: IntArray = mesh.simplices[areas > 1e-9]
         self._affine = np.linalg.inv(nodes[self.triangles].transpose(0, 2, 1)) / self._scale
@@ -111,7 +111,7 @@ class _Plane:
         self._edges = nodes[mesh.convex_hull[:, 1], :2] - self._starts
 
     def locate(self, points: FloatArray) -> Places:
-        """Return the places of points (speed, force), or of the nearest ones in the hull."""
+        """Return triangles and weights of points (speed, force), or of the nearest in the hull."""
         triangles, weights = self._within(points)
         affine = self._affine[triangles]
         outside = weights.min(axis=1) < -1e-9
@@ -124,14 +124,14 @@ class _Plane:
         return Places(self.triangles[triangles], weights, affine)
 
     def _within(self, points: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the triangle that contains each point, or all but does, and its weights."""
+        """Return the triangle that contains each point, within rounding, and its weights."""
         homogeneous = np.column_stack([points, np.ones(len(points))])
         weights = homogeneous @ self._affine.transpose(1, 2, 0)  # by corner, point, triangle
         best = weights.min(axis=0).argmax(axis=1)
         return best, weights[:, np.arange(len(points)), best].T
 
     def _nearest(self, points: FloatArray) -> FloatArray:
-        """Return the points of the hull nearest to others outside, relative to the largest."""
+        """Return the points of the hull nearest to points outside it, in relative coordinates."""
         away = points[:, None] - self._starts
         along = np.sum(away * self._edges, axis=2) / np.sum(self._edges**2, axis=1)
         feet = self._starts + np.clip(along, 0.0, 1.0)[..., None] * self._edges
@@ -145,7 +145,7 @@ def _empty() -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class TextureModel:
-    """A texture: filters for white noise at nodes of the plane of speed and normal force.
+    """Texture: filters for white noise at nodes of the plane of speed and normal force.
 
     Attributes
     ----------
@@ -155,9 +155,9 @@ class TextureModel:
     speeds, forces : ndarray, shape (n,)
         Nodes: tangential speed, m/s, and normal force, N.
     lsf : ndarray, shape (n, p)
-        Line spectral frequencies of the recursive part, rad per sample, rising within (0, pi).
+        Line spectral frequencies of the recursive part, rad per sample, increasing within (0, pi).
     deviation : ndarray, shape (n,)
-        Standard deviation of the white innovation, m/s^2; 0 where speed or force is.
+        Standard deviation of the white innovation, m/s^2; 0 where speed or force is 0.
     ma_lsf : ndarray, shape (n, q)
         Line spectral frequencies of the moving average; none by default.
     gain : ndarray, shape (n,)
@@ -169,7 +169,7 @@ class TextureModel:
     Raises
     ------
     ParameterError
-        A value does not fit; in one line.
+        A value is invalid; the message is one line.
     """
 
     name: str
@@ -184,7 +184,7 @@ class TextureModel:
     provenance: Provenance = Provenance()
 
     def __post_init__(self) -> None:
-        """Check everything."""
+        """Check all values."""
         check_positive_rate(self.rate)
         nodes = np.size(self.speeds)
         if np.size(self.ma_lsf) == 0:
@@ -239,7 +239,7 @@ class TextureModel:
         return self._plane.triangles
 
     def locate(self, speeds: FloatArray, forces: FloatArray) -> Places:
-        """Return the places of speeds in m/s and forces in N, or the nearest in the hull."""
+        """Return the places of speeds in m/s and forces in N, or the nearest ones in the hull."""
         return self._plane.locate(np.column_stack([speeds, forces]))
 
     def spectrum(self, speed: float, force: float, frequency: FloatArray) -> FloatArray:
@@ -248,7 +248,7 @@ class TextureModel:
         Parameters
         ----------
         speed, force : float
-            m/s, N.
+            Speed, m/s, and force, N.
         frequency : ndarray
             Up to half the rate, Hz.
         """
@@ -258,7 +258,7 @@ class TextureModel:
         return np.asarray(power * self._shapes(lsf, ma_lsf, frequency)[0])
 
     def _shapes(self, lsf: FloatArray, ma_lsf: FloatArray, frequency: FloatArray) -> FloatArray:
-        """Return the one-sided power densities of filtered noise of variance 1, 1/Hz."""
+        """Return the one-sided power densities of filtered unit white noise, 1/Hz."""
 
         def response(angles: FloatArray) -> ComplexArray:
             delays = np.outer(np.arange(angles.shape[1] + 1), frequency) / self.rate
@@ -267,10 +267,10 @@ class TextureModel:
         return np.asarray(2 / self.rate * np.abs(response(ma_lsf) / response(lsf)) ** 2)
 
     def at_rate(self, rate: float) -> TextureModel:
-        """Return the model for another rate in Hz, with the same spectrum where both have one.
+        """Return the model for another rate in Hz, with the same spectrum in the common band.
 
-        Each node's filter is autoregressive, with as many coefficients as before, and that of the
-        autocovariance which the spectrum has at the new rate.
+        Each node's filter is autoregressive with the same number of coefficients. It has the
+        autocovariance of the spectrum at the new rate.
         """
         if rate == self.rate:
             return self
@@ -293,16 +293,16 @@ class TextureModel:
 
 
 class _Cells:
-    """The filters of a texture in the middle of equal cells of the plane.
+    """Filters of a texture at the centres of equal cells of the plane.
 
     Attributes
     ----------
     forward, feedback : ndarray, shape ((`CELLS` + 1)^2, order)
         Coefficients without the first, 1.
     variance : ndarray, shape ((`CELLS` + 1)^2, 3)
-        Variance of the innovation within a cell is its product with (speed, force, 1),
+        The variance of the innovation within a cell is its product with (speed, force, 1),
     largest : ndarray, shape ((`CELLS` + 1)^2,)
-        but no more than this: where a cell reaches into a neighbouring triangle.
+        and at most this value, for cells that extend into an adjacent triangle.
     """
 
     def __init__(self, model: TextureModel) -> None:
@@ -312,8 +312,9 @@ class _Cells:
         forward = to_polynomial(places.interpolate(model.ma_lsf))
         feedback = to_polynomial(places.interpolate(model.lsf))
         self.forward, self.feedback = forward[:, 1:], feedback[:, 1:]
-        # Of the acceleration, not of the innovation: between nodes of different spectra, peaks
-        # are wider than at either, and the same innovation gives less.
+        # Interpolate the acceleration's variance, not the innovation's. Between nodes with
+        # different spectra, peaks are wider than at either, and the same innovation gives less
+        # acceleration.
         power = model.power[places.corners] / power_gain(forward, feedback)[:, None]
         self.variance = np.einsum("mi,mij->mj", power, places.affine)
         self.largest = power.max(axis=1)
@@ -321,28 +322,28 @@ class _Cells:
 
 @lru_cache(maxsize=32)
 def _rendered(model: TextureModel, rate: float) -> tuple[TextureModel, _Cells]:
-    """Return a model at a rate with its filters: made once, as scenes are switched to and fro."""
+    """Return a model at a rate with its filters; cached, as scenes may be switched repeatedly."""
     model = model.at_rate(rate)
     return model, _Cells(model)
 
 
 class Texture:
-    """The acceleration of a tool that slides over a texture, sample by sample.
+    """Acceleration of a tool that slides on a texture, sample by sample.
 
     Parameters
     ----------
     model : TextureModel
     rate : float
-        Samples per second, more than twice `SPEED_CORNER`.
+        Samples per second, above twice `SPEED_CORNER`.
     seed : int
-        The same seed, speeds and forces give the same samples.
+        Equal seeds, speeds and forces give equal samples.
     limit : float
-        Largest acceleration given out, m/s^2.
+        Maximum acceleration, m/s^2.
 
     Attributes
     ----------
     saturated : int
-        Samples that were at the limit.
+        Number of samples at the limit.
 
     Raises
     ------
@@ -366,7 +367,7 @@ class Texture:
         self.saturated = 0
 
     def _enter(self, cell: int) -> None:
-        """Take the filter of a cell."""
+        """Use the filter of a cell."""
         self._cell = cell
         self._variance = self._cells.variance[cell].tolist()
         self._largest = self._cells.largest[cell].item()
@@ -381,7 +382,7 @@ class Texture:
         speed : float
             Tangential speed, m/s.
         force : float
-            Normal force, N; 0 out of contact, where the texture rings down.
+            Normal force, N; 0 without contact, when the texture decays.
         """
         speed = min(max(self._speed.sample(speed), 0.0), self._top_speed)
         innovation = 0.0
@@ -405,7 +406,7 @@ class Texture:
         return output
 
     def block(self, speeds: FloatArray, forces: FloatArray) -> FloatArray:
-        """Return the accelerations that `sample` would give one after the other."""
+        """Return the accelerations that successive calls of `sample` would give."""
         return np.array(list(map(self.sample, speeds.tolist(), forces.tolist())))
 
 

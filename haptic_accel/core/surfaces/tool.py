@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mechanics of a tool that touches a scene: a point mass, motors, joints, contacts."""
+"""Mechanics of a tool in a scene: point mass, motors, joints, contacts."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from haptic_accel.core.surfaces.shapes import UP
 from haptic_accel.core.surfaces.touch import Touch, along
 
 MARGIN = 0.1e-3
-"""Distance from an object at which it is looked at, m, beside the way that velocity and motors
-take the tool in a sample: what other contacts may add to that."""
+"""Distance at which an object is examined, m, in addition to the tool's motion in a sample due to
+velocity and motors. It allows for the effect of other contacts."""
 
 STEP_ANGLE = 0.15
-"""Longest step of integration in a contact, rad of its vibration: 0.1 % of its frequency."""
+"""Maximum integration step in a contact, rad of its vibration: 0.1 % of its frequency."""
 
 FAR = 0.5
-"""Distance in m from which another scene's surface is looked for: more than an arm's workspace."""
+"""Search distance for another scene's surface, m: more than an arm's workspace."""
 
 SPARE_ENERGY = 0.2e-3
-"""Energy in J that contacts may give out in all, by surfaces that are not planes: a fifth of what
-is allowed (1 mJ over a closed path); much more than a smooth surface ever takes of it."""
+"""Total energy that contacts may generate, J, due to surfaces that are not planes. It is a fifth
+of the permitted 1 mJ over a closed path, and much more than a smooth surface generates."""
 
 
 class VirtualTool:
-    """A point mass under the motors' force, the joints' friction and contact with a scene.
+    """Point mass with motor forces, joint friction and contact with a scene.
 
-    The geometry is computed once per sample, at the middle of the way ahead: there, surfaces are
-    planes, on which the motion is integrated by the leapfrog scheme, whose energy does not drift,
-    with steps that follow from the stiffness. What the springs win from one plane to the next is
-    accounted for, and bounded.
+    The geometry is computed once per sample, at the middle of the predicted motion. There surfaces
+    are replaced by planes. On these the motion is integrated by the leapfrog scheme, whose energy
+    does not drift, with steps that depend on the stiffness. The energy gained by springs from one
+    plane to the next is counted and bounded.
 
     Parameters
     ----------
     parameters : ToolParameters
-        The tool begins at its `height` above the scene's start.
+        Parameters of the tool, which starts at its `height` above the scene's start.
     scene : Scene
     rate : float
         Samples per second.
@@ -51,16 +51,16 @@ class VirtualTool:
     Attributes
     ----------
     scene : Scene
-        As given; after `change_scene` it may be felt elsewhere.
+        Scene as given; after `change_scene` its effective position may differ.
     position : tuple of float
-        m.
+        Position, m.
     velocity : tuple of float
-        m/s.
+        Velocity, m/s.
 
     Raises
     ------
     ParameterError
-        The tool would begin inside of an object.
+        The tool would start inside an object.
     """
 
     def __init__(self, parameters: ToolParameters, scene: Scene, rate: float) -> None:
@@ -79,15 +79,15 @@ class VirtualTool:
         self._meet(self.scene)
 
     def change_scene(self, scene: Scene) -> None:
-        """Put another scene under the tool; neither its place nor the contact's force jumps.
+        """Change the scene under the tool, without a jump of position or contact force.
 
-        The scene is moved such that its surface has that force, or upwards to below a tool that
-        would be inside of it, for as long as the tool is not put back.
+        The scene is moved until its surface has the same force, or upwards to below a tool that
+        would be inside it. The shift lasts until the tool is put back.
 
         Raises
         ------
         ParameterError
-            The tool would begin inside of an object.
+            The tool would start inside an object.
         """
         self._check_start(scene)
         pressed = max((each for each in self._near if each.depth), key=Touch.force, default=None)
@@ -99,7 +99,7 @@ class VirtualTool:
             self._meet(scene)
 
     def _slip_under(self, pressed: Touch | None) -> None:
-        """Meet the scene, moved to where it presses as another one does, or to below the tool."""
+        """Use the scene, moved to have the same force as the previous one, or below the tool."""
         up = pressed.normal if pressed else UP
         above = _ahead(self.position, up, FAR)
         number, way = self.scene.first_hit(above, _ahead(ZERO, up, -1), 2 * FAR)
@@ -131,7 +131,7 @@ class VirtualTool:
         Returns
         -------
         Contact or None
-            None if nothing was touched.
+            Contact; None if nothing was touched.
         """
         (x, y, z), (v_x, v_y, v_z) = self.position, self.velocity
         half = self._period / 2
@@ -157,14 +157,14 @@ class VirtualTool:
                 )
 
     def _meet(self, scene: Scene) -> None:
-        """Stand before a scene of which nothing is touched yet."""
+        """Use a scene of which nothing is touched yet."""
         self._proxy = Proxy(scene, self.position)
         self._touches = [Touch(each, self._p.mass) for each in scene.objects]
         self._near = []
         self._spare = SPARE_ENERGY
 
     def _lay(self, planes: Sequence[LocalPlane]) -> None:
-        """Put the surfaces of the objects in reach onto planes; leave all others."""
+        """Replace the surfaces of nearby objects by planes; leave all other objects."""
         near = [self._touches[plane.number] for plane in planes]
         for touch in self._near:
             if touch not in near:
@@ -190,8 +190,8 @@ class VirtualTool:
             x, y, z = x + half * v_x, y + half * v_y, z + half * v_z
             slipping = math.sqrt(v_x * v_x + v_y * v_y + v_z * v_z + slow)
             joints = tool.viscous_friction + tool.coulomb_friction / slipping
-            # Half of the joints' damping before the other forces and half of it after them: so a
-            # tool that rests on a surface presses with all of the motors' force.
+            # Half of the joints' damping before the other forces, and half after them, so that a
+            # tool at rest on a surface presses with the full motor force.
             kept = math.exp(-joints * per_mass / 2)
             v_x, v_y, v_z = kept * v_x + a_x, kept * v_y + a_y, kept * v_z + a_z
             for touch in near:
@@ -203,7 +203,7 @@ class VirtualTool:
         self.position, self.velocity = (x, y, z), (v_x, v_y, v_z)
 
     def _contact(self) -> Contact | None:
-        """Return the contact of the period that has passed."""
+        """Return the contact of the previous period."""
         touched = [touch for touch in self._near if touch.begun]
         if not touched:
             return None
@@ -231,6 +231,6 @@ class VirtualTool:
 
 
 def _ahead(place: Vector, direction: Vector, way: float) -> Vector:
-    """Return the place some way ahead in a direction, m."""
+    """Return the position at a distance in a direction, m."""
     x, y, z = (at + way * part for at, part in zip(place, direction, strict=True))
     return x, y, z

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mechanics of a tool on one object: spring, damper, and friction by a bristle."""
+"""Mechanics of a tool on one object: spring, damper, and friction by the bristle model."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from haptic_accel.core.surfaces.scene import SceneObject
 
 
 class Touch:
-    """Spring and damper along the normal of an object's tangent plane, friction along it.
+    """Spring and damper normal to an object's tangent plane, friction along it.
 
-    Friction is the force of a bristle as stiff as the surface. It sticks up to the static
-    coefficient; beyond, it is dragged along at the sliding one, until the tool stops.
+    Friction is the force of a bristle with the stiffness of the surface. It sticks up to the
+    static coefficient. Beyond, it slides with the sliding coefficient until the tool stops.
 
     Parameters
     ----------
@@ -31,9 +31,9 @@ class Touch:
     depth : float
         Compression of the spring, m.
     begun : bool
-        True if the object was touched since the plane was laid.
+        True if the object was touched since the plane was set.
     impact_speed : float
-        Speed against the surface in m/s if it was touched for the first time since then, or 0.
+        Impact speed in m/s if the first contact was since then, or 0.
     impulse : tuple of float
         Impulse on the tool since then, N s.
     sliding : bool
@@ -55,7 +55,7 @@ class Touch:
         self.end()
 
     def end(self) -> None:
-        """Leave the surface."""
+        """End the contact."""
         self.depth = 0.0
         self.bristle = ZERO
         self.sliding = False
@@ -71,7 +71,7 @@ class Touch:
         return self._stiffness * self.depth
 
     def take_over(self, other: Touch) -> None:
-        """Begin with another touch's elastic forces."""
+        """Start with the elastic forces of another instance."""
         softer = other._stiffness / self._stiffness
         x, y, z = other.bristle
         self.depth = softer * other.depth
@@ -79,21 +79,21 @@ class Touch:
         self.sliding, self._pressed = other.sliding, True
 
     def lay(self, plane: LocalPlane, place: Vector, spare: float) -> float:
-        """Put the surface onto a plane for the next period, with the tool at a place.
+        """Set the plane of the surface for the next period, with the tool at a position.
 
         Parameters
         ----------
         plane : LocalPlane
         place : tuple of float
-            Place of the tool, m.
+            Position of the tool, m.
         spare : float
-            Energy that the spring may win by it, J. Where it would win more, as on the way from a
-            soft object to a hard one, the surface is lower than the plane.
+            Energy that the spring may gain from the new plane, J. If it would gain more, for
+            example between a soft and a hard object, the surface is set below the plane.
 
         Returns
         -------
         float
-            The energy that the spring has won; negative if it lost some.
+            Energy gained by the spring; negative for a loss.
         """
         self.normal = n_x, n_y, n_z = plane.normal
         self.impulse, self.impact_speed, self.begun = ZERO, 0.0, self._pressed
@@ -113,9 +113,9 @@ class Touch:
         return won
 
     def settle(self, place: Vector) -> float:
-        """Return the energy in J that it has given out but did not hold, with the tool at a place.
+        """Return the energy in J generated since the last call, with the tool at a position.
 
-        Negative where damping and friction have taken some.
+        Negative if damping and friction have dissipated energy.
         """
         n_x, n_y, n_z = self.normal
         self.depth = self._offset - n_x * place[0] - n_y * place[1] - n_z * place[2]
@@ -124,18 +124,18 @@ class Touch:
         return self._balance + self.energy()
 
     def push(self, place: Vector, came: Vector, velocity: Vector, step: float) -> Vector:
-        """Return the velocity of the tool after a step, whose middle is at a place.
+        """Return the tool's velocity after a step, given the position at its middle.
 
         Parameters
         ----------
         place : tuple of float
-            m.
+            Position, m.
         came : tuple of float
-            Velocity with which the tool came there, m/s.
+            Velocity of the tool before the step, m/s.
         velocity : tuple of float
-            The same after the motors' push, m/s.
+            Velocity including the effect of the motors, m/s.
         step : float
-            s.
+            Duration of the step, s.
         """
         (n_x, n_y, n_z), mass = self.normal, self._mass
         v_x, v_y, v_z = velocity
@@ -149,10 +149,10 @@ class Touch:
             self._pressed = self.begun = True
             self.impact_speed = max(self.impact_speed, -along(self.normal, came))
         per_mass = step / mass
-        held = 1 / (1 + self._damping * per_mass)  # implicit: stable however large
+        held = 1 / (1 + self._damping * per_mass)  # implicit: stable for any value
         # A surface can only push.
         push = max(0.0, (away + self._stiffness * depth * per_mass) * held - away)
-        v_x, v_y, v_z = v_x - away * n_x, v_y - away * n_y, v_z - away * n_z  # along the surface
+        v_x, v_y, v_z = v_x - away * n_x, v_y - away * n_y, v_z - away * n_z  # tangential
         bound = push / (per_mass * self._stiffness)
         b_x, b_y, b_z = self._within_cone(self.bristle, bound)
         if self.sliding:
@@ -176,7 +176,7 @@ class Touch:
         return w_x, w_y, w_z
 
     def _within_cone(self, bristle: Vector, bound: float) -> Vector:
-        """Return a bristle that is dragged along if it is too long for a depth in m."""
+        """Return the bristle, shortened if it exceeds a bound in m."""
         x, y, z = bristle
         length = math.sqrt(x * x + y * y + z * z)
         if length <= (self._kinetic if self.sliding else self._static) * bound:
@@ -186,7 +186,7 @@ class Touch:
         return shrunk * x, shrunk * y, shrunk * z
 
     def note_work(self, before: Vector, after: Vector) -> None:
-        """Note the work of the last push on a tool whose velocity was this before and after it."""
+        """Add the work of the last step, from the tool's velocities before and after it."""
         if self._pressed:
             g_x, g_y, g_z = self._pushed
             self._balance += (
@@ -197,5 +197,5 @@ class Touch:
 
 
 def along(direction: Vector, vector: Vector) -> float:
-    """Return the part of a vector along a direction."""
+    """Return the component of a vector along a direction."""
     return direction[0] * vector[0] + direction[1] * vector[1] + direction[2] * vector[2]

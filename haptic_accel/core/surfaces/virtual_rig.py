@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The virtual slave: a tool that touches a scene, and the acceleration that this would give it."""
+"""Virtual slave: a tool in contact with a scene, and the resulting vibration."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.tool import VirtualTool
 
 RINGING = 0.25
-"""Time in s for which a texture rings down after the contact; then it is not computed."""
+"""Time for which a texture decays after the contact, s; after it there is no computation."""
 
 _WHOLE = 1e-3
-"""Part of a period by which a sample's time may be early: clocks have finite steps."""
+"""Fraction of a period by which a sample may be early, as clocks have finite steps."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class VirtualRigParameters:
 
 
 class Vibration:
-    """Acceleration of a tool on one material: the texture while it slides, taps where it hits.
+    """Acceleration of a tool on one material: texture while sliding, taps at impacts.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Vibration:
         self._texture = Texture(material.texture, rate, seed) if material.texture else None
         self._tap = Tap(material.tap, rate) if material.tap else None
         self._ringing = math.ceil(RINGING * rate)
-        self._left = 0  # samples until it is silent
+        self._left = 0  # remaining samples until it is silent
 
     @property
     def saturated(self) -> int:
@@ -61,11 +61,11 @@ class Vibration:
 
     @property
     def silent(self) -> bool:
-        """True if the tool has left it, and nothing rings any more."""
+        """True if the tool has left the material, and the vibration has decayed."""
         return not self._left
 
     def sample(self, contact: Contact | None) -> float:
-        """Return the acceleration of one sample, m/s^2; without a contact it rings down."""
+        """Return the acceleration of one sample, m/s^2; without a contact it decays."""
         if contact:
             self._left = self._ringing
             if self._tap and contact.impact_speed:
@@ -82,18 +82,18 @@ class Vibration:
 
 
 class VirtualRig:
-    """A tool in a scene, moved by the arm's motors.
+    """Tool in a scene, moved by the arm's motors.
 
-    Its acceleration is that of textures and taps of the materials it touches: the one that it
-    leaves rings down while the next one begins. It stands still until the arm receives its first
-    force, and is put back to where it began when it has been let go.
+    Its acceleration is that of textures and taps of the touched materials. After the contact the
+    vibration of one decays while the next one starts. The tool stands still until the arm's first
+    force, and returns to its start after a release.
 
     Parameters
     ----------
     parameters : VirtualRigParameters
     scene : Scene
     rate : float
-        Samples per second at which it is read.
+        Sampling rate, Hz.
     seed : int
         Seed of the textures.
 
@@ -142,7 +142,7 @@ class VirtualRig:
         return Sample((x, y, z), self._tool.velocity, self._acceleration)
 
     def apply_arm_force(self, force: Vector) -> None:
-        """Set the force of the arm's motors, N, each axis up to their limit."""
+        """Set the force of the arm's motors, N, each axis limited to their maximum."""
         self._started = True
         x, y, z = map(self._arm.motor_force, force)
         self._force = x, y, z
@@ -152,12 +152,12 @@ class VirtualRig:
         """Do nothing: the slave's tool has no actuator."""
 
     def change_scene(self, scene: Scene) -> None:
-        """Put another scene under the tool, without a jump of force; what rings goes on.
+        """Change the scene under the tool, without a jump of force; vibrations continue.
 
         Raises
         ------
         ParameterError
-            One of the two moves.
+            One of the two scenes moves.
         """
         if scene is not self._tool.scene:
             if scene.mover or self._tool.scene.mover:
@@ -170,7 +170,7 @@ class VirtualRig:
         self._vibrations = vibrations
 
     def release(self) -> None:
-        """Take the motors' force off."""
+        """Set the motors' force to zero."""
         self._force = ZERO
         self._holding.command(free=True)
 
