@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The end of a coupling over a network at one arm: its half of the law, and its packets."""
+"""Endpoint of a network coupling at one arm: its half of the coupling, and its packets."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from haptic_accel.core.topics import ARMS
 
 
 class ArmEnd:
-    """An arm's half of the coupling, and the packets that it exchanges with its peer's.
+    """Half of the coupling at an arm, and the packets that it exchanges with its peer's half.
 
-    All lengths that cross, and all that the half computes with, are relative to where each arm
-    engaged, in the master's scale; so are forces, and energy is divided by the square of the
-    scale. Times are as for `Endpoint`.
+    All lengths in packets and in the half are relative to the position at engagement, in the
+    master's scale. Forces use this scale too, and energies are divided by its square. Times as for
+    `Endpoint`.
 
     Parameters
     ----------
     side : str
-        The arm, one of `ARMS`.
+        Arm of this host, one of `ARMS`.
     parameters : PassiveParameters
     rate : float
         Samples per second.
     latency : int
-        Samples from the one that caused a force to the tick at which the force takes effect.
+        Delay from sample to force, in samples.
     session : int
         Random number of this run, not 0.
 
@@ -50,24 +50,24 @@ class ArmEnd:
 
     @property
     def engaged(self) -> bool:
-        """The arm is coupled."""
+        """True while the arm is coupled."""
         return self.half.engaged
 
     @property
     def set_point(self) -> tuple[Vector, Vector]:
-        """Position, m, and velocity, m/s, of the peer's arm; where it engaged while it is free."""
+        """Position, m, and velocity, m/s, of the peer's arm; zero while it is free."""
         peer = self.endpoint.peer
         return (peer.position, peer.velocity) if peer and peer.engaged else (ZERO, ZERO)
 
     def engage(self, position: Vector) -> None:
-        """Couple the arm where it is, m."""
+        """Couple the arm at a position, m."""
         self._origin = position
         self.half.engage()
 
     def outgoing(self, state: State, motion: Motion, now: float, system: int) -> bytes | None:
         """Return the packet that is due, None if none is; a free arm is reported at rest.
 
-        Parameters are those of `Endpoint.outgoing`, with the motion as measured.
+        Parameters as for `Endpoint.outgoing`, with the measured motion.
         """
         stamp, position, velocity = motion
         crossing = Motion(stamp)
@@ -76,7 +76,7 @@ class ArmEnd:
         return self.endpoint.outgoing(state, crossing, self.half.shipped, now, system)
 
     def incoming(self, data: bytes, now: float, system: int) -> Packet | None:
-        """Take a datagram; return its packet if it is the peer's and newer than those before."""
+        """Process a datagram; return its packet if it is the peer's and newer than all before."""
         packet = self.endpoint.incoming(data, now, system)
         if packet is None:
             return None
@@ -89,7 +89,7 @@ class ArmEnd:
     def force(
         self, position: Vector, velocity: Vector, now: float, work: float | None = None
     ) -> Vector:
-        """Return the force for the arm, N; as for `PassiveHalf.force`, with what is measured."""
+        """Return the force for the arm, N; see `PassiveHalf.force`. Arguments are measurements."""
         force = self.half.force(
             self._own(position, self._origin),
             self._own(velocity),
@@ -100,5 +100,5 @@ class ArmEnd:
         return scaled(force, self._scale)
 
     def _own(self, vector: Vector, origin: Vector = ZERO) -> Vector:
-        """Return a vector from an origin in the master's scale."""
+        """Return a vector relative to an origin in the master's scale."""
         return scaled(vector, 1.0 / self._scale, origin)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Work of an arm's motors, from the forces that were applied and the positions measured."""
+"""Work of an arm's motors, from applied forces and measured positions."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from collections import deque
 from haptic_accel.core.model import ZERO, Vector
 
 KEPT = 1000
-"""Changes of force that wait for the next sample; beyond, the oldest count with those before."""
+"""Maximum number of force changes that wait for the next sample; beyond, the oldest ones are
+merged."""
 
 
 class ArmWork:
-    """Sum of applied force times displacement, per axis, since it was made.
+    """Cumulative sum of applied force times displacement, per axis.
 
-    The work between two samples is the force held between them times the change of position, which
-    is exact for a force that changes at the moment of a sample only. Where it changes in between,
-    late or taken off by a watchdog, the displacement is divided as by a constant velocity: an
-    acceleration a during the period T makes that wrong by a T^2 / 8 times the change of force at
-    most, 1 uJ for 1 N, 8 m/s^2 and 1 ms. A sample that is lost makes the period longer.
+    The work between two samples is the held force times the change of position. This is exact for
+    a force that changes at samples only. For other changes (late, or set to zero by a watchdog)
+    the displacement is divided assuming constant velocity. With an acceleration a and a period T
+    the error is at most a T^2 / 8 times the change of force: 1 uJ for 1 N, 8 m/s^2 and 1 ms. A
+    lost sample makes the period longer.
 
-    The forces are those that a device was told to apply, at the times it was told to: the delay in
-    a device, and forces that it withholds itself, are not known here.
+    The forces are those passed to the device, at the times they were passed. The delay of a
+    device, and forces that it suppresses itself, are unknown here.
 
     Examples
     --------
@@ -44,20 +45,20 @@ class ArmWork:
         self._changes: deque[tuple[float, Vector]] = deque(maxlen=KEPT)
 
     def apply(self, time: float, force: Vector) -> None:
-        """Note that a force, N, is held from a time on, s; in order of time."""
+        """Record that a force, N, is held from a time on, s; times must increase."""
         self._changes.append((time, force))
 
     def until(self, time: float, position: Vector) -> Vector:
-        """Return the work until a sample, J, per axis.
+        """Return the work up to a sample, J, per axis.
 
         Parameters
         ----------
         time : float
-            Time of the sample, s, which may be before that of the last forces.
+            Time of the sample, s; it may be before that of the last forces.
         position : tuple of float
-            Position then, m; one that is not finite counts as lost.
+            Position at the sample, m; one that is not finite counts as lost.
         """
-        # One line for each axis here and below, as a loop over them takes four times as long.
+        # One line per axis here and below, as a loop over them takes four times longer.
         x, y, z = position
         if not math.isfinite(x + y + z):
             return self._sum
@@ -70,7 +71,7 @@ class ArmWork:
         return self._sum
 
     def _mean_force(self, since: float, time: float) -> Vector:
-        """Return the mean force between two times, and go on to what is held at the second."""
+        """Return the mean force between two times, and discard the forces before the second."""
         held, changes = self._force, self._changes
         x, y, z = held
         while changes and changes[0][0] <= time:

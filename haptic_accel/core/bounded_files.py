@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads files that may be anything, in bounded time and memory.
+"""Readers of untrusted files, with bounded time and memory.
 
-All readers of a user's files begin here. A file that is none, or too large, is an `OSError` whose
-``strerror`` says so: it is refused wherever one that is missing is.
+All readers of user files start here. A file that is irregular or too large raises an `OSError`
+with the reason in ``strerror``. It is thus rejected wherever a missing file is.
 """
 
 from __future__ import annotations
@@ -24,39 +24,39 @@ from typing import Any
 from haptic_accel.core.parameters import ParameterError, shown
 
 LARGEST_TEXT = 1 << 22
-"""Largest file of text that is read as a whole, bytes: a metadata.yaml of ten thousand files has
-half of it. Its content takes up to a hundred times as much memory."""
+"""Maximum size of a text file that is read as a whole, bytes: twice that of a metadata.yaml of ten
+thousand files. Its content takes up to a hundred times as much memory."""
 
 DEEPEST = 32
-"""Levels of nesting that are read; no format here has more than ten."""
+"""Maximum nesting depth; no format here needs more than ten."""
 
 MOST_VALUES = 200_000
-"""Values, names and collections that are read, each of which takes a kilobyte and 10 us: a bag of
-ten thousand files has 150,000."""
+"""Maximum number of values, names and collections. Each takes a kilobyte and 10 us; a bag of ten
+thousand files has 150,000."""
 
 BLOCK = 1 << 16
-"""Bytes that are parsed in one go."""
+"""Number of bytes parsed at a time."""
 
 
 @contextmanager
 def located(
     place: object, form: str = "", unreadable: str = "must be a readable file: "
 ) -> Iterator[None]:
-    """Refuse a file in one line that begins with its place.
+    """Convert errors into one-line messages that start with the file's name.
 
     Parameters
     ----------
     place : object
-        File, or another beginning of the message.
+        File, or another start of the message.
     form : str
-        Form that the file must have, for an error of its reader.
+        Required form of the file, for errors of its reader.
     unreadable : str
         Text before the reason of an `OSError`.
 
     Raises
     ------
     ParameterError
-        In place of any `OSError` or `ValueError`; a `ParameterError` states its reason itself.
+        Replaces any `OSError` or `ValueError`; a `ParameterError` keeps its message.
     """
     try:
         yield
@@ -72,21 +72,21 @@ def located(
 
 @contextmanager
 def opened(path: str | os.PathLike[str], largest: int) -> Iterator[io.BufferedReader]:
-    """Open a regular file to read; nothing else is waited for.
+    """Open a regular file for reading, without waiting for anything else.
 
     Parameters
     ----------
     path : str or path-like
     largest : int
-        Size up to which it is opened, bytes.
+        Maximum size, bytes.
 
     Raises
     ------
     OSError
-        It is not there, not a regular file, or too large.
+        The file does not exist, is no regular file, or is too large.
     """
     try:
-        # Without waiting for the other end of a pipe.
+        # Do not wait for the other end of a pipe.
         number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except ValueError as error:  # a NUL in the name
         raise OSError(errno.EINVAL, str(error)) from None
@@ -109,10 +109,10 @@ def read_bytes(path: str | os.PathLike[str], largest: int = LARGEST_TEXT) -> byt
     Raises
     ------
     OSError
-        As `opened`.
+        As for `opened`.
     """
     with opened(path, largest) as file:
-        content = file.read(largest + 1) or b""  # nothing yet, in /proc
+        content = file.read(largest + 1) or b""  # 0 for files in /proc
         _check_size(len(content), largest)
         return content
 
@@ -123,22 +123,22 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
     Raises
     ------
     OSError
-        As `opened`.
+        As for `opened`.
     UnicodeDecodeError
-        It is not text.
+        The file is no text.
     """
     return read_bytes(path).decode(encoding)
 
 
 def read_json(path: Path) -> Any:
-    """Return what a file of JSON holds.
+    """Return the content of a JSON file.
 
     Raises
     ------
     OSError
-        As `opened`.
+        As for `opened`.
     ValueError
-        It is not JSON, is nested deeper than `DEEPEST` levels, or has too many values.
+        The file is no JSON, is nested deeper than `DEEPEST` levels, or has too many values.
     """
     try:
         content = json.loads(read_text(path, "utf-8-sig"))
@@ -159,14 +159,14 @@ def read_json(path: Path) -> Any:
 
 
 def read_xml(path: Path) -> ElementTree.Element:
-    """Return the root of a file of XML, which has no document type and so no entities.
+    """Return the root of an XML file without document type, and thus without entities.
 
     Raises
     ------
     OSError
-        As `opened`.
+        As for `opened`.
     ValueError
-        It is not XML, has a document type, or is nested deeper than `DEEPEST` levels.
+        The file is no XML, has a document type, or is nested deeper than `DEEPEST` levels.
     """
     parser = ElementTree.XMLParser(target=_Elements())
     content = memoryview(read_bytes(path))
@@ -175,24 +175,24 @@ def read_xml(path: Path) -> ElementTree.Element:
             parser.feed(bytes(content[place : place + BLOCK]))
         root: ElementTree.Element = parser.close()
     except (ElementTree.ParseError, LookupError, AssertionError) as error:
-        # Encodings that Python does not have, too.
+        # Includes encodings that Python does not support.
         raise ValueError(str(error)) from None
     return root
 
 
 class _Elements(ElementTree.TreeBuilder):
-    """Builder of a tree that is not too deep."""
+    """Builder of a tree with bounded depth."""
 
     def __init__(self) -> None:
         super().__init__()
         self._depth = 0
 
     def doctype(self, _name: str, _public: str, _system: str) -> None:
-        """Refuse a document type, whose entities may stand for any amount of text."""
+        """Reject a document type, as its entities may expand to any amount of text."""
         raise ValueError("it has a document type, which is not read")
 
     def start(self, tag: Any, attributes: Any) -> ElementTree.Element:
-        """Begin an element."""
+        """Start an element."""
         self._depth += 1
         if self._depth > DEEPEST:
             raise _too_deep()

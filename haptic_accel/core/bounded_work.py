@@ -22,22 +22,22 @@ from haptic_accel.core.process import DONE, WRONG_ARGUMENTS, module_command
 MEGABYTE = 10**6
 
 PATIENCE = 10.0
-"""Time in which a process has to start, and for which it may wait for others, s."""
+"""Maximum time for the start of a process, and for its waiting, s."""
 
 _ENDED = (-signal.SIGXCPU, -signal.SIGKILL, -signal.SIGALRM)
-"""Exit statuses of a process that was ended because of its time."""
+"""Exit statuses of a process that exceeded its time."""
 
 
 _refusal: ContextVar[str] = ContextVar("_refusal", default="")
 
 
 class OutOfBoundsError(Exception):
-    """Work took more time or memory than it may, or faulted; the message is one line."""
+    """Error: work exceeded its time or memory, or crashed; the message is one line."""
 
 
 @contextmanager
 def without_bounded_work(reason: str) -> Iterator[None]:
-    """Refuse such work for a reason, where nothing may wait for it."""
+    """Reject such work with a reason, in contexts where nothing may wait for it."""
     token = _refusal.set(reason)
     try:
         yield
@@ -46,22 +46,22 @@ def without_bounded_work(reason: str) -> Iterator[None]:
 
 
 def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
-    """Run a module that calls `bounded`, in an empty folder, to its end.
+    """Run a module that calls `bounded`, in an empty folder, and wait for its end.
 
     Parameters
     ----------
     module : str
     words : sequence of str
-        Its command line.
+        Command line of the module.
     seconds : float
-        Time of the processor that it may take, as it knows itself.
+        Maximum processor time, s, as the module declares it.
 
     Raises
     ------
     ParameterError
-        As `bounded`'s work, or nothing may wait for it here.
+        The work raised it, or waiting for the work is not allowed here.
     OutOfBoundsError
-        It took longer, or more memory, than it may.
+        The work exceeded its time or memory.
     """
     if reason := _refusal.get():
         raise ParameterError(reason)
@@ -87,16 +87,16 @@ def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
 
 
 def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
-    """Do the work of this process within bounds, and exit.
+    """Execute the work of this process within limits, and exit.
 
     Parameters
     ----------
     work : callable
-        What is wrong with the user's file it raises as `ParameterError`.
+        The work; it raises `ParameterError` for errors in the user's file.
     seconds : float
-        Time of the processor.
+        Maximum processor time, s.
     megabytes : float
-        Memory beside that which is in use.
+        Maximum memory in addition to that already in use, megabytes.
     """
     used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
     limits = {
@@ -108,7 +108,7 @@ def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
         hard = resource.getrlimit(kind)[1]
         lowest = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
         resource.setrlimit(kind, (lowest, hard))
-    # Even where it waits, such as for the other end of a pipe.
+    # Also ends waiting, for example for the other end of a pipe.
     signal.setitimer(signal.ITIMER_REAL, seconds + PATIENCE)
     try:
         work()
@@ -119,7 +119,7 @@ def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
 
 
 def data_in_use() -> int:
-    """Return the memory for data that this process has asked for, bytes."""
+    """Return the memory that this process has allocated for data, bytes."""
     lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     (size,) = (line.split()[1] for line in lines if line.startswith("VmData:"))
     return int(size) * 1024

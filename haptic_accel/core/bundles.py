@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bundles: messages of several topics in one, for who need not have each at once.
+"""Bundles: messages of several topics in one, for receivers that tolerate a delay.
 
 A bundle is a std_msgs/UInt8MultiArray in plain little-endian CDR. Its data are `_MARK`, the
 number of topics (2 bytes), for each topic the length of its name (2) and the name, then for each
@@ -22,29 +22,30 @@ from typing import Generic, TypeVar
 from haptic_accel.core.sampling import NANOSECONDS
 
 BUNDLE_PERIOD = 0.02
-"""Longest time between the first message of a bundle and its sending while others follow, s: what
-is lost with a process that is killed."""
+"""Maximum time from the first message of a bundle to its transmission while others follow, s. A
+killed process loses these messages."""
 
 LARGEST_BUNDLE = 48_000
-"""Size above which a bundle is sent before its time, bytes: with one more message it is still
-below the largest UDP datagram (65,507 bytes), so that the middleware need not cut it."""
+"""Size above which a bundle is sent early, bytes. With one more message it is still below the
+largest UDP datagram (65,507 bytes), so the middleware need not fragment it."""
 
 LONGEST_BUNDLE = 2 * LARGEST_BUNDLE
-"""Size above which a bundle is refused, bytes: one with its last message and table is below."""
+"""Size above which a bundle is rejected, bytes; a valid one with its last message and table is
+smaller."""
 
 OLDEST = 1.0
-"""Greatest age of a message where its bundle is received, s; later times are not believed."""
+"""Maximum age of a message when its bundle is received, s; larger ages are clipped."""
 
 MEMORY = 5.0
-"""Shortest time for which a message is remembered that came one way and may come another, s."""
+"""Minimum time for which a message is remembered, to detect its duplicate on the other path, s."""
 
 MOST_REMEMBERED = 100_000
-"""Number of messages of one topic above which older ones are forgotten sooner."""
+"""Number of messages of one topic above which older ones are forgotten earlier."""
 
 _MARK = b"hab1"
 _BEFORE = struct.Struct("<4sIII")  # encapsulation; no dimension, no offset, length of the data
 _ENCAPSULATION = b"\0\1\0\0"
-_PADDING = 3  # bytes by which the middleware may fill a message up
+_PADDING = 3  # maximum number of padding bytes added by the middleware
 _COUNT = struct.Struct("<H")
 _ENTRY = struct.Struct("<QHI")
 _LATEST = 2**63 - 1
@@ -56,7 +57,7 @@ Entry = tuple[str, int, bytes]
 
 
 class Bundle:
-    """Collects messages, and packs them."""
+    """Collect messages, and pack them."""
 
     def __init__(self) -> None:
         self._topics: list[str] = []
@@ -64,7 +65,7 @@ class Bundle:
         self._size = self._since = 0
 
     def index(self, topic: str) -> int:
-        """Return the index of a topic, with its full name, in this and all further bundles."""
+        """Return the index of a topic, by its full name, in this and all later bundles."""
         if topic not in self._topics:
             self._topics.append(topic)
         return self._topics.index(topic)
@@ -78,12 +79,12 @@ class Bundle:
         return self.overdue(time) or self._size > LARGEST_BUNDLE
 
     def overdue(self, time: int) -> bool:
-        """Return whether the first message has waited for a bundle's period at a time, ns."""
-        # A clock that is set back must not hold messages back.
+        """Return whether the first message is older than a bundle's period at a time, ns."""
+        # A clock that is set back must not delay messages.
         return not 0 <= time - self._since < BUNDLE_PERIOD * NANOSECONDS
 
     def take(self) -> bytes:
-        """Return the packed bundle, and begin another; nothing if there is no message."""
+        """Return the packed bundle and start another; empty if there is no message."""
         if not self._parts:
             return b""
         names = [name.encode() for name in self._topics]
@@ -94,12 +95,12 @@ class Bundle:
 
 
 def unpack_bundle(data: bytes) -> list[Entry]:
-    """Return the messages of a bundle, in the order of sending.
+    """Return the messages of a bundle, in order of sending.
 
     Raises
     ------
     ValueError
-        It is not a bundle, or not a whole one; then none of it is to be believed.
+        The data are no complete bundle; then all of its messages are rejected.
     """
     if len(data) < _BEFORE.size + len(_MARK) + _COUNT.size:
         raise ValueError("too short")
@@ -135,19 +136,19 @@ def unpack_bundle(data: bytes) -> list[Entry]:
 
 
 def believed(time: int, received: int) -> int:
-    """Return the time of a message whose bundle was received at a time, both system time in ns.
+    """Return the corrected time of a message in a bundle; both arguments are system times in ns.
 
-    It is before the reception, and by `OLDEST` at most, whatever the sender's clock shows.
+    The result is before the reception, by at most `OLDEST`, whatever the sender's clock shows.
     Messages of one sender stay in order.
     """
     return min(max(time, received - round(OLDEST * NANOSECONDS)), received)
 
 
 class BothWays:
-    """Messages of one topic that come in bundles, by themselves, or both ways, and count once.
+    """Filter that counts messages once that arrive in bundles, directly, or both ways.
 
-    Each message that came one way is taken for the same as one with equal bytes that comes the
-    other way. So two publishers that send the same are recorded twice, as one that sends it twice.
+    A message is a duplicate of one with equal bytes on the other path. Equal messages of two
+    publishers are therefore recorded twice, as are those of one that sends them twice.
     """
 
     def __init__(self) -> None:
@@ -155,7 +156,7 @@ class BothWays:
         self._until = -math.inf
 
     def repeats(self, message: bytes, *, bundled: bool, now: float) -> bool:
-        """Return whether a message that came at a steady time in s has come the other way."""
+        """Return whether a message, received at a monotonic time in s, is a duplicate."""
         if now >= self._until or sum(map(len, self._generations[1])) > MOST_REMEMBERED:
             self._generations = self._generations[1], self._new()
             self._until = now + MEMORY
@@ -171,15 +172,15 @@ class BothWays:
 
     @staticmethod
     def _new() -> tuple[Counter[bytes], Counter[bytes]]:
-        """Return what came by itself, and what came in bundles."""
+        """Return empty records for direct messages and for those in bundles."""
         return Counter(), Counter()
 
 
 class InOrder(Generic[Item]):
-    """Puts items that come in rounds into the order of their times.
+    """Sort items that arrive in rounds by their times.
 
-    An item waits until those of its round, and all rounds before, have waited for a number of
-    rounds, counted and not timed: a clock that is set back holds nothing up.
+    An item is returned after a fixed number of further rounds. Rounds are counted, not timed, so
+    that a clock that is set back delays nothing.
 
     Parameters
     ----------
@@ -191,7 +192,7 @@ class InOrder(Generic[Item]):
         self._newest: deque[float] = deque([-math.inf] * rounds)
 
     def round(self, items: Iterable[tuple[int, Item]]) -> list[tuple[int, Item]]:
-        """Add a round of times and items; return those that have waited, in order."""
+        """Add a round of times and items; return those that have waited long enough, in order."""
         added = list(items)
         self._waiting += added
         self._waiting.sort(key=itemgetter(0))
@@ -202,6 +203,6 @@ class InOrder(Generic[Item]):
         return done
 
     def rest(self) -> list[tuple[int, Item]]:
-        """Return all that waits, in order."""
+        """Return all waiting items, in order."""
         rest, self._waiting = self._waiting, []
         return rest

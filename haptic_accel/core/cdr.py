@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stamped vectors and states as serialised by ROS: one layout for all signals of the graph.
+"""Serialisation of stamped vectors and states in ROS format, one layout for all signals.
 
 PoseStamped, TwistStamped, WrenchStamped, AccelStamped and Vector3Stamped are a header followed by
-doubles, of which the first three are the signal. Filling and reading message objects would cost a
-node more than everything else it does; packing the same bytes takes a microsecond.
-Format: OMG DDS-RTPS 2.5, section 10.2 (CDR); times and doubles are aligned to their size.
+doubles, of which the first three are the signal. Filling and reading message objects would take a
+node longer than all its other work. Packing the same bytes takes a microsecond. Format: OMG
+DDS-RTPS 2.5, section 10.2 (CDR); times and doubles are aligned to their size.
 """
 
 from __future__ import annotations
@@ -27,34 +27,34 @@ ByteArray = npt.NDArray[np.uint8]
 Offset = TypeVar("Offset", int, IntArray)
 
 STAMP_BYTES = slice(4, 12)
-"""Place of the stamp in a message with a header: s and ns, four bytes each."""
+"""Byte range of the stamp in a message with a header: s and ns, four bytes each."""
 
-_ENCAPSULATION = b"\0\1\0\0"  # plain little-endian CDR, and no options
+_ENCAPSULATION = b"\0\1\0\0"  # plain little-endian CDR without options
 _ORIGIN = len(_ENCAPSULATION)  # alignment counts from here
 _BYTE_ORDERS = {0: ">", 1: "<"}  # second byte of plain CDR's encapsulation
 _HEADERS = {code: struct.Struct(f"{mark}iII") for code, mark in _BYTE_ORDERS.items()}
-_HEADER_SIZE = _HEADERS[1].size  # stamp, and length of the frame's name with its NUL
+_HEADER_SIZE = _HEADERS[1].size  # stamp, and length of the frame's name including its NUL
 _STAMP = struct.Struct("<iI")
 _LENGTH = struct.Struct("<I")
 _VECTORS = {code: struct.Struct(f"{mark}3d") for code, mark in _BYTE_ORDERS.items()}
 _VECTOR_SIZE = _VECTORS[1].size
 _BEHIND = {"pose.position": struct.pack("<4d", 0.0, 0.0, 0.0, 1.0), "vector": b""}
-"""Bytes after the vector, by its path: an upright quaternion, nothing, or no rotation."""
+"""Bytes after the vector, by its path: an identity quaternion, nothing, or no rotation."""
 _NO_ROTATION = bytes(24)
 
 
 def _vector_offset(frame_length: Offset) -> Offset:
-    """Return where the doubles start behind a frame's name of a length with its NUL."""
+    """Return the offset of the doubles for a frame name of a length, NUL included."""
     return _ORIGIN + (_HEADER_SIZE + frame_length + 7 & ~7)
 
 
 class StampedVector:
-    """Packs the messages of one signal.
+    """Pack the messages of one signal.
 
     Parameters
     ----------
     topic : Topic
-        Topic, which gives type and frame.
+        Topic, which determines type and frame.
     """
 
     def __init__(self, topic: Topic) -> None:
@@ -66,7 +66,7 @@ class StampedVector:
         self._bytes = bytearray(start + bytes(_VECTOR_SIZE) + behind)
 
     def pack(self, stamp: int, vector: Vector) -> bytes:
-        """Return the message with a stamp, system time in ns, and a vector."""
+        """Return the message for a stamp, system time in ns, and a vector."""
         _STAMP.pack_into(self._bytes, _ORIGIN, *divmod(stamp, NANOSECONDS))
         _VECTORS[1].pack_into(self._bytes, self._offset, *vector)
         return bytes(self._bytes)
@@ -77,8 +77,8 @@ def pack_diagnostics(
 ) -> bytes:
     """Return a diagnostic_msgs/DiagnosticArray of one status.
 
-    Filling a message object with some fifty values takes ten times as long, more than a period has
-    left.
+    Filling a message object with some fifty values takes ten times longer, which exceeds the rest
+    of a period.
 
     Parameters
     ----------
@@ -112,9 +112,9 @@ def unpack_stamped_vector(data: bytes) -> tuple[int, Vector]:
     Raises
     ------
     ValueError
-        It is not a header and three doubles in plain CDR.
+        The message is no header with three doubles in plain CDR.
     """
-    # The usual message passes without a check: it is one of ten in a millisecond.
+    # The usual message passes without a check, as ten of them arrive per millisecond.
     try:
         order = data[1]
         sec, nanosec, frame_length = _HEADERS[order].unpack_from(data, _ORIGIN)
@@ -132,7 +132,7 @@ def unpack_state(data: bytes) -> bool:
     Raises
     ------
     ValueError
-        It is not a byte in plain CDR.
+        The message is no byte in plain CDR.
     """
     if len(data) <= _ORIGIN:
         raise ValueError("too short")
@@ -142,12 +142,12 @@ def unpack_state(data: bytes) -> bool:
 
 
 def unpack_text(data: bytes, place: int) -> str:
-    """Return the text that begins at a place of a message, bytes from its start.
+    """Return the text at an offset of a message, in bytes from its start.
 
     Raises
     ------
     ValueError
-        It is not a text in plain CDR.
+        The bytes are no text in plain CDR.
     """
     if len(data) < place + _LENGTH.size:
         raise ValueError("too short")
@@ -163,7 +163,7 @@ def unpack_text(data: bytes, place: int) -> str:
 def unpack_stamped_vectors(
     block: ByteArray, starts: IntArray, ends: IntArray
 ) -> tuple[IntArray, FloatArray, BoolArray]:
-    """Return stamps and vectors of the well-formed messages that lie in a block of bytes.
+    """Return stamps and vectors of the well-formed messages in a block of bytes.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def unpack_stamped_vectors(
         System time, ns.
     values : ndarray of float, shape (m, 3)
     formed : ndarray of bool, shape (n,)
-        True for the m messages that are a header and three doubles in plain CDR.
+        True for the m messages that consist of a header and three doubles in plain CDR.
     """
     stamps = np.empty(len(starts), dtype=np.int64)
     values = np.empty((len(starts), 3))
@@ -198,12 +198,12 @@ def unpack_stamped_vectors(
 
 
 def unpack_stamps(stamps: bytes) -> IntArray:
-    """Return the stamps, ns, whose `STAMP_BYTES` of little-endian messages were joined."""
+    """Return stamps, ns, from the joined `STAMP_BYTES` of little-endian messages."""
     words = np.frombuffer(stamps, "<u4").astype(np.int64)
     return words[::2] * NANOSECONDS + words[1::2]
 
 
 def _gathered(block: ByteArray, places: IntArray, size: int) -> ByteArray:
-    """Return so many bytes from each of some places, shape (n, size)."""
+    """Return the bytes at several offsets, each with the same size, shape (n, size)."""
     gathered: ByteArray = block[places[:, None] + np.arange(size)]
     return gathered

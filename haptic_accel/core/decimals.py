@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers in files and on command lines: plain decimals in ASCII, and null for none in JSON.
+"""Parsing of numbers in files and on command lines: plain ASCII decimals; null in JSON for none.
 
-Python's own `float` and `int` also take digits of other scripts, underscores, ``nan`` and ``inf``.
+Python's `float` and `int` also accept digits of other scripts, underscores, ``nan`` and ``inf``.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from collections.abc import Mapping
 from typing import Any
 
 _BLANKS = " \t"
-_WHOLE = re.compile(r"[-+]?[0-9]{1,300}")  # which a float can hold
+_WHOLE = re.compile(r"[-+]?[0-9]{1,300}")  # fits into a float
 _DECIMAL = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
 def read_decimal(text: str) -> float:
-    """Return a number written as a decimal, with an exponent or without; infinity if too large.
+    """Return a decimal number, with or without exponent; infinity if it is too large.
 
     Raises
     ------
     ValueError
-        It is none.
+        The text is no decimal number.
     """
     return float(_matched(_DECIMAL, text))
 
@@ -35,13 +35,13 @@ def read_whole(text: str) -> int:
     Raises
     ------
     ValueError
-        It is none, or has more than 300 digits.
+        The text is no whole number, or has more than 300 digits.
     """
     return int(_matched(_WHOLE, text))
 
 
 def defined(value: Any) -> Any:
-    """Return a value for JSON, which has no number that is not finite: None in place of it."""
+    """Return a value for JSON: None instead of a number that is not finite."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
@@ -50,7 +50,7 @@ def defined(value: Any) -> Any:
 
 
 def _matched(pattern: re.Pattern[str], text: str) -> str:
-    """Return a text without blanks around it; raise `ValueError` if it has another form."""
+    """Return a text without surrounding blanks; raise `ValueError` if it has another form."""
     bare = text.strip(_BLANKS)
     if not pattern.fullmatch(bare):
         raise ValueError(f"{text[:40]!r}: must be a number")

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Documents in YAML, JSON or NPZ, whose errors name the file, the line in YAML, and the value.
+"""Documents in YAML, JSON or NPZ; errors name the file, the line in YAML, and the value.
 
-One form of message: ``scene.yaml:4: materials.wood.stiffness = -1: must be from 1 to 10000 N/m``.
+All messages have one form: ``scene.yaml:4: materials.wood.stiffness = -1: must be from 1 to 10000
+N/m``.
 """
 
 from __future__ import annotations
@@ -45,14 +46,14 @@ class Document:
     path : Path
     value : Any
     source : str
-        The document in YAML, for the lines of its values; empty for another form.
+        Text of the YAML document, to find the lines of its values; empty for other formats.
     keys : tuple of str
-        Keys and indices that lead to the value.
+        Keys and indices of the value.
 
     Raises
     ------
     ParameterError
-        By the methods, in one line.
+        Raised by the methods, with a one-line message.
     """
 
     path: Path
@@ -61,13 +62,13 @@ class Document:
     keys: tuple[str, ...] = ()
 
     def refuse(self, problem: str, key: str = "") -> NoReturn:
-        """Raise an error at the line of a value in this one; the problem names the value."""
+        """Raise an error at the line of a nested value; the problem names the value."""
         line = f":{self._line(key)}" if self.source else ""
         above = "".join(f"{shown(each)}." for each in self.keys)
         raise ParameterError(f"{shown(str(self.path))}{line}: {above}{problem}") from None
 
     def wrong(self, allowed: str) -> NoReturn:
-        """Raise an error that states what this value must be."""
+        """Raise an error that states the allowed values of this one."""
         if not self.keys:
             self.refuse(allowed)
         *above, name = self.keys
@@ -77,7 +78,7 @@ class Document:
 
     @contextmanager
     def located(self, key: str = "") -> Iterator[None]:
-        """Add the place to errors about a value in this one, by default that which they name."""
+        """Add the location to errors about a nested value, by default the one that they name."""
         try:
             yield
         except ParameterError as error:
@@ -86,11 +87,11 @@ class Document:
             self.refuse(f"{key}: {text}" if within else text, key or text.partition(" = ")[0])
 
     def __contains__(self, key: str) -> bool:
-        """Return True for a mapping that has a key."""
+        """Return True for a mapping that contains a key."""
         return isinstance(self.value, dict) and key in self.value
 
     def at(self, *keys: str) -> Document:
-        """Return the value behind some keys."""
+        """Return the value for one or more keys."""
         found = self
         for key in keys:
             if key not in found:
@@ -99,7 +100,7 @@ class Document:
         return found
 
     def get(self, key: str, default: Any = None) -> Document:
-        """Return the value behind a key, or a default where it is left out or null."""
+        """Return the value of a key, or a default if it is missing or null."""
         value = self.mapping().get(key)
         return self._inner(key, default if value is None else value)
 
@@ -122,35 +123,35 @@ class Document:
             yield self._inner(str(index), value)
 
     def check_keys(self, *known: str) -> None:
-        """Refuse a key that is not known."""
+        """Reject unknown keys."""
         for name in self.mapping():
             if name not in known:
                 hint = suggestion(name, known) or f": must be one of {', '.join(known)}"
                 self.refuse(f"{shown(name)}: unknown{hint}", name)
 
     def checked(self, default: Any, specification: Specification) -> Any:
-        """Return the value in the type of a default, see `parameters.checked`."""
+        """Return the value with the type of a default; see `parameters.checked`."""
         try:
             return checked("", self.value, default, specification)
         except ParameterError:
             self.wrong(f"must be {allowed_values(default, specification)}")
 
     def number(self, specification: Specification = _NUMBER) -> float:
-        """Return a number in its range."""
+        """Return a number within its range."""
         return float(self.checked(0.0, specification))
 
     def text(self) -> str:
-        """Return a text; halves of characters, which no file of text can have, become ?."""
+        """Return a text; lone surrogates, which no text file can contain, become ?."""
         return str(self.checked("", _TEXT)).encode(errors="replace").decode()
 
     def choice(self, known: Mapping[str, T]) -> T:
-        """Return what a word stands for."""
+        """Return the meaning of a word."""
         if not isinstance(self.value, str) or self.value not in known:
             self.wrong(f"must be one of {', '.join(known)}")
         return known[self.value]
 
     def vector(self, specification: Specification) -> Vector:
-        """Return three numbers in their range; zeros for null."""
+        """Return three numbers within their range; zeros for null."""
         if self.value is None:
             return 0.0, 0.0, 0.0
         if not (isinstance(self.value, list) and len(self.value) == 3):
@@ -164,12 +165,12 @@ class Document:
             found = np.asarray(self.value)
             if found.dtype.kind not in "fiu" or not found.size:
                 raise ValueError
-        except ValueError:  # rows of different lengths, too
+        except ValueError:  # also for rows of different lengths
             self.wrong("must be numbers, in rows of one length")
         return found.astype(float)
 
     def build(self, kind: type[C], **others: Any) -> C:
-        """Return a dataclass of parameters from the values that have its fields' names."""
+        """Return a dataclass of parameters, with the values of the same names."""
         values = self.mapping()
         with self.located():
             given = {name: values[name] for name in own_schema(kind) if name in values}
@@ -186,12 +187,12 @@ class Document:
 
 
 def read_yaml_document(path: Path) -> Document:
-    """Read a YAML file, whose numbers may be as in ROS parameter files.
+    """Read a YAML file; numbers may have the form of ROS parameter files.
 
     Raises
     ------
     ParameterError
-        It cannot be read, or is something else.
+        The file cannot be read, or has another format.
     """
     with located(shown(str(path)), "must be YAML"):
         text = read_text(path)
@@ -199,12 +200,12 @@ def read_yaml_document(path: Path) -> Document:
 
 
 def read_json_document(path: Path) -> Document:
-    """Read a file of JSON.
+    """Read a JSON file.
 
     Raises
     ------
     ParameterError
-        It cannot be read, or is something else.
+        The file cannot be read, or has another format.
     """
     with located(shown(str(path)), "must be JSON"):
         return Document(path, read_json(path))

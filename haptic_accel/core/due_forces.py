@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forces that wait for the tick at which they are due.
+"""Queue of forces with due ticks.
 
-A force is due a whole number of samples after the one that caused it, neither earlier nor later:
-the delay of a plant may be inverted, a delay that changes from one force to the next may not.
-Whether one was in time is told by the machine's steady clock, whoever stood still meanwhile: a
-hand feels a pause of the process that applies forces as it feels one of the process that sends
-them.
+A force is due a whole number of samples after the sample that caused it. A constant delay of a
+plant can be inverted, a varying one cannot. The machine's monotonic clock decides whether a force
+was in time, whichever process paused. A hand feels a pause of the process that applies forces like
+one of the process that sends them.
 """
 
 from __future__ import annotations
@@ -17,49 +16,49 @@ import math
 from haptic_accel.core.model import Vector
 
 IN_TIME = 0.25
-"""Longest time from its due time until a force takes effect that is in time, periods.
+"""Maximum delay of a force beyond its due time that counts as in time, in periods.
 
-So long the force before acts in its place. Were every force that late, the phase at a tenth of the
-sampling rate would lag by 9 degrees, an error of 16 %. A smaller limit would count what waking,
-sampling and writing take: 0.16 periods at 1 kHz (median, five processes on two shared cores).
+During the delay the previous force acts. If every force were that late, the phase at a tenth of
+the sampling rate would lag by 9 degrees, an error of 16 %. A smaller limit would count normal
+waking, sampling and writing: 0.16 periods at 1 kHz (median, five processes on two shared cores).
 """
 
 MISSED_SHARE = 0.001
-"""Share of missed deadlines up to which a rate counts as held."""
+"""Maximum fraction of missed deadlines for a rate that counts as kept."""
 
 STRAGGLING = 20
-"""Samples by which a force may be overtaken by later ones on its way."""
+"""Maximum number of samples by which later forces may overtake one."""
 
 PAST_TICK, LONGEST, LATE_TIME = "past their tick", "longest lateness (us)", "late (s)"
-"""Ends of the names of counts in diagnostics, behind the kind of force."""
+"""Suffixes of counts in diagnostics, after the kind of force."""
 
 Caused = tuple[int, Vector]
 """Stamp of the sample that caused a force, ns, and the force, N."""
 
 
 class DueForces:
-    """Commands of one kind, from their reception until they are applied.
+    """Commands of one kind, from reception until they are applied.
 
-    Ticks and samples are counted by the points of the sampling grid.
+    Ticks and samples are numbered by the points of the sampling grid.
 
     Parameters
     ----------
     latency : int
-        Samples from the one that caused a force to the tick at which it is due; 0 for on arrival.
+        Delay from sample to force, in samples; 0 for immediate application.
     period : float
-        Time between two points of the grid, of which point 0 is at 0 s of the steady clock, s.
+        Period of the grid, s; point 0 is at 0 s of the monotonic clock.
 
     Attributes
     ----------
     due, missed, past_tick : int
-        Number of forces that had a due time; of these, in effect later than `IN_TIME` allows, and
-        received after their tick was carried out.
+        Number of forces with a due time; of those that took effect later than `IN_TIME` allows; of
+        those received after their tick.
     longest : float
-        Longest time from the due time of a force until it took effect, s.
+        Maximum delay of a force beyond its due time, s.
     late_time : float
-        Time in which a force that was missed was due but not yet in effect, s.
+        Total time for which missed forces were due but not yet in effect, s.
     newest : int or None
-        Number of the latest sample whose force was received.
+        Number of the newest sample whose force was received.
 
     Examples
     --------
@@ -85,31 +84,31 @@ class DueForces:
         self.longest = self.late_time = 0.0
 
     def put(self, sample: int, stamp: int, force: Vector) -> None:
-        """Keep a force until it is due; a straggler, older than the last applied, is dropped."""
+        """Store a force until it is due; discard one that is older than the last applied."""
         due = sample + self._latency
         if self._latency:
             self.due += 1
             self.past_tick += due <= self._carried_out
         if self.newest is None or sample > self.newest:
             self.newest = sample
-        # A far older one is no straggler: the safety layer refuses it, and says so.
+        # A much older one has not been overtaken: the safety layer rejects and reports it.
         if not 0 <= self._last - due <= STRAGGLING:
             self._waiting[due] = stamp, force
         else:
             self._taken.append(due)
 
     def pass_on(self, stamp: int, force: Vector) -> None:
-        """Pass a force that is out of date to the next `take`, for the safety layer to refuse it.
+        """Pass an outdated force to the next `take`, so that the safety layer rejects it.
 
-        If it were kept, one of the future would be in time some day.
+        If it were stored, a force from the future would be in time later.
         """
         self._out_of_date = stamp, force
 
     def take(self, tick: int, *, ahead: bool = False) -> Caused | None:
-        """Return the newest force that is due at a tick or was before; None if there is none.
+        """Return the newest force that is due at a tick or earlier; None if there is none.
 
-        One that is out of date counts only where no other is due. A tick that is taken `ahead` has
-        not been carried out.
+        An outdated force is returned only if no other is due. `ahead` means that the tick has not
+        been executed yet.
         """
         if not ahead:
             self._carried_out = tick
@@ -122,9 +121,9 @@ class DueForces:
         return found
 
     def took_effect(self, now: float) -> None:
-        """Note the steady time in s at which the forces taken last took effect, or were left out.
+        """Record the monotonic time in s at which the last forces took effect or were skipped.
 
-        Forces taken ahead are in time with any device that applies them by a clock of its own.
+        Forces taken ahead count as in time if the device applies them by its own clock.
         """
         if not self._taken:
             return
@@ -135,13 +134,13 @@ class DueForces:
                 self.longest = lateness
             if lateness > IN_TIME * self._period:
                 self.missed += 1
-                # Of several that waited at the same time, that time counts once.
+                # Time in which several forces waited counts once.
                 self.late_time += max(0.0, now - max(time, self._late_until))
                 self._late_until = now
         self._taken.clear()
 
     def status(self) -> dict[str, str]:
-        """Return the counts but `missed`, for diagnostics."""
+        """Return all counts except `missed`, for diagnostics."""
         return {
             "due": str(self.due),
             PAST_TICK: str(self.past_tick),
@@ -150,11 +149,11 @@ class DueForces:
         }
 
     def clear(self) -> None:
-        """Drop the forces that wait."""
+        """Discard the waiting forces."""
         self._waiting.clear()
         self._out_of_date = None
 
     def count_anew(self) -> None:
-        """Set the counts to zero."""
+        """Reset the counts to zero."""
         self.due = self.missed = self.past_tick = 0
         self.longest = self.late_time = 0.0

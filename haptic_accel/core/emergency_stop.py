@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rule by which a node follows the emergency stop: anyone stops, only a request releases.
+"""Emergency stop of a node: any message stops, only a request releases.
 
-It has no clock: times are the caller's, in s from any origin and never backwards.
+The rule has no clock: the caller passes times in s from any origin, which never decrease.
 """
 
 from __future__ import annotations
@@ -12,29 +12,30 @@ import math
 from collections.abc import Sequence
 
 SETTLING = 1.0
-"""Age of a node below which it allows no force and accepts no release, s: messages latched by
-several senders come late and in any order, and a stop among them must be heard first."""
+"""Minimum age of a node for forces and for a release, s. Latched messages of several senders
+arrive late and in any order, and a stop among them must be received first."""
 
 RECENT = 0.5
-"""Time for which a stop on the topic is a reason to refuse the release, s, whoever said it: as
-senders are not told apart, its sender may go on saying so."""
+"""Time for which a stop on the topic prevents the release, s. As senders cannot be distinguished,
+its sender may still be repeating it."""
 
 COUPLER_SILENCE = 2.5
-"""Silence after which the coupler counts as gone, s: it repeats its state every second."""
+"""Time without messages after which the coupler counts as ended, s; it repeats its state every
+second."""
 
 
 class EmergencyStop:
     """Latched emergency stop of one node.
 
-    A word of false on the topic releases nothing. It withdraws the stop that the topic's last
-    word of true asked for, after which a release can be requested. What the graph's own coupler
-    says stops, too, and must be withdrawn by itself. A stop on another host is followed, but each
-    host is released by itself.
+    Publishing false does not release the stop. It withdraws the stop requested by the last true on
+    the topic, after which a release can be requested. A stop reported by the graph's own coupler
+    also stops, and must be withdrawn by the coupler. A stop on another host is followed, but each
+    host is released separately.
 
     Parameters
     ----------
     now : float
-        Time of the node's start, s.
+        Start time of the node, s.
 
     Attributes
     ----------
@@ -67,38 +68,38 @@ class EmergencyStop:
         return now - self._started >= SETTLING
 
     def stop(self) -> bool:
-        """Stop; return whether that is new."""
+        """Stop; return whether the state is new."""
         new = not self.stopped
         self.began += new or self._followed
         self.stopped, self._followed = True, False
         return new
 
     def follow(self) -> None:
-        """Stop, but as one that began elsewhere, or before a release that failed."""
+        """Stop, without counting: the stop began elsewhere, or before a failed release."""
         self._followed |= not self.stopped
         self.stopped = True
 
     def heard(self, stop: bool, now: float) -> bool:
-        """Take a word from the topic; return whether it stops what was not stopped."""
+        """Handle a stop message; return whether it is new."""
         self._wanted = stop
         if stop:
             self._heard = now
         return stop and self.stop()
 
     def coupler_said(self, stopped: bool, now: float) -> bool:
-        """Take the state of the graph's coupler; return as `heard` does."""
+        """Handle the state of the graph's coupler; return whether it is a new stop."""
         self._coupler_stopped, self._coupler_heard = stopped, now
         return stopped and self.stop()
 
     def release(self, now: float, publishers: Sequence[str]) -> str:
-        """Release the stop, unless there is a reason for it; return that, empty if there is none.
+        """Release the stop if possible; return the reason against it, or an empty string.
 
         Parameters
         ----------
         now : float
             Time, s.
         publishers : sequence of str
-            Nodes that publish the topic now.
+            Nodes that publish the topic at present.
         """
         refusal = self._refusal(now, publishers)
         self.stopped = self.stopped and bool(refusal)

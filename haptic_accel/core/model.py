@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The handle model of McMahan and Kuchenbecker (IROS 2009): parameters and transfer functions."""
+"""Handle model of McMahan and Kuchenbecker (IROS 2009): parameters and transfer functions."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ GRAVITY = 9.80665
 
 
 ACTUATOR = "actuator"
-"""Block of a node's parameters that describes the actuator, shared by all parts of the node."""
+"""Block of a node's parameters for the actuator, shared by all parts of the node."""
 
 
 actuator_parameter = partial(parameter, block=ACTUATOR)
@@ -45,7 +45,7 @@ actuator_parameter = partial(parameter, block=ACTUATOR)
 
 @dataclass(frozen=True)
 class Suspension(Checked):
-    """The actuator's moving mass on its spring and bearing: eq. (1), Table I of the paper."""
+    """Moving mass of the actuator, spring and bearing: eq. (1), Table I of the paper."""
 
     m_a: float = actuator_parameter(
         0.018, "moving mass of the actuator", unit="kg", low=0, above=True
@@ -67,7 +67,7 @@ class HandleParameters(Suspension):
 
 @dataclass(frozen=True)
 class RationalModel:
-    """Transfer function in s, as numerator and denominator polynomials.
+    """Transfer function in s, given by numerator and denominator polynomials.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class RationalModel:
 
 
 def handle_model(handle: HandleParameters) -> RationalModel:
-    """Handle acceleration over actuator force, H(s) = A_h/F_a, eq. (3) of the paper.
+    """Return handle acceleration over actuator force, H(s) = A_h/F_a, eq. (3) of the paper.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def handle_model(handle: HandleParameters) -> RationalModel:
     actuator = np.array([handle.m_a, handle.b_s, handle.k_s])
     grip = np.array([handle.m_h, handle.b_s + handle.b_u, handle.k_s + handle.k_u])
     bearing = np.array([handle.b_s, handle.k_s])
-    # numpy.polymul and polysub take ten times as long, and a controller waits for it.
+    # numpy.polymul and polysub take ten times longer, and a controller waits for the result.
     denominator: FloatArray = np.convolve(actuator, grip)
     denominator[2:] -= np.convolve(bearing, bearing)
     return RationalModel(np.array([handle.m_a, 0.0, 0.0, 0.0, 0.0]), denominator)
@@ -111,9 +111,9 @@ def _damping(default: float, pair: str) -> Any:
 
 @dataclass(frozen=True)
 class ApproximateModel(Checked):
-    """The paper's invertible model of the handle: two zero pairs, two pole pairs, unit DC gain.
+    """Invertible handle model of the paper: two zero pairs, two pole pairs, unit DC gain.
 
-    Its defaults are the numbers below eq. (3) of the paper.
+    The defaults are the numbers below eq. (3) of the paper.
     """
 
     zero_1_frequency: float = _frequency(9.0, "model's first zero pair")
@@ -158,7 +158,7 @@ def _pair(frequency: float, damping: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class AccelerometerParameters(Checked):
-    """An Analog Devices ADXL320J behind a 16-bit converter, as in the paper."""
+    """Accelerometer Analog Devices ADXL320J with a 16-bit converter, as in the paper."""
 
     range: float = parameter(
         5 * GRAVITY, "range of the accelerometer either way (5 g)", unit="m/s^2", low=0, above=True
@@ -179,14 +179,13 @@ class AccelerometerParameters(Checked):
 
     @property
     def noise(self) -> float:
-        """Standard deviation of a sample, m/s^2: white noise through the first-order low-pass."""
-        # A first-order low-pass lets through as much white noise as an ideal one of pi/2
-        # times its corner.
+        """Standard deviation of a sample, m/s^2: white noise after the first-order low-pass."""
+        # The noise bandwidth of a first-order low-pass is pi/2 times its corner frequency.
         return self.noise_density * math.sqrt(math.pi / 2 * self.bandwidth)
 
 
 class Sample(NamedTuple):
-    """One reading of an arm and its accelerometer.
+    """Readings of an arm and its accelerometer.
 
     Attributes
     ----------
@@ -204,13 +203,13 @@ class Sample(NamedTuple):
 
 
 class _Answer(Enum):
-    """Answer of a device that has not received a sample yet."""
+    """Answers of a device without a sample."""
 
     LATER = "later"
 
 
 LATER: Final = _Answer.LATER
-"""Answer of a device while the sample may still come."""
+"""The sample may still arrive."""
 
 Reading: TypeAlias = Sample | Literal[_Answer.LATER] | None
 """A sample, `LATER`, or None for a sample that is lost or was never taken."""
@@ -224,13 +223,13 @@ POSTURES: dict[str, tuple[float, float, float]] = {
     "hook": (1 / 0.92, 1 / 0.75, 1 / 0.8),
 }
 """Factors of m_h, k_u and b_u by posture. The paper fitted Table I to pinch and hook grips
-together; that a pinch grip is softer and involves less of the hand, and by how much, is assumed,
-such that Table I lies in the middle."""
+together. A pinch grip is assumed to be softer and to involve less of the hand, with Table I in the
+middle."""
 
 
 @dataclass(frozen=True)
 class MountParameters(Checked):
-    """The accelerometer's light, elastic mount on the handle."""
+    """Light, elastic mount of the accelerometer on the handle."""
 
     frequency: float = parameter(0.0, "resonance of the mount; 0 for a rigid one", "Hz", 0, 2000.0)
     damping: float = parameter(0.2, "damping ratio of the mount", low=0.01, high=2.0)

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Operating states of CRTK, and the transitions of a managed node that its commands ask for."""
+"""Operating states of CRTK, and the node transitions that its commands require."""
 
 from __future__ import annotations
 
 MESSAGES = "crtk_msgs"
-"""ROS package of CRTK's own messages, without which no state is told or changed."""
+"""ROS package of CRTK's messages; without it no state is published or changed."""
 
 DISABLED, ENABLED, PAUSED, FAULT = STATES = ("DISABLED", "ENABLED", "PAUSED", "FAULT")
 
@@ -20,7 +20,7 @@ _ALLOWED = {
     PAUSE: (ENABLED, PAUSED),
     RESUME: (PAUSED,),
 }
-"""States from which a command is valid, where not all are (CRTK, "State Transitions")."""
+"""States in which a command is valid, if not all are (CRTK, "State Transitions")."""
 
 _LEVELS = ("unconfigured", "inactive", "active")
 """States of a managed node: closed; open, without force; with forces."""
@@ -40,21 +40,21 @@ _RANGES = {
 
 
 def refusal(command: str, state: str) -> str:
-    """Return why a command is not carried out in a state of CRTK; empty if it is."""
+    """Return why a command is rejected in a state of CRTK; empty if it is accepted."""
     if command not in COMMANDS:
         return f"no such command; there are {', '.join(COMMANDS)}"
     return "" if state in _ALLOWED.get(command, STATES) else f"not while {state}"
 
 
 def transitions(command: str, managed: str) -> tuple[str, ...]:
-    """Return the transitions of a managed node that carry out a command, in order.
+    """Return the transitions of a managed node for a command, in order.
 
     Parameters
     ----------
     command : str
         One of `COMMANDS`.
     managed : str
-        State of the node; one that has been shut down has no transitions.
+        State of the node; one that was shut down has no transitions.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters with unit and range, checked with one-line error messages."""
+"""Parameters with unit and range, and checks with one-line error messages."""
 
 from __future__ import annotations
 
@@ -19,36 +19,36 @@ _SPECIFICATION = "parameter"
 
 
 class ParameterError(ValueError):
-    """A value given by the user is not allowed; the message is one printable line for the user."""
+    """Error: a value given by the user is not allowed; the message is one printable line."""
 
     def __init__(self, message: str) -> None:
-        # Names from files and command lines are in it.
+        # It may contain names from files and command lines.
         super().__init__(printable(message))
 
 
 def check_positive_rate(rate: float) -> None:
-    """Refuse a sampling rate in Hz that is not a positive number.
+    """Reject a sampling rate in Hz that is not a positive number.
 
     Raises
     ------
     ParameterError
-        Naming the rate.
+        The message names the rate.
     """
     if not (math.isfinite(rate) and rate > 0):
         raise ParameterError(f"rate = {rate}: must be above 0 Hz")
 
 
 def printable(text: str, kept: str = "") -> str:
-    r"""Return a text whose characters a terminal prints, and does not obey.
+    r"""Return a text with non-printable characters escaped.
 
-    Controls, those of the direction of writing, ends of lines, and bytes that are no text become
-    what Python writes for them, such as ``\x1b``.
+    Control characters, writing direction marks, line ends, and bytes that are no text are replaced
+    by Python's escapes, for example ``\x1b``.
 
     Parameters
     ----------
     text : str
     kept : str
-        Characters that stay as they are.
+        Characters that remain unchanged.
     """
     if text.isprintable():
         return text
@@ -59,43 +59,43 @@ def printable(text: str, kept: str = "") -> str:
 
 
 def shown(text: str) -> str:
-    """Return a text from outside as it fits into a message of one line."""
+    """Return an external text in a form suitable for a one-line message."""
     printable = text if text.isprintable() else repr(text)
     return printable if len(printable) <= 200 else printable[:200] + "..."
 
 
 def one_line(error: BaseException) -> str:
-    """Return an error's text in one line."""
+    """Return the text of an error in one line."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return a hint for an error about an unknown word: the nearest known one, or nothing."""
+    """Return a hint on an unknown word: the most similar known one, or an empty string."""
     near = difflib.get_close_matches(word, list(known), n=1)
     return f" (did you mean {near[0]}?)" if near else ""
 
 
 @dataclasses.dataclass(frozen=True)
 class Specification:
-    """Description of one parameter: everything but its value.
+    """Description of a parameter, without its value.
 
     Attributes
     ----------
     text : str
         Meaning of the parameter, and the source of its default.
     unit : str
-        SI unit, empty for a pure number.
+        SI unit; empty for a pure number.
     low, high : float or None
-        Smallest and largest value allowed; ``None`` means no bound.
+        Smallest and largest allowed value; ``None`` for no bound.
     above : bool
         True if `low` itself is excluded.
     choices : tuple of str
-        The allowed words of a string parameter, beside its default; empty where any is allowed.
+        Allowed words of a string parameter, in addition to its default; empty if any is allowed.
     block : str
-        Block of the node that holds the parameter, wherever its dataclass is nested; empty for
-        a parameter that belongs to its dataclass alone.
+        Block of the node that contains the parameter, wherever its dataclass is nested. Empty for
+        a parameter of its dataclass only.
     sets : tuple of str
-        Parameters of nodes that an argument of the graph sets, each as ``node.parameter``.
+        Node parameters that an argument of the graph sets, each as ``node.parameter``.
     """
 
     text: str
@@ -109,7 +109,7 @@ class Specification:
 
     @property
     def allowed(self) -> str:
-        """The allowed values in words."""
+        """Description of the allowed values."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
         unit = f" {self.unit}" if self.unit else ""
@@ -134,12 +134,12 @@ class Specification:
 
 
 def parameter(default: Any, text: str, *details: Any, **named: Any) -> Any:
-    """Declare a dataclass field as a parameter: its default, and its `Specification` in order."""
+    """Declare a dataclass field as a parameter, with its default and `Specification` fields."""
     return specified(default, Specification(text, *details, **named))
 
 
 def like(owner: type, name: str, default: Any = None) -> Any:
-    """Declare a dataclass field as a field of another dataclass, with its default or another."""
+    """Declare a dataclass field like a field of another dataclass; the default may differ."""
     known, specification = schema(owner)[name]
     return specified(known if default is None else default, specification)
 
@@ -150,23 +150,23 @@ def specified(default: Any, specification: Specification) -> Any:
 
 
 def checked(name: str, value: Any, default: Any, specification: Specification) -> Any:
-    """Return a value in the type of its default, or raise an error that names the problem.
+    """Return a value converted to the type of its default; raise an error if it is invalid.
 
     Parameters
     ----------
     name : str
-        Name of the parameter in the message.
+        Name of the parameter for the message.
     value
-        The value as given: from a file, a command line or code.
+        Value from a file, a command line or code.
     default
-        The default, whose type (bool, int, float or str) the result has.
+        Default, whose type (bool, int, float or str) the result has.
     specification : Specification
         Range and choices.
 
     Raises
     ------
     ParameterError
-        Wrong type, not finite, out of range, or not one of the choices.
+        The type is wrong, or the value is not finite, out of range, or not one of the choices.
     """
     found = shown(repr(value) if isinstance(value, str) else str(value))
     wrong = ParameterError(f"{name} = {found}: must be {allowed_values(default, specification)}")
@@ -187,7 +187,7 @@ def checked(name: str, value: Any, default: Any, specification: Specification) -
 
 
 def allowed_values(default: Any, specification: Specification) -> str:
-    """Return in words the values that a parameter may have, whose default gives its type."""
+    """Return a description of a parameter's allowed values; the default gives its type."""
     if isinstance(default, bool):
         return "true or false"
     if isinstance(default, str):
@@ -198,15 +198,15 @@ def allowed_values(default: Any, specification: Specification) -> str:
 
 
 class Checked:
-    """Base of parameter dataclasses: every field is checked when one is built."""
+    """Base of parameter dataclasses, which checks all fields of a new instance."""
 
     def __post_init__(self) -> None:
-        """Check all fields that are parameters; dataclasses of parameters check themselves.
+        """Check all parameter fields; nested dataclasses of parameters check themselves.
 
         Raises
         ------
         ParameterError
-            Naming the class' field, the value and what is allowed.
+            The message contains the class' field, the value and the allowed range.
         """
         for name, (default, specification) in own_schema(type(self)).items():
             value = checked(name, getattr(self, name), default, specification)
@@ -218,11 +218,11 @@ Schema = dict[str, tuple[Any, Specification]]
 
 
 def own_schema(parameters: type) -> Mapping[str, tuple[Any, Specification]]:
-    """Return the parameters of a dataclass without those nested in it, by field name."""
+    """Return the parameters of a dataclass, without nested ones, by field name."""
     return _collected(parameters)
 
 
-@cache  # as many are built in a run
+@cache  # cached, as many instances are built in a run
 def _collected(parameters: type) -> Mapping[str, tuple[Any, Specification]]:
     own = {
         field.name: (field.default, field.metadata[_SPECIFICATION])
@@ -233,16 +233,16 @@ def _collected(parameters: type) -> Mapping[str, tuple[Any, Specification]]:
 
 
 def schema(parameters: type, prefix: str = "") -> Schema:
-    """Return all parameters of a dataclass and of those nested in it, by dotted name.
+    """Return all parameters of a dataclass, including nested ones, by dotted name.
 
-    A parameter of a block has the block's name before its own, whatever the prefix.
+    A parameter of a block has the prefix of the block, whatever the given prefix.
 
     Parameters
     ----------
     parameters : type
-        A dataclass whose fields are parameters or dataclasses of parameters.
+        Dataclass whose fields are parameters or dataclasses of parameters.
     prefix : str
-        Prefix of every name, including its dot.
+        Prefix of all names, including its dot.
     """
     found: Schema = {}
     for field in dataclasses.fields(parameters):
@@ -255,23 +255,23 @@ def schema(parameters: type, prefix: str = "") -> Schema:
 
 
 def _dotted(field: dataclasses.Field[Any], prefix: str) -> str:
-    """Return the dotted name of a field behind a prefix, or in its block."""
+    """Return the dotted name of a field after a prefix, or in its block."""
     specification: Specification | None = field.metadata.get(_SPECIFICATION)
     in_block = specification is not None and specification.block
     return f"{in_block}.{field.name}" if in_block else prefix + field.name
 
 
 def from_flat(parameters: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
-    """Build a dataclass, and those nested in it, from values by dotted name.
+    """Build a dataclass, and nested ones, from values by dotted name.
 
     Parameters
     ----------
     parameters : type
-        The dataclass.
+        Dataclass to build.
     values : mapping
-        Values by dotted name; missing ones keep their default, unknown ones are ignored.
+        Values by dotted name. Missing ones keep their default, unknown ones are ignored.
     prefix : str
-        Prefix of every name, including its dot.
+        Prefix of all names, including its dot.
 
     Raises
     ------
@@ -289,7 +289,7 @@ def from_flat(parameters: type[T], values: Mapping[str, Any], prefix: str = "") 
     try:
         return parameters(**fields)
     except ParameterError as error:
-        # The dataclass checks itself and names its field, not where that is nested.
+        # The dataclass checks itself and names its field, but not the position of that field.
         field_name, equals, rest = str(error).partition(" = ")
         raise ParameterError(f"{names.get(field_name, field_name)}{equals}{rest}") from None
 

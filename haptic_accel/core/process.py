@@ -9,30 +9,30 @@ import signal
 import sys
 
 DONE, FAILED, WRONG_ARGUMENTS = 0, 1, 2
-"""Exit statuses of every executable and of ``haptic-accel``."""
+"""Exit statuses of all executables and of ``haptic-accel``."""
 
 CUT_SHORT = (6, 11)
-"""Exit statuses of a node whose middleware aborted or faulted while it was shut down, all else
-being done: the numbers of the signals that this raises."""
+"""Exit statuses of a node whose middleware aborted or crashed during shutdown, after all other
+work: the numbers of the corresponding signals."""
 
 INTERRUPTED = 130
 """Exit status of ``haptic-accel`` after Ctrl-C, as in shells."""
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-"""Signals that end a verb or a node in order: the end of its terminal, too, must leave bag and
-terminal in order, and no force."""
+"""Signals that end a command or a node in order. Closing the terminal must also leave a complete
+bag, an intact terminal, and no force."""
 
 EMERGENCY = signal.SIGUSR1
-"""Signal that lets a node take off all forces, and publish the emergency stop."""
+"""Signal on which a node sets all forces to zero and publishes the emergency stop."""
 
 SUPERVISOR = "HAPTIC_ACCEL_SUPERVISOR"
-"""Environment variable with the process id of the process that started a node."""
+"""Environment variable with the id of the process that started a node."""
 
 REALTIME = "HAPTIC_ACCEL_REALTIME"
-"""Environment variable that disables real-time priority for comparisons if it is ``no``."""
+"""Environment variable that disables real-time priority, for comparisons, if it is ``no``."""
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
-"""Environment variables with the number of threads on which BLAS computes."""
+"""Environment variables with the number of threads for BLAS."""
 
 _SHORTAGES = {
     "Too many open files": "too few file descriptors (ulimit -n)",
@@ -41,25 +41,25 @@ _SHORTAGES = {
     "can't start new thread": "too little memory or too few processes (ulimit -v, -u)",
     "terminated abruptly": "a process of it was killed, as where memory is short",
 }
-"""Resources of the machine that are used up, by what Python and the loader of libraries say in
-errors of different classes."""
+"""Exhausted resources of the machine, by the messages of Python and the dynamic loader in errors
+of various classes."""
 
 _RUN = (
     "import sys; sys.path = [place for place in sys.path if place]; import runpy;"
     " runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)"
 )
-"""Python program that runs a module. Unlike ``python -m`` it does not look into the working
-directory first, where a folder ``haptic_accel``, such as that of a clone, or a file ``queue.py``
-would be taken for another module. (``python -P`` does that from Python 3.11 on.)"""
+"""Python program that runs a module. Unlike ``python -m`` it does not search the working directory
+first. A folder ``haptic_accel`` there, for example of a clone, or a file ``queue.py`` would be
+imported by mistake. (``python -P`` does the same from Python 3.11 on.)"""
 
 
 def module_command(module: str) -> list[str]:
-    """Return the command line that runs a module of this installation, whatever the folder."""
+    """Return the command line that runs a module of this installation from any folder."""
     return [sys.executable, "-c", _RUN, module]
 
 
 def shortage(error: BaseException | None) -> str:
-    """Return the resource of the machine that an error, or one that caused it, lacked; or ''."""
+    """Return the resource of the machine that caused an error, directly or indirectly; or ''."""
     while error:
         if isinstance(error, MemoryError):
             return "too little memory"

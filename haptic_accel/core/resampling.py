@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Resampling of a signal, and loops without a click."""
+"""Resampling of signals, and loops without a click."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ MOST_SAMPLES = 20_000_000
 """Maximum length before and after resampling: half an hour at 10 kHz, 160 MB."""
 
 PASS_BAND = 0.9
-"""Highest frequency kept in full, as a fraction of half the lower of the two rates."""
+"""Highest frequency without attenuation, as a fraction of half the lower rate."""
 
 ATTENUATION = 80.0
-"""Attenuation, dB, from half the lower of the two rates upwards."""
+"""Attenuation above half the lower rate, dB."""
 
 _MOST_STEPS = 10_000  # larger term of the resampling ratio; keeps the filter small
-RATE_TOLERANCE = 1.0e-4  # relative error of that ratio at the worst
+RATE_TOLERANCE = 1.0e-4  # maximum relative error of that ratio
 
 
 def resampled(samples: FloatArray, recording_rate: float, rate: float) -> FloatArray:
     """Change the sampling rate without aliasing and without delay.
 
-    A linear-phase low-pass (Kaiser window) keeps what is below `PASS_BAND` of the lower Nyquist
-    frequency and attenuates by `ATTENUATION` all from that frequency upwards. Beyond its ends
-    the signal is continued on the straight line through its first and last sample, so that an
-    offset makes no step there.
+    A linear-phase low-pass (Kaiser window) passes frequencies below `PASS_BAND` of the lower
+    Nyquist frequency, and attenuates those above it by `ATTENUATION`. Beyond its ends the signal
+    is extended along the line through its first and last sample, so that an offset causes no step
+    there.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        The signal.
+        Signal to resample.
     recording_rate, rate : float
-        Samples per second before and after. Their ratio is met within 1e-4; exactly if it is
-        one of whole numbers up to ten thousand, as that of 44100 and 1000 is.
+        Samples per second before and after. Their ratio is met within 1e-4, and exactly for a
+        ratio of whole numbers up to ten thousand, such as that of 44100 and 1000.
 
     Returns
     -------
     ndarray, shape (ceil(n * rate / recording_rate),)
-        The signal; its first sample is at the same time as before.
+        Resampled signal; its first sample has the same time as before.
 
     Raises
     ------
@@ -71,25 +71,25 @@ def resampled(samples: FloatArray, recording_rate: float, rate: float) -> FloatA
 
 
 def crossfaded(samples: FloatArray, rate: float, seconds: float = 0.05) -> FloatArray:
-    """Make a signal that can be played over and over without a click.
+    """Return a loop of a signal that repeats without a click.
 
-    The signal's beginning is taken off and faded in over its end, so that the last sample is
-    followed by the one that followed it in the original. The weights keep the power of a
-    texture even through the fade; the mean is kept beside them.
+    The start of the signal is removed and faded in over its end. The last sample is thus followed
+    by the one that followed it in the original. The weights keep the power of a texture constant
+    during the fade; the mean is preserved separately.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        The signal.
+        Signal to loop.
     rate : float
         Samples per second.
     seconds : float
-        Length of the fade, s; less than half the signal. 0 leaves the signal as it is.
+        Length of the fade, s; less than half the signal. With 0 the signal is unchanged.
 
     Returns
     -------
     ndarray, shape (n - fade,)
-        One turn of the loop; the fade is `seconds` to the nearest whole number of samples.
+        One period of the loop; the fade is `seconds`, rounded to whole samples.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def crossfaded(samples: FloatArray, rate: float, seconds: float = 0.05) -> Float
         `rate` or `seconds` is out of range.
     """
     rate = checked_rate("rate", rate)
-    most = max(len(samples) - 1, 0) // 2  # less than half: the loop must begin unblended
+    most = max(len(samples) - 1, 0) // 2  # less than half: the loop must start outside the fade
     if not 0.0 <= seconds <= (most + 0.5) / rate:
         raise ParameterError(f"seconds = {seconds}: must be from 0 to {most / rate:g} s")
     fade = min(math.floor(seconds * rate + 0.5), most)
@@ -120,7 +120,7 @@ def _ratio(recording_rate: float, rate: float) -> Fraction:
 
 
 def checked_rate(name: str, rate: float) -> float:
-    """Return a sampling rate in Hz, or raise `ParameterError` where it is out of range."""
+    """Return a sampling rate in Hz; raise `ParameterError` if it is out of range."""
     if not LOWEST_RATE <= rate <= HIGHEST_RATE:
         raise ParameterError(
             f"{name} = {rate}: must be from {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz"

@@ -1,42 +1,42 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Moves the stamps of signals that are played again to the ticks at which they can be used."""
+"""Shift of the stamps of replayed signals to ticks at which they can be used."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 LISTENING = 100_000_000
-"""Time in which arrivals are compared, ns: initially, as the first may be delayed, and while all
-come after their ticks."""
+"""Time for which arrivals are compared, ns: at the start, as the first may be delayed, and while
+all arrive after their ticks."""
 
 LEAD = 20_000_000
-"""Time from the arrival of an undelayed sample until it is used, ns: a player pauses for longer
-only on a busy machine. As no force acts on what is played, nobody feels it."""
+"""Time from the arrival of an undelayed sample until it is used, ns. A player pauses for longer
+only on a busy machine. Nobody feels it, as no force acts on replayed arms."""
 
 
 class StampShift:
-    """Adds the same offset to all recorded stamps, so that each is a tick still to come.
+    """Constant offset for all recorded stamps that moves each to a future tick.
 
-    Their spacing stays exactly as recorded, however unevenly they arrive: the offset is that of
-    the fastest of the first arrivals. It is determined anew where stamps and arrivals drift apart,
-    because a bag is played at another speed or in a loop, or its player stays behind.
+    Their spacing remains exactly as recorded, however unevenly they arrive. The offset is that of
+    the fastest of the first arrivals. It is determined again if stamps and arrivals drift apart: a
+    bag is played at another speed or in a loop, or its player is slow.
 
     Parameters
     ----------
     grid : callable
-        Function that returns the first point of the sampling grid from a moment on, both system
-        time in ns: moved stamps lie on the grid that the other arm is sampled on.
+        Function from a time to the next point of the sampling grid, both system times in ns.
+        Shifted stamps lie on the grid of the other arm's samples.
     period : int
-        Period of the grid, ns: maximum time by which a sample may be earlier than the fastest.
+        Period of the grid, ns: the maximum time by which a sample may be earlier than the fastest.
     limit : int
-        Maximum time by which a moved stamp may be behind its arrival, ns.
+        Maximum delay of an arrival relative to its shifted stamp, ns.
 
     Attributes
     ----------
     anchored : int
-        Number of times that the offset was determined; one in a playback at original speed.
+        Number of times the offset was determined; one for a playback at original speed.
     """
 
     def __init__(self, grid: Callable[[int], int], period: int, limit: int) -> None:
@@ -50,14 +50,14 @@ class StampShift:
         self.anchored = 0
 
     def moved(self, stamp: int, now: int) -> int | None:
-        """Return the stamp of the tick that a sample belongs to; None while only comparing.
+        """Return the shifted stamp of a sample; None during the comparison.
 
         Parameters
         ----------
         stamp : int
             Recorded stamp, ns.
         now : int
-            Time of arrival, system time, ns.
+            Arrival time, system time, ns.
         """
         if self._offset is None:
             if self._until is None:

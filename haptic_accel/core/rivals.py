@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rivals: several publishers of what may have one sender only."""
+"""Detection of several publishers on topics that allow one sender only."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import NamedTuple
 
 
 class Endpoint(NamedTuple):
-    """A publisher that was found.
+    """Publisher of a topic.
 
     Attributes
     ----------
     topic : str
     node : str
-        Full name of its node, which other nodes may have, too.
+        Full name of its node, which is not necessarily unique.
     participant : bytes
-        Globally unique identifier of the process that it is in.
+        Globally unique identifier of its process.
     """
 
     topic: str
@@ -28,9 +28,9 @@ class Endpoint(NamedTuple):
 
 
 def rivals(endpoints: Sequence[Endpoint]) -> str:
-    """Return who the publishers are if they are not of one sender; otherwise an empty text.
+    """Return the names of the publishers if they belong to several senders; otherwise "".
 
-    One node may publish one of each topic.
+    One node may have one publisher per topic.
 
     Examples
     --------

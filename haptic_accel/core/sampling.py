@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stamped samples: their rate, the sampling grid they lie on, gaps, and when arms are coupled.
+"""Stamped samples: rate, sampling grid, gaps, and times of engagement.
 
-Everything that reads stamps asks here, so that a bag has one rate, one grid and one beginning,
-whoever looks at it. Stamps are nanoseconds of system time.
+All readers of stamps use these functions, so that a bag has one rate, one grid and one start for
+all of them. Stamps are nanoseconds of system time.
 """
 
 from __future__ import annotations
@@ -19,51 +19,51 @@ NANOSECONDS = 1_000_000_000
 """Nanoseconds in a second."""
 
 LATENCY = 1
-"""Samples from the one that caused a force to the tick at which the force takes effect: the least
-with which the force can be due at a time that is known beforehand."""
+"""Default delay from sample to force, in samples: the minimum for which the due time of a force is
+known in advance."""
 
 HIGHEST_LATENCY = 20
-"""Largest latency, samples."""
+"""Maximum latency, samples."""
 
 IDENTIFICATION_LATENCY = 10
-"""Default latency of an identification, samples. A sweep has no loop to close: it can wait so long
-that no force comes late."""
+"""Default latency of an identification, samples. A sweep is no closed loop, and can wait long
+enough that no force is late."""
 
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 Stamped = tuple[IntArray, FloatArray]
-"""Stamps in ns, shape (n,), and vectors, shape (n, 3), in the order of arrival."""
+"""Stamps in ns, shape (n,), and vectors, shape (n, 3), in order of arrival."""
 
 SAME_RATE = 0.1
-"""Largest relative difference at which a measured and a stated rate count as the same."""
+"""Maximum relative difference between a measured and a stated rate that count as equal."""
 
 WHOLE_RATE = 1e-3
-"""Largest relative difference at which a measured rate counts as a whole number of Hz."""
+"""Maximum relative difference between a measured rate and a whole number of Hz for rounding."""
 
 SPARSE = 10.0
-"""Grid points per sample above which stamps count as lying on no grid."""
+"""Number of grid points per sample above which stamps count as without a grid."""
 
 LONGEST_STEP = 1.5
-"""Step between successive stamps, in periods, above which samples are missing between them."""
+"""Step between successive stamps, in periods, above which samples are missing."""
 
 RELEASED = 0.1
 """Duration of silence, or of zero force, after which arms count as uncoupled, s.
 
-It is the default time-out of the coupler.
+It is the default timeout of the coupler.
 """
 
 
 def check_latency(latency: int) -> None:
-    """Raise a ParameterError for a latency, in samples, that is not allowed."""
+    """Raise a ParameterError for an invalid latency in samples."""
     if not 0 <= latency <= HIGHEST_LATENCY:
         raise ParameterError(f"latency = {latency}: must be from 0 to {HIGHEST_LATENCY} samples")
 
 
 def half_period(rate: float) -> float:
-    """Return half a sampling period, ns: the largest distance from a sample's own grid point.
+    """Return half a sampling period, ns: the maximum distance of a sample from its grid point.
 
-    A stamp farther away belongs to another sample; a message that takes longer is late.
+    A more distant stamp belongs to another sample; a message with a longer delay is late.
 
     Examples
     --------
@@ -85,19 +85,19 @@ def same_rate(found: float, stated: float) -> bool:
 
 
 def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
-    """Return the rate of the sampling grid that stamps lie on, Hz.
+    """Return the rate of the sampling grid of stamps, Hz.
 
     Parameters
     ----------
     stamps : ndarray of int64, shape (n,)
         Stamps, ns; some may be missing.
     stated : float, optional
-        Expected rate, Hz: returned if the stamps agree with it within `SAME_RATE`.
+        Expected rate, Hz; returned if the stamps agree with it within `SAME_RATE`.
 
     Returns
     -------
     float
-        A whole number if the stamps are within `WHOLE_RATE` of one.
+        A whole number if the measured rate is within `WHOLE_RATE` of one.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
             f"rate not found: {len(stamps)} samples in {duration / NANOSECONDS:.5g} s lie on no"
             " grid"
         )
-    # Stamps that are far apart on the grid give the period more precisely than neighbours do.
+    # Distant stamps on the grid give the period more accurately than adjacent ones.
     found = NANOSECONDS / (duration / max(1.0, float(np.rint(steps / typical).sum())))
     if stated is not None and same_rate(found, stated):
         return stated
@@ -129,7 +129,7 @@ def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
 
 
 def places(stamps: IntArray, start: int, rate: float) -> IntArray:
-    """Return the index of the grid point nearest to each stamp.
+    """Return the index of the nearest grid point for each stamp.
 
     Parameters
     ----------
@@ -149,23 +149,23 @@ def places(stamps: IntArray, start: int, rate: float) -> IntArray:
 
 
 def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArray, BoolArray]:
-    """Put samples on a grid; a missing sample repeats the one before.
+    """Arrange samples on a grid; a missing sample repeats the previous one.
 
     Parameters
     ----------
     where : ndarray of int64, shape (n,)
-        Grid index of each sample; samples outside the grid are not used.
+        Grid index of each sample; samples outside the grid are ignored.
     values : ndarray, shape (n, ...)
-        Samples, of which at least one lies on the grid.
+        Samples, at least one of them on the grid.
     length : int
         Number of grid points.
 
     Returns
     -------
     held : ndarray, shape (length, ...)
-        Values; before the first sample, that sample's value.
+        Values; before the first sample, the value of that sample.
     seen : ndarray of bool, shape (length,)
-        True at grid points that have a sample.
+        True at grid points with a sample.
 
     Examples
     --------
@@ -186,8 +186,8 @@ def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArra
 def missing_samples(stamps: IntArray) -> int:
     """Return the number of samples missing between successive stamps.
 
-    Samples are missing where a step is longer than `LONGEST_STEP` times the median step: they
-    were not taken, or were lost on the way.
+    Samples are missing where a step is longer than `LONGEST_STEP` times the median step. They were
+    not taken, or were lost in transit.
 
     Parameters
     ----------
@@ -209,13 +209,13 @@ def missing_samples(stamps: IntArray) -> int:
 def coupled_stretches(
     stamps: IntArray, forces: FloatArray, samples: IntArray
 ) -> list[tuple[int, int]]:
-    """Return the first and last stamp of each stretch in which an arm was coupled, ns.
+    """Return the first and last stamp of each period in which an arm was coupled, ns.
 
-    A coupler sends forces at every sample while it is engaged, and single zeros when it lets
-    go. So a stretch begins with the first force after a silence, which may be zero until
-    encoders see the first motion, and ends with the last force that is not zero before
-    `RELEASED` seconds of silence or zeros. A silence in which the arm's own samples are missing
-    too is a gap of the recorder, and ends nothing.
+    An engaged coupler sends forces at every sample, and single zeros when it disengages. A period
+    begins with the first force after a silence; it may be zero until the encoders register motion.
+    It ends with the last non-zero force before `RELEASED` seconds of silence or zeros. A silence
+    in which the arm's samples are missing too is a gap of the recorder, and does not end the
+    period.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def coupled_stretches(
     lasts = acting[np.append(ends, len(acting) - 1)]
     after_silence = np.append(0, np.flatnonzero(np.diff(stamps) > longest) + 1)
     begins = after_silence[np.searchsorted(after_silence, firsts, side="right") - 1]
-    # After zeros that followed a stretch without a silence, the first non-zero force counts.
+    # After zeros that followed a period without a silence, the first non-zero force counts.
     begins = np.where(begins > np.append(-1, lasts[:-1]), begins, firsts)
     return list(zip(stamps[begins].tolist(), stamps[lasts].tolist(), strict=True))
 
@@ -257,10 +257,10 @@ def coupled_stretches(
 def _unrecorded(
     stamps: IntArray, lasts: IntArray, firsts: IntArray, samples: IntArray
 ) -> BoolArray:
-    """Return where nothing shows that an arm was let go between one force and the next.
+    """Return the gaps between forces without evidence of a release.
 
-    It was if a force, which is zero, came between, or the arm's samples show it without force for
-    longer than `RELEASED`.
+    Evidence is a force in the gap, which is zero, or samples of the arm without force for longer
+    than `RELEASED`.
     """
     if len(samples) < 2:
         return np.zeros(len(lasts), dtype=bool)

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Succession of a signal's samples by their stamps, also where a clock is set meanwhile.
+"""Sequence check of a signal's samples by their stamps, with detection of clock steps.
 
-Stamps are system time, which can be set while samples keep coming. A single wrong stamp must not
-shut out those that follow.
+Stamps are system times, and the clock can be set while samples arrive. A single wrong stamp must
+not cause the rejection of later samples.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from haptic_accel.core.actuator.safety import MAX_AGE
 from haptic_accel.core.sampling import NANOSECONDS
 
 IN_A_ROW = 3
-"""Samples older than the last, each newer than the one before, with which a clock counts as set
-back: single stragglers come between newer samples."""
+"""Number of successive samples older than the last accepted one, with increasing stamps, that
+indicate a clock set back. Single delayed samples arrive between newer ones."""
 
 _MAX_AGE = round(MAX_AGE * NANOSECONDS)
 
 
 class Succession:
-    """Admits the samples of one signal that are newer than those before.
+    """Accept the samples of one signal that are newer than all before.
 
     Parameters
     ----------
@@ -30,11 +30,11 @@ class Succession:
     Attributes
     ----------
     outdated : int
-        Samples refused because their stamp differs from now by more than `MAX_AGE`.
+        Number of samples rejected because their stamp differs from now by more than `MAX_AGE`.
     stale : int
-        Samples refused because they were not newer than the last.
+        Number of samples rejected because they were not newer than the last.
     jump : float
-        Time by which a clock was set just before the last one, s; 0 if it was not.
+        Clock step just before the last accepted sample, s; 0 if there was none.
 
     Examples
     --------
@@ -52,7 +52,7 @@ class Succession:
         self.jump = 0.0
 
     def begin(self) -> None:
-        """Take the next sample as the first."""
+        """Accept the next sample as the first."""
         self._last = None
 
     def admits(self, stamp: int, now: int, steady: int) -> bool:
@@ -61,9 +61,9 @@ class Succession:
         Parameters
         ----------
         stamp : int
-            Its stamp, ns.
+            Stamp of the sample, ns.
         now, steady : int
-            Time of its reception, system time and steady time, ns.
+            Reception time of the sample, as system time and monotonic time, ns.
         """
         if abs(now - stamp) > _MAX_AGE:
             self.outdated += 1
@@ -76,7 +76,7 @@ class Succession:
         return True
 
     def _follows(self, advance: int, stamp: int, steady: int) -> bool:
-        """Return whether a sample that advances the stamps by so many ns is the next."""
+        """Return whether a sample whose stamp advances by a number of ns is acceptable."""
         steps = round(advance / self._period)
         jumped = advance - (steady - self._received)
         if steps == 0:

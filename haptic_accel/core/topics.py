@@ -1,18 +1,18 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The graph's topics: names, types, frames and quality of service (no ROS imported)."""
+"""Topics of the graph: names, types, frames and quality of service (no ROS imported)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # an emergency stop must not wait for numpy
+if TYPE_CHECKING:  # an emergency stop must not wait for the import of numpy
     from haptic_accel.core.model import Vector
 
 ARMS = ("master", "slave")
-"""The two arms, and with a host each the sides of a coupling."""
+"""The two arms, which are also the sides of a coupling between two hosts."""
 
 MASTER_FRAME = "master_base"
 SLAVE_FRAME = "slave_base"
@@ -22,23 +22,22 @@ TOOL_FRAME = "slave_tool"
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic.
+    """Description of a topic.
 
     Attributes
     ----------
     name : str
-        Relative to the graph's namespace unless it has a slash before; CRTK's name where it has
-        one.
+        Relative to the graph's namespace unless it starts with a slash; CRTK's name if one exists.
     type : str
         ROS message type.
     frame : str
         frame_id of its messages.
     source : str
-        Arm whose samples give its stamps: master or slave.
+        Arm whose samples determine its stamps: master or slave.
     reliable : bool
-        The graph subscribes to events reliably, to signals at best effort ("sensor data").
+        True for reliable subscriptions (events), False for best effort (signals, "sensor data").
     latched : bool
-        The last message is kept for later subscribers ("transient local").
+        True if later subscribers receive the last message ("transient local").
     """
 
     name: str
@@ -63,10 +62,10 @@ VECTORS = {
     _ACCEL: "accel.linear",
     _VECTOR: "vector",
 }
-"""Path of the vector that each type of signal carries."""
+"""Path of the vector in each type of signal."""
 
 ACTUATOR_AXIS = 2
-"""Component of every vector along the actuator's axis: z."""
+"""Index of the component along the actuator's axis: z."""
 
 MASTER_POSITION = Topic("master/measured_cp", _POSE, MASTER_FRAME, "master")
 MASTER_VELOCITY = Topic("master/measured_cv", _TWIST, MASTER_FRAME, "master")
@@ -84,7 +83,7 @@ TOOL_ACCELERATION = Topic("slave/tool/acceleration", _ACCEL, TOOL_FRAME, "slave"
 DESIRED_ACCELERATION = Topic("compensator/desired_acceleration", _ACCEL, HANDLE_FRAME, "slave")
 JOINT_STATES = Topic("joint_states", "sensor_msgs/msg/JointState", "", "", reliable=True)
 JOINT_STATE_RATE = 50.0
-"""Joint states per second of each arm, for displays: more than a screen shows."""
+"""Rate of joint states for displays, Hz: more than a screen shows."""
 
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
 EMERGENCY_STOP = Topic("estop", _BOOL, "", "", reliable=True, latched=True)
@@ -96,11 +95,11 @@ STOPS = tuple(
     for topic in (EMERGENCY_STOP, COMMON_STOP)
     for each in (topic, replace(topic, reliable=False, latched=False))
 )
-"""Emergency stop as its receivers subscribe to it: to what was latched before they came, and to
-whoever publishes it with less, such as ``ros2 topic pub``."""
+"""Subscriptions of the emergency stop: to latched messages, and to publishers with weaker
+settings, such as ``ros2 topic pub``."""
 
 COUPLER_STOPPED = Topic("coupler/stopped", _BOOL, "", "", reliable=True, latched=True)
-"""State of the coupler, true while stopped; unlike `EMERGENCY_STOP` it has one sender, the graph's
+"""State of the coupler, true while stopped. Unlike `EMERGENCY_STOP` it has one sender, the graph's
 own."""
 
 MASTER_STOPPED = Topic("master/stopped", _BOOL, "", "", reliable=True, latched=True)
@@ -118,36 +117,36 @@ SIGNALS = (
     TOOL_ACCELERATION,
     DESIRED_ACCELERATION,
 )
-"""The sampled topics, each a stamped vector."""
+"""Sampled topics, each a stamped vector."""
 
 BUNDLES = Topic("_bundles", "std_msgs/msg/UInt8MultiArray", "", "", reliable=True)
-"""Messages of `SIGNALS` as each process sends them, some hundredths of a second together, for the
-recorder. ROS' own tools leave names with an underscore out."""
+"""Messages of `SIGNALS` as sent by each process, bundled over some hundredths of a second, for the
+recorder. ROS tools hide names with an underscore."""
 
 ASKED = (MASTER_WORK, SLAVE_WORK, CONTACT_FORCE)
-"""Sampled topics that are published only while somebody subscribes."""
+"""Sampled topics that are published only while they have a subscriber."""
 
 ANALYSED = (TOOL_ACCELERATION, DESIRED_ACCELERATION, HANDLE_ACCELERATION, ACTUATOR_FORCE)
-"""Signals that are analysed, along the actuator's axis."""
+"""Signals for the analysis, along the actuator's axis."""
 
 
 @dataclass(frozen=True)
 class ArmTopics:
-    """The topics of one arm's device.
+    """Topics of one arm's device.
 
     Attributes
     ----------
     position, velocity, acceleration : Topic
-        Signals that it publishes.
+        Signals published by the device.
     arm_force, actuator_force : Topic
-        Signals that it applies; an arm without an actuator has no `actuator_force`.
+        Signals applied by the device; an arm without an actuator has no `actuator_force`.
     contact_force : Topic
-        Force of the surface on the tool, N, as far as it is known and while somebody subscribes;
-        an arm without a tool has none.
+        Force of the surface on the tool, N, if known and while there is a subscriber; None for an
+        arm without a tool.
     stopped : Topic
-        State that it publishes: whether it follows an emergency stop.
+        State published by the device: whether it is under an emergency stop.
     work : Topic
-        Work of its force per axis since the device was opened, J, while somebody subscribes.
+        Work of its force per axis since the device was opened, J, while there is a subscriber.
     """
 
     position: Topic
@@ -187,10 +186,10 @@ SLAVE = ArmTopics(
 )
 
 SLAVE_SIGNALS = (TOOL_ACCELERATION, SLAVE_POSITION, SLAVE_VELOCITY)
-"""Signals of the slave's device, the cause of the felt force first."""
+"""Signals of the slave's device; the first is the cause of the actuator's force."""
 
 PLAYED = "played"
-"""Prefix of the slave's signals where `ros2 bag play` publishes them."""
+"""Prefix of the slave's signals published by `ros2 bag play`."""
 
 TOPICS = (
     *SIGNALS,
@@ -200,18 +199,18 @@ TOPICS = (
     MASTER_STOPPED,
     SLAVE_STOPPED,
 )
-"""Every topic of the graph, all of which the recorder keeps."""
+"""All topics of the graph; the recorder stores all of them."""
 
 
 def reporter(status: str) -> tuple[str, str]:
-    """Return namespace and name of the node that a diagnostic status is of, "left/node: task".
+    """Return namespace and name of the node of a diagnostic status, "left/node: task".
 
-    The namespace has a slash before, and is empty for the root.
+    The namespace starts with a slash, and is empty for the root.
     """
     namespace, slash, node = status.partition(":")[0].rpartition("/")
     return slash + namespace, node
 
 
 def along_actuator(value: float) -> Vector:
-    """Return a vector along the actuator's axis."""
+    """Return the component of a vector along the actuator's axis."""
     return (0.0, 0.0, value)

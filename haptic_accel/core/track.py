@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recorded arm: its samples on a sampling grid, and a rig that plays them."""
+"""Recorded motion of an arm on a sampling grid, and a rig that replays it."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from haptic_accel.core.sampling import NANOSECONDS, BoolArray, Stamped, half_per
 from haptic_accel.core.topics import ACTUATOR_AXIS
 
 SHORTEST = 0.2
-"""Minimum duration of a track, s: four of the fades of a loop."""
+"""Minimum duration of a track, s: four times the fade of a loop."""
 
 FADE = 0.05
-"""Time in which the acceleration comes to rest after the end, s."""
+"""Time in which the acceleration returns to rest after the end, s."""
 
 QUIET = 0.3
-"""Time at rest after that, s: ten time constants of the paper's high-pass."""
+"""Duration of rest after that, s: ten time constants of the paper's high-pass."""
 
 AXES = 3
 
@@ -40,7 +40,7 @@ class Track:
     position, velocity : ndarray, shape (n, 3)
         Position, m, and velocity, m/s.
     lost : ndarray of bool, shape (n,)
-        Missing samples, which hold the value before them.
+        Mask of missing samples, which repeat the previous value.
     """
 
     rate: float
@@ -65,7 +65,7 @@ class Track:
 
     @property
     def rest(self) -> float:
-        """Acceleration of the arm at rest, m/s^2: the median, most of it gravity and offset."""
+        """Acceleration of the arm at rest, m/s^2: the median, mostly gravity and offset."""
         return float(np.median(self.acceleration))
 
 
@@ -76,11 +76,11 @@ def gridded(
     rate: float,
     start: int | None = None,
 ) -> Track:
-    """Put an arm's samples on the grid that their stamps lie on.
+    """Arrange an arm's samples on the grid of their stamps.
 
-    Each step between stamps is rounded to whole periods by itself, so that a system clock that
-    is slewed while a bag is recorded costs no sample. What is missing, or not finite, holds the
-    value before it.
+    Each step between stamps is rounded to whole periods separately. A system clock that is slewed
+    during a recording thus costs no samples. Missing and non-finite samples repeat the previous
+    value.
 
     Parameters
     ----------
@@ -91,12 +91,12 @@ def gridded(
     rate : float
         Sampling rate of the grid, Hz.
     start : int, optional
-        Stamp before which samples are left out, ns.
+        Stamp, ns; earlier samples are omitted.
 
     Raises
     ------
     ParameterError
-        Nothing is left, or the stamps are too far apart.
+        No sample remains, or the stamps are too far apart.
     """
     period = NANOSECONDS / rate
     stamps = np.unique(_whole(acceleration)[0])
@@ -112,7 +112,7 @@ def gridded(
         )
 
     def held(signal: Stamped | None) -> tuple[FloatArray, BoolArray]:
-        """Return a signal's value at every place, and the places where the last one is held."""
+        """Return a signal's value at each grid point, and a mask of repeated values."""
         if signal is not None:
             times, values = _whole(signal)
             near = np.maximum(np.searchsorted(stamps, times, side="right") - 1, 0)
@@ -129,18 +129,18 @@ def gridded(
 
 
 def at_rest(acceleration: FloatArray, rate: float) -> Track:
-    """Return the track of an arm that stands still with an acceleration in m/s^2."""
+    """Return the track of an arm at rest with an acceleration in m/s^2."""
     still = np.zeros((len(acceleration), AXES))
     return Track(rate, acceleration, still, still, np.zeros(len(acceleration), dtype=np.bool_))
 
 
 def cut(track: Track, start: float) -> Track:
-    """Leave out the first seconds of a track.
+    """Omit the first seconds of a track.
 
     Raises
     ------
     ParameterError
-        Less than `SHORTEST` is left.
+        Less than `SHORTEST` remains.
     """
     if track.seconds - start < SHORTEST:
         most = max(0.0, track.seconds - SHORTEST)
@@ -152,16 +152,16 @@ def cut(track: Track, start: float) -> Track:
 
 
 def played_at(track: Track, rate: float, speed: float = 1.0) -> Track:
-    """Return a track for playing at another sampling rate or speed.
+    """Return a track for playback at another sampling rate or speed.
 
-    At another speed all signals are stretched in time with their values as they are, as
-    ``ros2 bag play --rate`` does: what was a tone of 100 Hz is one of 200 Hz at twice the speed.
+    At another speed all signals are scaled in time with unchanged values, as by ``ros2 bag play
+    --rate``. A tone of 100 Hz becomes one of 200 Hz at twice the speed.
 
     Parameters
     ----------
     track : Track
     rate : float
-        Samples per second wanted.
+        Sampling rate of the result, Hz.
     speed : float
         Seconds of the track per second.
 
@@ -188,10 +188,10 @@ def played_at(track: Track, rate: float, speed: float = 1.0) -> Track:
 
 
 def looped(track: Track) -> Track:
-    """Return one turn of a track that can be played over and over.
+    """Return one period of a track that can be repeated.
 
-    The acceleration's end fades into its beginning with even power. The arm goes from where
-    it ends to where it begins on a smooth path, with the velocity of that path.
+    The acceleration's end is crossfaded into its start with constant power. The arm moves from its
+    end to its start on a smooth path, with matching velocity.
     """
     acceleration = crossfaded(track.acceleration, track.rate, FADE)
     fade = len(track) - len(acceleration)
@@ -207,9 +207,9 @@ def looped(track: Track) -> Track:
 
 
 def quieted(track: Track) -> Track:
-    """Append an end in which the arm stands and the acceleration comes to rest.
+    """Append an end in which the arm rests and the acceleration returns to rest.
 
-    A controller's filters have then let go of the actuator before its input stops.
+    A controller's filters have then decayed before its input stops.
     """
     fade, quiet = round(FADE * track.rate), round(QUIET * track.rate)
     left = np.concatenate([(1 + np.cos(np.arange(1, fade + 1) / fade * np.pi)) / 2, [0.0] * quiet])
@@ -224,17 +224,17 @@ def quieted(track: Track) -> Track:
 
 
 class ReplayRig:
-    """An arm whose samples were recorded; the forces on it are counted and do nothing.
+    """Arm with recorded samples; forces on it are counted and have no effect.
 
-    It waits at its first position, at rest, until it is given its first force of the arm's
-    motors, and plays from the next sample on, whatever the forces then are.
+    It rests at its first position until the first force of the arm's motors. It replays from the
+    next sample on, whatever the later forces are.
 
     Parameters
     ----------
     track : Track
-        Track at the rate at which the rig is read.
+        Track at the sampling rate of the rig.
     loop : bool
-        Begin again at the end; otherwise the last sample stays.
+        Restart at the end; otherwise the last sample repeats.
     """
 
     def __init__(self, track: Track, *, loop: bool = False) -> None:
@@ -249,15 +249,15 @@ class ReplayRig:
 
     @property
     def ended(self) -> bool:
-        """True once the last sample was played."""
+        """True after the last sample."""
         return not self._loop and self._place >= len(self._track) - 1
 
     def advance(self, time: float) -> None:
-        """Go to a time in s: forward, or back from a force's time to that of a late tick."""
+        """Advance to a time in s, or go back from a force's time to that of a late tick."""
         self._now = time
 
     def measure(self) -> Sample:
-        """Return the sample that was recorded for this time."""
+        """Return the recorded sample for the present time."""
         if not self._driven:
             return self._waiting
         if self._since is None:
@@ -283,10 +283,10 @@ class ReplayRig:
         self._actuator_forces += 1
 
     def release(self) -> None:
-        """Do nothing: no force acts."""
+        """Do nothing, as forces have no effect."""
 
     def status(self) -> dict[str, int]:
-        """Return counts of samples lost or skipped, and of forces ignored."""
+        """Return counts of lost or skipped samples, and of ignored forces."""
         return {
             "samples_lost_in_recording": self._lost,
             "samples_skipped": self._skipped,
@@ -295,7 +295,7 @@ class ReplayRig:
         }
 
     def _count(self, place: int) -> None:
-        """Count a sample that is played, and those skipped."""
+        """Count a played sample, and those skipped."""
         if place == self._place:
             return
         self._skipped += place - self._place - 1
@@ -304,7 +304,7 @@ class ReplayRig:
 
 
 def _whole(signal: Stamped) -> Stamped:
-    """Return the finite vectors in the order of their stamps."""
+    """Return the finite vectors in order of their stamps."""
     stamps, values = signal
     finite = np.isfinite(values).all(axis=1)
     stamps, values = stamps[finite], values[finite]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lockstep runs of the virtual rig: a condition of the experiment, and an identification."""
+"""Lockstep runs of the virtual rig: trials of the experiment, and identification."""
 
 from __future__ import annotations
 
@@ -55,22 +55,22 @@ DEFAULT_RATE = 1000.0
 """Samples per second of the paper's servo loop."""
 
 GripChange = tuple[float, HandleParameters]
-"""Time of a change of grip, s, and the handle parameters from then on."""
+"""Time of a grip change, s, and the new handle parameters."""
 
 
 Warned = tuple[float, str]
-"""Time of a warning, s, and its words."""
+"""Time of a warning, s, and its text."""
 
 LOOK = 0.05
-"""Time between two looks at the compensator's warnings, s."""
+"""Interval for checking the compensator's warnings, s."""
 
 
 @dataclass(frozen=True)
 class RigParameters:
-    """Both sides of the virtual rig and what couples them; `virtual` is the slave in a scene.
+    """Both sides of the virtual rig and their coupling; `virtual` is the slave in a scene.
 
-    The halves of the passive coupling take the place of the paper's where they are given. The
-    master's safety layer knows its actuator unless other limits are given.
+    If the parameters of the passive coupling are given, it replaces the paper's. Unless other
+    limits are given, the master's safety layer uses those of its actuator.
     """
 
     master: MasterRigParameters = field(default_factory=MasterRigParameters)
@@ -88,7 +88,7 @@ class RigParameters:
         return PositionPositionCoupling(self.coupling)
 
     def plant(self, handle: HandleParameters) -> Plant:
-        """Return the plant that a controller meets, with a handle as one user holds it."""
+        """Return the plant of a controller, with a handle as held by one user."""
         master = self.master
         sensor, delay = master.accelerometer.bandwidth, master.drive.delay
         stiffness = self.halves.stiffness if self.halves else self.coupling.k_m
@@ -96,12 +96,12 @@ class RigParameters:
 
     @property
     def safety(self) -> tuple[SafetyParameters, SafetyParameters]:
-        """Limits of the devices of master and slave."""
+        """Return the limits of the devices of master and slave."""
         master = self.master_safety or MasterSafetyParameters(hardware=self.master.actuator)
         return master, self.slave_safety
 
     def passive(self, law: str) -> PassiveParameters:
-        """Return the parameters of the coupling in two halves, by a law."""
+        """Return the parameters of the passive coupling for a law."""
         if self.halves:
             return replace(self.halves, law=law)
         c = self.coupling
@@ -110,18 +110,18 @@ class RigParameters:
 
 @dataclass(frozen=True)
 class Crossing:
-    """Signals of a network between the arms, on the sampling times of a trial.
+    """Signals of a network between the arms, at the sampling times of a trial.
 
     Attributes
     ----------
     played : ndarray, shape (n,)
-        The tool's acceleration as the compensator received it, m/s^2; 0 while waiting.
+        Tool's acceleration received by the compensator, m/s^2; 0 while waiting.
     age : ndarray, shape (n,)
-        Time since it was measured, s; NaN while waiting.
+        Age of this acceleration, s; NaN while waiting.
     kinds : tuple of str
-        Kind of each played sample, as in `Played`.
+        Kind of each played sample; see `Played`.
     energy : ndarray, shape (n, 2)
-        Accounts of the master's and the slave's half, J.
+        Energy in the tanks of master and slave, J.
     """
 
     played: FloatArray
@@ -132,7 +132,7 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Trial:
-    """Signals of one condition, all of shape (n,) on the same sampling times.
+    """Signals of one condition, all of shape (n,) with the same sampling times.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ class Trial:
     tool_acceleration : ndarray
         Acceleration measured by the slave's accelerometer, m/s^2.
     desired_acceleration : ndarray
-        The same, high-passed by the compensator, m/s^2.
+        Acceleration of the slave after the compensator's high-pass, m/s^2.
     handle_acceleration : ndarray
         Acceleration measured by the master's accelerometer, m/s^2.
     actuator_force : ndarray
@@ -153,18 +153,18 @@ class Trial:
     high_pass_frequency : float
         Corner of the compensator's high-pass, Hz.
     latency : int
-        Samples from the one that caused a force to the tick at which the force took effect.
+        Delay from sample to force, in samples.
     granted_delay : int
-        Samples beside the latency by which the handle may lag behind the tool.
+        Permitted delay of the handle beside the latency, in samples.
     warnings : tuple of (float, str)
-        Warnings of the compensator, and the time of each, s; an empty one is their end.
+        Warnings of the compensator with their times, s; an empty text marks their end.
     arms : dict of ndarray, shape (n, 3)
-        Positions (m), velocities (m/s) and motor forces (N) of both arms, and the force of a
-        scene on the tool, by the name of their topic; empty where they are not known.
+        Positions (m), velocities (m/s) and motor forces (N) of both arms, and the force of a scene
+        on the tool, by topic name; empty if unknown.
     crossing : Crossing or None
-        Counts of a network between the arms. The tool's acceleration is then that of the time that
-        was played, as the slave measured it, and the desired one what a compensator without a
-        network would have made of it.
+        Counts and signals of a network between the arms. The tool's acceleration is then that of
+        the played time, as measured by the slave. The desired acceleration is that of a
+        compensator without a network.
     """
 
     surface: str
@@ -184,18 +184,18 @@ class Trial:
 
     @property
     def actual_acceleration(self) -> FloatArray:
-        """The handle's acceleration without gravity and the hand's own motion, m/s^2.
+        """Handle's acceleration without gravity and the hand's own motion, m/s^2.
 
-        They must not count as error, and nothing else may change: a handle that moves exactly as
-        desired has none.
+        Only these two are removed, as they must not count as error. A handle that moves exactly as
+        desired has no error.
         """
         return without_hand_motion(self.handle_acceleration, self.high_pass_frequency, self.rate)
 
     @property
     def after(self) -> int:
-        """Samples from a desired acceleration to the response that it is compared with.
+        """Delay between a desired acceleration and the compared response, in samples.
 
-        A force is seen one sample after it takes effect, the paper's tau_d, at the earliest.
+        A force appears at the earliest one sample after it takes effect (the paper's tau_d).
         """
         return self.latency + self.granted_delay
 
@@ -205,7 +205,7 @@ class Trial:
         return len(self.time) / self.rate
 
     def evaluate(self, first: int = 0, end: int | None = None) -> Evaluation:
-        """Return the paper's metrics from a sample on to an end, after latency and granted delay.
+        """Return the paper's metrics from a sample to an end, after latency and granted delay.
 
         Raises
         ------
@@ -217,7 +217,7 @@ class Trial:
         return evaluate(desired, actual, self.rate, self.after / self.rate)
 
     def bounds(self, rig: RigParameters, handle: HandleParameters, first: int = 0) -> Bounds:
-        """Return the bounds of the error from a sample on, for a handle on a rig."""
+        """Return the error bounds from a sample on, for a handle on a rig."""
         master = rig.master
         return bounds(
             rig.plant(handle),
@@ -250,12 +250,12 @@ def run_trial(
     law: str = "passive",
     blackouts: Sequence[tuple[float, float]] = (),
 ) -> Trial:
-    """Run one condition in lockstep: no clock, no thread, the same result every time.
+    """Run one condition in lockstep, without clock or thread, with reproducible results.
 
-    In each sample both rigs are read, coupling and compensation are computed, then the forces of
-    the sample `latency` before take effect; the response is seen one sample later, the paper's
-    tau_d. The compensation receives the handle's acceleration of the previous sample. So does the
-    live graph while no force comes after its tick. The rigs stand still until their first force.
+    In each sample both rigs are read, coupling and compensation are computed, and the forces from
+    `latency` samples before take effect. The response appears one sample later (the paper's
+    tau_d). The compensation receives the handle's acceleration of the previous sample, as in the
+    live graph without late forces. The rigs stand still until their first force.
 
     Parameters
     ----------
@@ -268,33 +268,32 @@ def run_trial(
     rate : float
         Samples per second.
     latency : int
-        Samples from the one that caused a force to the tick at which the force takes effect; 0
-        for at once, as in the paper.
+        Delay from sample to force, in samples; 0 for none, as in the paper.
     seed : int
         Seed of texture and sensor noise.
     recording : ndarray, optional
-        Tool acceleration at `rate` in place of the simulated one, m/s^2.
+        Tool acceleration at `rate`, m/s^2, which replaces the simulated one.
     replayed : Track, optional
-        Tool acceleration and motion at `rate` in place of the simulated slave, played from the
-        sample after the first force; until then the slave waits at its beginning.
+        Tool acceleration and motion at `rate`, which replace the simulated slave. They are played
+        from the sample after the first force; until then the slave rests at their start.
     scene : Scene, optional
-        Scene that the virtual slave touches in place of the simulated one's surface.
+        Scene for the virtual slave, which replaces the simulated slave's surface.
     texture : callable, optional
-        Acceleration that adds to that of the simulated surface, as `SlaveRig` takes it.
+        Acceleration to add to that of the simulated surface, as for `SlaveRig`.
     compensation : CompensationParameters, optional
-        Parameters of high-pass and sensor range; `controller` takes the place of its own.
+        Parameters of high-pass and sensor range; its controller is replaced by `controller`.
     controllers : mapping, optional
         Parameters of controllers, and of the actuator's limits, by name.
     grips : sequence of GripChange
-        Changes of grip in order of time; until the first, the rig's own grip.
+        Changes of grip in order of time; before the first, the rig's own grip.
     physics_step : float
-        Longest step of the contact's integration, s.
+        Maximum integration step of the contact, s.
     channel : ChannelParameters, optional
-        Network between the arms, in both directions; default: both are on one host.
+        Network between the arms, in both directions; default: both on one host.
     law : str
-        Law of the coupling over a network, as in `PassiveParameters`.
+        Law of the passive coupling, as in `PassiveParameters`.
     blackouts : sequence of (float, float)
-        Start and end of each time, s, in which the network loses everything.
+        Start and end of each blackout, s, in which the network loses all packets.
 
     Returns
     -------
@@ -303,7 +302,7 @@ def run_trial(
     Raises
     ------
     ParameterError
-        Unknown controller, or a rate, latency or duration that is not allowed.
+        The controller is unknown, or the rate, latency or duration is invalid.
     """
     if replayed is not None and replayed.rate != rate:
         raise ParameterError(f"rate = {rate:g}: must be {replayed.rate:g} Hz as what is replayed")
@@ -337,7 +336,7 @@ def run_trial(
         else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts)
     )
     samples = _samples(rigs, hosts, controlled, time.tolist(), deque(grips), warnings, crossings)
-    # Number by number: an array takes three times as long to read tuples of tuples.
+    # Number by number, as an array takes three times longer to read nested tuples.
     rows = np.fromiter(chain.from_iterable(samples), float).reshape(len(time), -1)
     tool, desired, handle, force = rows[:, :_SIGNALS].T.copy()
     vectors = rows[:, _SIGNALS:].reshape(len(time), -1, 3).swapaxes(0, 1)
@@ -360,19 +359,19 @@ def run_trial(
 def _crossed(
     crossings: Sequence[Crossed], tool: FloatArray, rate: float
 ) -> tuple[Crossing, FloatArray]:
-    """Return what a network did, and the tool's acceleration at the times that were played."""
+    """Return the network's signals, and the tool's acceleration at the played times."""
     places = np.array([each.position for each in crossings])
     count = np.arange(len(tool))
     played = np.array([each.played.value for each in crossings])
     kinds = tuple(each.played.kind for each in crossings)
     energy = np.array([each.energy for each in crossings])
-    waiting = np.isnan(places)  # then nothing is played, and nothing desired
+    waiting = np.isnan(places)  # nothing is played then, and nothing desired
     aligned = np.where(waiting, played, np.interp(np.nan_to_num(places), count, tool))
     return Crossing(played, (count - places) / rate, kinds, energy), aligned
 
 
 class Crossed(NamedTuple):
-    """Sample that was played at the master, its time in samples, and both accounts, J."""
+    """Sample played at the master, its time in samples, and the energy in both tanks, J."""
 
     played: Played
     position: float
@@ -388,7 +387,7 @@ def _coupling(rig: RigParameters, rate: float, latency: int) -> CouplingPart:
 
 
 _SIGNALS = 4
-"""Numbers of a sample that are no vectors."""
+"""Number of scalars in a sample."""
 
 _ARMS = [
     topic.name
@@ -413,7 +412,7 @@ def _samples(
 ) -> Iterator[tuple[float, ...]]:
     """Yield the signals of each sample in the order of `Trial`, then the arms' vectors.
 
-    Adds to the warnings as the compensator's change, and to the crossings of two hosts.
+    Appends to `warnings` when the compensator's warning changes, and to `crossings` for two hosts.
     """
     master, slave = rigs
     loops = [hosts] if isinstance(hosts, HostLoop) else list(hosts.loops.values())
@@ -452,11 +451,11 @@ def run_identification(
     trials: int = 1,
     latency: int = LATENCY,
 ) -> list[IdentificationTrial]:
-    """Excite the simulated handle in lockstep: no clock, the same result every time.
+    """Excite the simulated handle in lockstep, without clock, with reproducible results.
 
-    In each sample the rig is read, then the force of the sample `latency` before is applied, as
-    far as the device's safety layer allows it; it acts until the next sample, so that the
-    acceleration shows it one sample later at the earliest. Arm and hand do not move.
+    In each sample the rig is read, and the force from `latency` samples before is applied, limited
+    by the device's safety layer. It acts until the next sample, so that the acceleration shows it
+    at the earliest one sample later. Arm and hand do not move.
 
     Parameters
     ----------
@@ -467,11 +466,11 @@ def run_identification(
     rate : float
         Samples per second.
     seed : int
-        Seed of the noise; each trial has its own.
+        Seed of the noise; each trial derives its own.
     trials : int
         Number of trials, each from rest.
     latency : int
-        Samples from the one that caused a force to the tick at which the force takes effect.
+        Delay from sample to force, in samples.
 
     Returns
     -------
@@ -480,8 +479,8 @@ def run_identification(
     Raises
     ------
     ParameterError
-        The number of trials is below 1, the latency is not allowed, or the end frequency is not
-        below half the rate.
+        The number of trials is below 1, the latency is invalid, or the end frequency is not below
+        half the rate.
     """
     if trials < 1:
         raise ParameterError(f"trials = {trials}: must be at least 1")
@@ -494,7 +493,7 @@ def run_identification(
 
 
 def _trial_seed(seed: int, trial: int) -> int:
-    """Return a seed such that trials of neighbouring seeds do not share their noise."""
+    """Return a seed for a trial, so that trials of adjacent seeds have different noise."""
     return int(np.random.SeedSequence((seed, trial)).generate_state(1)[0])
 
 

@@ -19,33 +19,33 @@ from haptic_accel.core.topics import ARMS
 from haptic_accel.core.two_hosts import TwoHosts
 
 RATE = 1000.0
-"""Samples per second of both halves."""
+"""Sampling rate of both halves, Hz."""
 
 STEPS = 5
-"""Steps of integration in a sample."""
+"""Integration steps per sample."""
 
 ENGAGING = 1.0
-"""Time in which both arms engage, s, on any network that lets them."""
+"""Time in which both arms engage on any network that allows it, s."""
 
 HAND_DAMPING = 3.0
-"""Damping of a hand that holds an arm, N s/m: 0.4 of critical on the arm's mass."""
+"""Damping of a hand that holds an arm, N s/m: 0.4 of critical for the arm's mass."""
 
 Around = Callable[[Vector, Vector], Vector]
-"""Force, N, of what is around an arm, from its position, m, and velocity, m/s."""
+"""Force of the environment of an arm, N, from its position, m, and velocity, m/s."""
 
 Path = Callable[[float], Vector]
-"""Place of the hand, m, over time, s."""
+"""Position of the hand, m, as a function of time, s."""
 
 
 class PointMass:
-    """A rig without friction and accelerometer, which hand or wall and the arm's motors push.
+    """Rig without friction and accelerometer, driven by hand or wall and the arm's motors.
 
     Parameters
     ----------
     outside : callable
         Force of hand or wall.
     mass : float
-        kg.
+        Mass, kg.
     """
 
     def __init__(self, outside: Around, mass: float = 0.1) -> None:
@@ -77,10 +77,10 @@ class PointMass:
         self._force = force
 
     def apply_actuator_force(self, force: float) -> None:
-        """Leave the mass as it is: it has no actuator."""
+        """Do nothing: the mass has no actuator."""
 
     def release(self) -> None:
-        """Take the force off."""
+        """Set the force to zero."""
         self._force = ZERO
 
     def status(self) -> dict[str, int]:
@@ -89,7 +89,7 @@ class PointMass:
 
 
 class Hand:
-    """A hand that leads an arm along a path."""
+    """Hand that leads an arm along a path."""
 
     def __init__(
         self, path: Path, stiffness: float = 150.0, damping: float = HAND_DAMPING
@@ -98,11 +98,11 @@ class Hand:
         self.place = path(0.0)
 
     def lead(self, time: float) -> None:
-        """Go on to the place of a time, s."""
+        """Move to the position of a time, s."""
         self.place = self._path(time)
 
     def __call__(self, position: Vector, velocity: Vector) -> Vector:
-        """Return its force on the arm, N."""
+        """Return the force of the hand on the arm, N."""
         x, y, z = (
             self._stiffness * (p - q) - self._damping * v
             for p, q, v in zip(self.place, position, velocity, strict=True)
@@ -120,17 +120,17 @@ def wall(stiffness: float = 3000.0, depth: float = -0.005) -> Around:
 
 
 def free(_: Vector, __: Vector) -> Vector:
-    """Return no force: nothing is around the arm."""
+    """Return zero force: the arm has no environment."""
     return ZERO
 
 
 def press(time: float) -> Vector:
-    """Place of a hand that presses 10 mm below where it began, then rests."""
+    """Path of a hand that presses to 10 mm below its start, then rests."""
     return 0.0, 0.0, -0.01 * min(1.0, time / 0.3)
 
 
 def stroke(time: float, speed: float = 0.1, length: float = 0.08, turn: float = 0.15) -> Vector:
-    """Place of a hand that strokes to and fro along x, m; it turns smoothly."""
+    """Path of a hand that strokes back and forth along x, m, with smooth turns."""
     half = length / speed + turn * (1 - 2 / math.pi)
     passed, within = divmod(time, half)
     cruise = half - turn
@@ -155,7 +155,7 @@ class Instant:
 
 
 class TwoArms:
-    """Two arms that two hosts couple, with default limits that no law's default forces reach.
+    """Two arms coupled by two hosts, with default limits above the forces of all laws.
 
     Parameters
     ----------
@@ -163,9 +163,9 @@ class TwoArms:
     network : ChannelParameters
         Channels of both directions, at `RATE` and `LATENCY`.
     path : callable
-        Place of the hand at the master, which begins after `ENGAGING`.
+        Path of the hand at the master, which starts after `ENGAGING`.
     around_slave : callable
-        Surface or scene that the slave meets.
+        Surface or scene at the slave.
     seed, blackouts
         As for `TwoHosts`.
 
@@ -192,7 +192,7 @@ class TwoArms:
         self.hosts = TwoHosts(parameters, network, sides, seed=seed, blackouts=blackouts)
 
     def move(self, duration: float) -> Iterator[Instant]:
-        """Yield sample by sample how the arms move for a time in s."""
+        """Yield the motion of the arms for each sample during a time in s."""
         for tick in range(round(duration * RATE)):
             self.hosts.step(tick)
             (_, master), (_, slave) = (

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Two hosts in lockstep: the loop of each beside its arm, and a simulated network between."""
+"""Two hosts in lockstep: their loops, and a simulated network between them."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ BEGIN = 1_800_000_000
 """System time of both hosts at the first sample, s."""
 
 ROUNDING = 1e-9
-"""Time by which a packet may be early, s: sums of times are not exact."""
+"""Time by which a packet may be early, s, as sums of times are not exact."""
 
 
 class TwoHosts:
-    """The loops of both hosts, and what they exchange over a simulated network.
+    """Loops of both hosts, and their packets over a simulated network.
 
-    The order of what is done at a sample is that of the live hosts: a packet leaves once the
-    sample's force is known, and arrives with the next sample at the earliest.
+    The order within a sample is that of the live hosts: a packet is sent after the sample's force
+    is known, and arrives with the next sample at the earliest.
 
     Parameters
     ----------
@@ -43,19 +43,19 @@ class TwoHosts:
     sides : mapping of str to DeviceSide
         Devices of both arms.
     compensation : CompensationPart, optional
-        That of the master's host.
+        Compensation on the master's host.
     seed : int
         Seed of the network.
     blackouts : sequence of (float, float)
-        Start and end of each time, s, in which nothing comes through.
+        Start and end of each blackout, s, in which no packet arrives.
 
     Attributes
     ----------
     loops : dict of HostLoop
-        Those of master and slave.
+        Loops of master and slave.
     halves : dict of HalfCouplingPart
     channels : list of Channel
-        From the master, and from the slave.
+        Channels from the master, and from the slave.
     """
 
     def __init__(
@@ -82,17 +82,17 @@ class TwoHosts:
 
     @property
     def position(self) -> float:
-        """Time of the sample that is played, in samples since the first; NaN while waiting."""
+        """Time of the played sample, in samples since the first; NaN while waiting."""
         return self.halves[MASTER].end.endpoint.playout.position - self._first
 
     @property
     def energy(self) -> tuple[float, float]:
-        """Accounts of the master's and the slave's half, J."""
+        """Energy in the tanks of master and slave, J."""
         master, slave = (half.end.half.energy for half in self.halves.values())
         return master, slave
 
     def restart(self, arm: str, now: float) -> None:
-        """Start the host of an arm, again if it runs, at a time in s."""
+        """Start or restart the host of an arm at a time in s."""
         side, conditions = self._sides[arm], EngagementParameters()
         session = next(self._sessions)
         end = ArmEnd(arm, self._parameters, side.rate, side.latency, session)
@@ -103,7 +103,7 @@ class TwoHosts:
         self.loops[arm] = HostLoop({arm: side}, half, compensation)
 
     def step(self, tick: int) -> None:
-        """Serve a tick on both hosts."""
+        """Process a tick on both hosts."""
         time = tick / self._rate
         system = BEGIN * NANOSECONDS + round(time * NANOSECONDS)
         for half, channel in zip(self.halves.values(), reversed(self.channels), strict=True):

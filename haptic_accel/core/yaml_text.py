@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads YAML that may be damaged or hostile, in bounded time and memory."""
+"""Reader of damaged or hostile YAML, with bounded time and memory."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from haptic_accel.core.bounded_files import DEEPEST, LARGEST_TEXT, MOST_VALUES
 from haptic_accel.core.decimals import read_decimal, read_whole
 from haptic_accel.core.parameters import one_line
 
-# With libyaml, where PyYAML has it, ten times as fast.
+# With libyaml, if PyYAML includes it, ten times faster.
 _FASTEST: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 _FLOAT = "tag:yaml.org,2002:float"
 _NUMBERS = {
-    # Not 010: that is eight for ROS.
+    # 010 is excluded, as ROS reads it as eight.
     "tag:yaml.org,2002:int": (read_whole, r"[-+]?(0|[1-9][0-9]*)"),
     _FLOAT: (read_decimal, r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+][0-9]+)?"),
 }
-"""Reader and form of numbers by tag. YAML 1.1 has others, with underscores or to the base 60."""
+"""Reader and form of numbers by tag. YAML 1.1 has further ones, with underscores or in base 60."""
 
 
 class _Loader(_FASTEST):  # type: ignore[misc]
-    """Loader for which only plain decimals are numbers."""
+    """Loader that reads only plain decimals as numbers."""
 
     yaml_implicit_resolvers: ClassVar = {
         first: [(tag, form) for tag, form in known if tag not in _NUMBERS]
@@ -46,7 +46,7 @@ for _tag, (_read, _form) in _NUMBERS.items():
 
 
 class _ExponentLoader(_Loader):
-    """Loader for which 1e5 is a number, too, as for ROS; in YAML 1.1 it is text."""
+    """Loader that also reads 1e5 as a number, as ROS does; in YAML 1.1 it is text."""
 
 
 _ExponentLoader.add_implicit_resolver(
@@ -61,13 +61,13 @@ def load_yaml(text: str, *, exponents: bool = False) -> Any:
     ----------
     text : str
     exponents : bool
-        True if a number may have an exponent without a decimal point, as in ROS parameter files.
+        Allow an exponent without a decimal point, as in ROS parameter files.
 
     Raises
     ------
     ValueError
-        It is not YAML, too large, too deep, or has aliases, which may stand for any amount of
-        data; the message is one line.
+        The text is no YAML, is too large or too deep, or has aliases, which may expand to any
+        amount of data; the message is one line.
     """
     if len(text) > LARGEST_TEXT:
         raise ValueError(f"it has {len(text)} characters, and may have {LARGEST_TEXT}")
@@ -75,17 +75,17 @@ def load_yaml(text: str, *, exponents: bool = False) -> Any:
         _check(text)
         return yaml.load(text, _ExponentLoader if exponents else _Loader)
     except (yaml.YAMLError, LookupError, TypeError, AttributeError, OverflowError) as error:
-        # What its constructors raise for values such as `!!binary ä` is not documented.
+        # Errors of its constructors, for example for `!!binary ä`, are not documented.
         raise ValueError(one_line(error)) from None
 
 
 def texts_of(content: Any) -> dict[str, str]:
-    """Return a mapping of texts, or of what may stand for one without quotation marks.
+    """Return a mapping of texts, or of values that can be read as texts without quotation marks.
 
     Raises
     ------
     ValueError
-        It is not one.
+        The content is no such mapping.
     """
     rows = dict(content or {}).items()
     if any(isinstance(part, (dict, list, set, tuple, bytes)) for row in rows for part in row):
@@ -108,7 +108,7 @@ def _check(text: str) -> None:
 
 
 def lines_of(text: str) -> dict[tuple[str, ...], int]:
-    r"""Return the line of each value of a YAML text that `load_yaml` takes, from 1, by its keys.
+    r"""Return the line of each value in a YAML text for `load_yaml`, from 1, by its keys.
 
     Examples
     --------
