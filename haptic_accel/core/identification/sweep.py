@@ -27,7 +27,7 @@ DROPPED_REPEATS = 1
 
 @dataclass(frozen=True)
 class SweepParameters(Checked):
-    """Parameters of the paper's excitation, a sine sweep.
+    """Excitation of the paper: a sine sweep.
 
     The frequency grows exponentially and the amplitude linearly in time. The amplitude is small at
     frequencies with a large travel of the actuator.
