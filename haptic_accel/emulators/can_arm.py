@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Emulated ODrives: axes that speak CANSimple, and the arm of a simulated device behind them.
+"""Emulated ODrives: axes with the CANSimple protocol, and a simulated device's arm.
 
-No bus and no clock: frames go in and out with their times, s.
+The module has no bus and no clock: frames are passed with their times, s.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ DAMPING = 1e-3
 
 
 class EmulatedAxis:
-    """ODrive axis with the commands that an arm needs.
+    """ODrive axis with the commands for an arm.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class EmulatedAxis:
     estimates_period : float
         Period of streamed estimates, s; 0 for none.
     watchdog : float
-        Time-out of the watchdog, s; 0 for none, ODrive's default. It may be changed.
+        Timeout of the watchdog, s; 0 for none, ODrive's default. May be changed.
     firmware : str
 
     Attributes
@@ -52,7 +52,7 @@ class EmulatedAxis:
     turns, speed : float
         Position and speed of the motor, turns and turns per second.
     mute : set of Command
-        Commands that it does not send.
+        Commands that the axis does not send.
     """
 
     def __init__(self, node: int, estimates_period: float, watchdog: float, firmware: str) -> None:
@@ -71,7 +71,7 @@ class EmulatedAxis:
 
     @property
     def armed(self) -> bool:
-        """True while it is in closed loop."""
+        """True while the axis is in closed loop."""
         return self._state is AxisState.CLOSED_LOOP_CONTROL
 
     @property
@@ -113,7 +113,7 @@ class EmulatedAxis:
         for report, period in self._periods.items():
             if period and now >= self._next[report]:
                 frames.append(report())
-                # Missed ones are not sent late.
+                # Missed ones are not sent later.
                 due = self._next[report] + period
                 self._next[report] = due if due > now else now + period
         return self._unmuted(frames)
@@ -131,7 +131,7 @@ class EmulatedAxis:
 class EmulatedArm:
     """Axes that move the arm of a simulated device.
 
-    The origin of the device's arm is the middle of the emulated one's workspace. Motion and force
+    The origin of the device's arm is the middle of the emulated arm's workspace. Motion and force
     of the tip are limited to the directions of the joints.
 
     Parameters
@@ -142,7 +142,7 @@ class EmulatedArm:
     rate : float
         Rate of streamed estimates, Hz.
     watchdog : float
-        Time-out of the axes' watchdogs, s.
+        Timeout of the axes' watchdogs, s.
     seed : int
         Seed of the estimates' noise.
 
@@ -190,7 +190,7 @@ class EmulatedArm:
         return axis.execute(order, now) if order and axis else []
 
     def due(self, now: float) -> list[Frame]:
-        """Move the arm until a time, and return the frames that its axes send then."""
+        """Move the arm until a time; return the frames that its axes send then."""
         self._drive(now)
         self._move(now)
         return [frame for axis in self.axes for frame in axis.due(now)]

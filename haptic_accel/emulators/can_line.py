@@ -73,7 +73,7 @@ class BusPort:
     Parameters
     ----------
     open_bus : callable
-        Opens the bus.
+        Function that opens the bus.
     """
 
     def __init__(self, open_bus: Callable[[], can.BusABC]) -> None:
@@ -81,7 +81,7 @@ class BusPort:
         self._bus: can.BusABC | None = open_bus()
 
     def receive(self) -> list[Frame]:
-        """Return the frames that are there; never waits."""
+        """Return the available frames; never waits."""
         messages = iter(lambda: self._bus.recv(0.0) if self._bus else None, None)
         return [frame for frame in map(frame_of, messages) if frame]
 
@@ -115,17 +115,17 @@ CanPort: TypeAlias = SlcanPort | BusPort
 
 
 class CanLine:
-    """Arms at a port, with faults of the port and of one arm. Times are s since the start.
+    """Arms at a port, with faults of the port and of one arm; times are s since the start.
 
     Parameters
     ----------
     port : CanPort
     arms : sequence of EmulatedArm
-        The first axis of the first one has the faults of an axis.
+        Arms; faults of an axis concern the first axis of the first one.
     rate : float
         Steps per second.
     faults : Faults
-        Their times count from the first torque on.
+        Faults; their times count from the first torque.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class CanLine:
 
     @property
     def driven(self) -> bool:
-        """True once an arm had a torque."""
+        """True once an arm has had a torque."""
         return self._faults.begun
 
     def step(self, now: float) -> None:
@@ -168,7 +168,7 @@ class CanLine:
         self._port.unplug()
 
     def _inject(self, now: float) -> None:
-        """Inject the faults that do not concern passing frames."""
+        """Inject the faults that do not affect passing frames."""
         faults, faulty = self._faults, self._arms[0]
         if fault.AXIS_ERROR in faults.advance(now):
             faulty.fail()

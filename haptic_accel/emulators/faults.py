@@ -17,7 +17,7 @@ DROP, GARBAGE, UNPLUG, STALL = "drop", "garbage", "unplug", "stall"
 AXIS_ERROR, HEARTBEAT, ESTIMATES, BUS_OFF = "error", "heartbeat", "estimates", "bus_off"
 
 SHARE = 0.05
-"""Share of the frames that `DROP` and `GARBAGE` affect."""
+"""Fraction of the frames affected by `DROP` and `GARBAGE`."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class FaultKind:
     text : str
         Description for users.
     rate : float
-        Occurrences per second if no time is given; 0 to act all the time.
+        Occurrences per second if no time is given; 0 for a permanent fault.
     duration : float
         Duration of such an occurrence, s.
     """
@@ -60,23 +60,23 @@ CAN_FAULTS = {
 
 
 class Faults:
-    """Faults of one port, planned or injected at once.
+    """Faults of one port, planned or injected at run time.
 
     Parameters
     ----------
     text : str
-        Faults as a user writes them, such as ``drop,error@3,unplug@8``: names separated by
-        commas, with a time in s after the beginning, or without.
+        Faults in the user's form, for example ``drop,error@3,unplug@8``: names separated by
+        commas, with or without a time in s after the start.
     kinds : mapping
         Possible faults, by name.
     seconds : float
-        Duration of a fault with a time, s.
+        Duration of a fault with a given time, s.
     seed : int
 
     Attributes
     ----------
     random : Random
-        Source of what the faults destroy.
+        Random source for damaged data.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class Faults:
         return self._beginning < math.inf
 
     def begin(self) -> None:
-        """Count the times of planned faults from now; nothing if they do already."""
+        """Start the time of planned faults, unless it has started."""
         self._beginning = min(self._beginning, self._now)
 
     def inject(self, name: str, seconds: float = math.inf) -> None:
@@ -121,7 +121,7 @@ class Faults:
         return self.active(name) and self.random.random() < SHARE
 
     def advance(self, now: float) -> list[str]:
-        """Begin and end faults at a time in s; return the names of those that begin."""
+        """Start and end faults at a time in s; return the names of those that start."""
         elapsed, self._now = now - self._now, now
         begun = []
         for planned in list(self._planned):
@@ -138,7 +138,7 @@ class Faults:
 
 
 def _read(text: str, kinds: Mapping[str, FaultKind]) -> Iterator[tuple[str, float | None]]:
-    """Read faults and their times, None where no time is given."""
+    """Read faults and their times; None if no time is given."""
     for word in text.split(",") if text else []:
         name, at, when = word.strip().partition("@")
         try:

@@ -21,10 +21,10 @@ class Part(Protocol):
 
     @property
     def terminals(self) -> Sequence[PseudoTerminal]:
-        """Ports whose bytes make a step due at once."""
+        """Ports whose received bytes make a step due at once."""
 
     def step(self, now: float) -> None:
-        """Do all that is due at a time; also called earlier."""
+        """Execute everything due at a time; may also be called earlier."""
 
 
 def run(parts: Sequence[Part], ended: Callable[[], bool]) -> None:

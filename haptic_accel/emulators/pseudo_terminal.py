@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 BUFFER = 4096
-"""Most bytes read at once, as many as a driver's buffer holds."""
+"""Maximum number of bytes read at once: the size of a driver's buffer."""
 
 
 class PseudoTerminal:
@@ -35,13 +35,13 @@ class PseudoTerminal:
         return self._master is not None
 
     def plug(self) -> None:
-        """Create the port; nothing if it exists."""
+        """Create the port, unless it exists."""
         if self.plugged:
             return
         master, terminal = os.openpty()
         tty.setraw(terminal)
         name = os.ttyname(terminal)
-        # Closed, so that reading shows when a host opens and closes it.
+        # Closed, so that reads detect a host that opens or closes the port.
         os.close(terminal)
         os.set_blocking(master, False)
         self._path.unlink(missing_ok=True)
@@ -49,19 +49,19 @@ class PseudoTerminal:
         self._master, self._unsent = master, b""
 
     def unplug(self) -> None:
-        """Remove the port; nothing if it is gone."""
+        """Remove the port, unless it is gone."""
         self._path.unlink(missing_ok=True)
         if self._master is not None:
             os.close(self._master)
         self._master = None
 
     def fileno(self) -> int:
-        """Return the file descriptor to wait for bytes with."""
+        """Return the file descriptor for waiting for bytes."""
         assert self._master is not None
         return self._master
 
     def read(self) -> bytes | None:
-        """Return the bytes that are there; None while no host has the port open."""
+        """Return the available bytes; None while no host has the port open."""
         if self._master is None:
             return None
         try:
@@ -72,7 +72,7 @@ class PseudoTerminal:
             return None
 
     def write(self, data: bytes) -> bool:
-        """Write bytes; return False, with none of them written, if there is no room."""
+        """Write bytes; return False without writing any if there is no room."""
         if self._master is None:
             return False
         with suppress(OSError):

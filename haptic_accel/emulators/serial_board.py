@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""State machine of the firmware, the same as `firmware/haptic_handle/board.cpp`.
+"""State machine of the firmware, equal to `firmware/haptic_handle/board.cpp`.
 
-Time and port are given from outside. Times are us of the device's clock, modulo 2**32; periods
-are ns, so that none is rounded noticeably.
+Time and port are passed by the caller. Times are us of the device's clock, modulo 2**32. Periods
+are ns, so that rounding is negligible.
 """
 
 from __future__ import annotations
@@ -24,40 +24,40 @@ from haptic_accel.devices.serial.protocol import (
 )
 
 TIMEOUT = 5_000
-"""Longest time without a set-point while a current may flow, us."""
+"""Maximum time without a set-point while a current may flow, us."""
 
 STATUS_PERIOD = 100_000
-"""Period of statuses that are sent without a request, us."""
+"""Interval of unrequested status messages, us."""
 
 LOWEST_RATE = 50
-"""Lowest sampling rate, Hz."""
+"""Minimum sampling rate, Hz."""
 
 ROOM = 32
-"""Most scheduled set-points: the largest latency is 20 samples."""
+"""Maximum number of scheduled set-points; the maximum latency is 20 samples."""
 
 LONGEST_LEAD = 500_000
-"""Longest time from a scheduled set-point's arrival until it is due, us: 20 samples at the lowest
-rate and a little more."""
+"""Maximum time from a scheduled set-point's arrival to its due time, us: slightly more than 20
+samples at the minimum rate."""
 
 SECOND, MICROSECOND = 1_000_000_000, 1_000
 """Nanoseconds in a second and in a microsecond."""
 
 TOLERANCE = 64
-"""A grid's period may differ from the configured one by this part of it."""
+"""Inverse of the maximum relative deviation of a grid's period from the configured one."""
 
 LARGEST_STEP = 32
-"""A sampling interval is at most this part of a period longer or shorter than the grid's."""
+"""Inverse of the maximum relative deviation of a sampling interval from the grid's period."""
 
 SMOOTHING = 4
-"""Ticks in which a distance from the grid is removed. A timer takes a new interval over one tick
-later, with which a quarter is the fastest correction that does not overshoot."""
+"""Number of ticks in which a distance from the grid is removed. A timer uses a new interval one
+tick later. A quarter per tick is then the fastest correction without overshoot."""
 
 SILENT = Configuration(0, 0, 0)
-"""Configuration before the host sends one."""
+"""Configuration before the host has sent one."""
 
 
 class Board:
-    """Board: bytes from the host and samples of its accelerometer in, frames and a current out.
+    """Board with input of bytes and accelerometer samples, and output of frames and a current.
 
     It sends nothing before it has received an intact frame.
 
@@ -66,7 +66,7 @@ class Board:
     identity : Identity
         Identity of the board; without a full-scale current it has no actuator.
     send : callable
-        Sends a frame's bytes; returns False if there was no room for them.
+        Function that sends a frame's bytes; returns False if there was no room.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Board:
             self._execute(frame, now)
 
     def sample(self, values: Sequence[int], now: int) -> None:
-        """Process the sample of a tick, counts by axis x, y, z, then apply what is due."""
+        """Process a tick's sample, counts by axis x, y, z, then apply set-points that are due."""
         configuration = self.configuration
         if not configuration.rate:
             return
@@ -126,7 +126,7 @@ class Board:
             self._pending.clear()
 
     def tick(self, now: int) -> None:
-        """Check time-outs and periods; called at least every ms."""
+        """Check timeouts and periods; call it at least every ms."""
         if self.state is State.ARMED and (now - self._last_set) % CLOCKS > TIMEOUT:
             self._timeouts += 1
             self._enter(State.TIMED_OUT, now)
@@ -141,7 +141,7 @@ class Board:
             self._enter(State.FAULT, now)
 
     def disconnect(self) -> None:
-        """Forget a host that has closed the port; counts stay."""
+        """Forget a host that has closed the port; counts remain."""
         self._decoder.restart()
         self._configure(SILENT)
         self._contacted = False
@@ -158,7 +158,7 @@ class Board:
             case protocol.Identify():
                 self._send(self._identity, now)
             case protocol.Configure() as asked:
-                # With a rate of 0, axes and number have no meaning.
+                # For a rate of 0, axes and number are meaningless.
                 self._configure(Configuration(**vars(asked)) if asked.rate else SILENT)
                 self._send(self.configuration, now)
             case protocol.Align(tick, period):
@@ -175,7 +175,7 @@ class Board:
                 self._take_set_point(set_point, now)
 
     def _refusal(self, frame: Frame) -> ErrorCode | None:
-        """Return the reason for refusing a frame; None to accept it."""
+        """Return the reason for rejecting a frame; None to accept it."""
         if frame.version != protocol.VERSION:
             return ErrorCode.VERSION
         if frame.type not in protocol.REQUESTS:
@@ -210,7 +210,7 @@ class Board:
         return rate > 0 and abs(period * rate - SECOND) <= SECOND // TOLERANCE
 
     def _configure(self, configuration: Configuration) -> None:
-        """Restart sampling, with ticks that follow no grid yet."""
+        """Restart sampling, with ticks that do not follow a grid yet."""
         rate = configuration.rate
         self.configuration = configuration
         self.period = (SECOND + rate // 2) // rate if rate else 0
@@ -221,9 +221,9 @@ class Board:
         self._scheduled.clear()
 
     def _follow_grid(self, now: int) -> None:
-        """Move to the point of the grid that is nearest to a tick, and the next tick to the next.
+        """Move to the grid point nearest to a tick, and schedule the next tick at the next point.
 
-        A point is kept as whole us and the ns beyond.
+        A point is stored as whole us and the remaining ns.
         """
         period = self._grid_period
         if not period:
@@ -238,7 +238,7 @@ class Board:
         self.period = period - min(max(step, -largest), largest)
 
     def _passed(self, due: int) -> bool:
-        """Return True if a set-point is due at the last tick or an earlier one."""
+        """Return True if a set-point is due at the last tick or earlier."""
         assert self._last_tick is not None
         return 2 * MICROSECOND * difference(due, self._last_tick) <= self.period
 
@@ -257,7 +257,7 @@ class Board:
             self._apply(set_point)
 
     def _schedule(self, set_point: ScheduleCurrent) -> None:
-        """Keep a set-point until its tick, in the order in which they are due."""
+        """Store a set-point until its tick, in order of due times."""
         if self._passed(set_point.due):
             self._late += 1
             self._apply(set_point)
@@ -294,5 +294,5 @@ class Board:
 
 
 def difference(later: int, earlier: int) -> int:
-    """Return the time from one to another that is nearer than half the clock's range, us."""
+    """Return the signed difference of two times, us, modulo the clock's range."""
     return (later - earlier + CLOCKS // 2) % CLOCKS - CLOCKS // 2

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Emulated boards on pseudo-terminals, and the coupling of the arms that carry them.
+"""Emulated boards on pseudo-terminals, and the coupling of their arms.
 
-Bytes are exchanged when the emulator wakes. Samples and forces are then made up for in order, each
-at its own time: an emulator that wakes late loses none.
+Bytes are exchanged when the emulator wakes. Samples and forces are then processed in order, each
+with its own time. An emulator that wakes late thus loses none.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from haptic_accel.emulators.pseudo_terminal import BUFFER, PseudoTerminal
 from haptic_accel.emulators.serial_board import Board
 
 STEP = 1e-3
-"""Period of the coupling and of the boards' time-outs, s (paper's servo loop)."""
+"""Period of the coupling and of the boards' timeouts, s (paper's servo loop)."""
 
 LONGEST_DELAY = 0.1
 """Delay after which overdue samples and forces are skipped, s."""
 
 MOST_GARBAGE, MOST_DROPPED = 40, 8
-"""Most bytes added and removed at once."""
+"""Maximum number of bytes added and removed at once."""
 
 CLOCK_START = CLOCKS - 20_000_000
 """Start of a board's clock, us: it wraps around 20 s later."""
 
 
 class EmulatedBoard:
-    """Board on a pseudo-terminal, on a line with faults. Times are s since the start.
+    """Board on a pseudo-terminal, on a line with faults; times are s since the start.
 
     Parameters
     ----------
@@ -49,17 +49,17 @@ class EmulatedBoard:
     path : Path
         Symbolic link to make to the terminal.
     measure : callable
-        Returns the acceleration along z at a time, m/s^2.
+        Function from a time to the acceleration along z, m/s^2.
     drive : callable, optional
-        Receives a time and the current of the actuator from then on, A.
+        Function called with a time and the actuator's current from then on, A.
     faults : Faults, optional
     drift : float
-        Relative excess of its clock's rate.
+        Relative error of its clock's rate.
 
     Attributes
     ----------
     board : Board
-        State of the firmware; an unplugged board loses its power, and so its state.
+        State of the firmware; an unplugged board loses its power, and thus its state.
     faults : Faults
     open : bool
         True while a host has the port open.
@@ -100,11 +100,11 @@ class EmulatedBoard:
 
     @property
     def rate(self) -> int:
-        """Samples per second that the host has configured; 0 for none."""
+        """Sampling rate configured by the host, Hz; 0 for none."""
         return self.board.configuration.rate
 
     def exchange(self, now: float) -> None:
-        """Exchange bytes with the host, and apply what acts at once."""
+        """Exchange bytes with the host, and apply immediate commands."""
         self.faults.advance(now)
         if not self.faults.active(UNPLUG):
             self._port.plug()
@@ -133,7 +133,7 @@ class EmulatedBoard:
         self.due += self._period
 
     def skip(self, before: float) -> None:
-        """Leave out the samples that were due before a time."""
+        """Skip the samples that were due before a time."""
         if self.due < before:
             self.due += math.ceil((before - self.due) / self._period) * self._period
 
@@ -177,7 +177,7 @@ class EmulatedBoard:
         return room
 
     def _spoiled(self, data: bytes) -> bytes:
-        """Return bytes as a line with faults delivers them."""
+        """Return bytes as delivered by a line with faults."""
         random = self.faults.random
         if self.faults.strikes(DROP):
             start = random.randrange(len(data))
@@ -190,10 +190,10 @@ class EmulatedBoard:
 
 
 class CoupledArms:
-    """Arms of both devices, coupled to each other as soon as both boards are sampled.
+    """Arms of both devices, coupled as soon as both boards are sampled.
 
-    The first force lets the hand explore, and the times of faults count from then. A force acts
-    from the sample that causes it on: the robot that it stands for has no latency.
+    With the first force the hand starts to explore, and the times of faults start. A force acts
+    from its sample on, as the emulated robot has no latency.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ class CoupledArms:
     Attributes
     ----------
     coupled : bool
-        True once both boards were sampled.
+        True once both boards have been sampled.
     """
 
     def __init__(
@@ -230,7 +230,7 @@ class CoupledArms:
         return self._tick * STEP
 
     def skip(self, before: float) -> None:
-        """Leave out the forces that were due before a time."""
+        """Skip the forces that were due before a time."""
         self._tick = max(self._tick, math.ceil(before / STEP))
 
     def step(self) -> None:
@@ -239,7 +239,7 @@ class CoupledArms:
         self._tick += 1
 
     def _couple(self, now: float) -> None:
-        """Couple the arms, once and for all, when both boards are sampled."""
+        """Couple the arms, once, when both boards are sampled."""
         if not self.coupled and all(board.rate for board in self._boards):
             self.coupled = self._part.look(now, listeners=1).engage
             for board in self._boards if self.coupled else ():
@@ -254,7 +254,7 @@ def _side(device: SimulatedDevice) -> DeviceSide:
 
 
 class SerialLines:
-    """Boards, and the arms that carry them, in order of time.
+    """Boards and their arms, processed in order of time.
 
     Parameters
     ----------
@@ -276,18 +276,18 @@ class SerialLines:
 
     @property
     def terminals(self) -> list[PseudoTerminal]:
-        """Ports that hosts have open."""
+        """Ports opened by hosts."""
         return [board.terminal for board in self._boards if board.terminal]
 
     def step(self, now: float) -> None:
-        """Exchange bytes, then take all samples and exchange all forces that are due."""
+        """Exchange bytes, then process all samples and forces that are due."""
         for board in self._boards:
             board.exchange(now)
         for event in self._events:
             event.skip(now - LONGEST_DELAY)
         while (event := min(self._events, key=attrgetter("due"))).due <= now:
             event.step()
-        # The arms' forces are made up for with the next sample: they need no wake-up of their own.
+        # The arms' forces are processed with the next sample, and need no wake-up of their own.
         self.due = min(now + STEP, *(board.due for board in self._boards))
 
     def close(self) -> None:

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Adapter's side of slcan, a CAN bus as lines of text on a serial port.
+"""Adapter's side of slcan, a CAN bus as text lines on a serial port.
 
-The commands are those of the Lawicel CAN232 manual, which adapters with slcan understand; the
-other end is python-can's interface `slcan` or Linux' slcand.
+The commands are those of the Lawicel CAN232 manual, which slcan adapters support. The other end is
+python-can's interface `slcan` or Linux' slcand.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from haptic_accel.devices.can.protocol import Frame
 END, OK, ERROR = b"\r", b"\r", b"\a"
 
 LONGEST_LINE = 26
-"""Most characters of a line: T, an extended id of 8, a length and 8 bytes of data."""
+"""Maximum length of a line: T, an extended id of 8, a length and 8 bytes of data."""
 
 ANSWERS = {b"V": b"V1013" + END, b"N": b"NHAPT" + END, b"F": b"F00" + END}
-"""Answer to a command that asks for something, by its first letter."""
+"""Answers to queries, by first letter."""
 
 ACCEPTED = b"OLCSsZMmWXTR"
 """First letters of other commands; frames with extended ids are accepted and ignored."""
@@ -29,14 +29,14 @@ FRAME = re.compile(rb"([tr])([0-7][0-9a-fA-F]{2})([0-8])((?:[0-9a-fA-F]{2})*)")
 
 
 def frame_line(frame: Frame) -> bytes:
-    """Return a frame as an adapter sends it, with its end."""
+    """Return a frame in an adapter's format, with its end."""
     if frame.remote:
         return b"r%03X0\r" % frame.id
     return b"t%03X%d%b\r" % (frame.id, len(frame.data), frame.data.hex().upper().encode())
 
 
 def parse_frame_line(line: bytes) -> Frame | None:
-    """Read a frame with a standard id from a line without its end; None if there is none."""
+    """Read a frame with a standard id from a line without its end; None if it has none."""
     match = FRAME.fullmatch(line)
     if not match:
         return None
@@ -48,12 +48,12 @@ def parse_frame_line(line: bytes) -> Frame | None:
 
 
 class SlcanAdapter:
-    """Adapter that reads the commands of a host.
+    """Adapter that executes the commands of a host.
 
     Attributes
     ----------
     opened : bool
-        True while the host wants frames.
+        True while the host receives frames.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class SlcanAdapter:
             Answer to the host.
         """
         *lines, rest = (self._rest + data).split(END)
-        # A line without an end is not kept for ever.
+        # Discard a long line without an end.
         self._rest = rest if len(rest) <= LONGEST_LINE else b""
         frames, answers = [], []
         for line in lines:

@@ -18,32 +18,32 @@ from haptic_accel.core.parameters import ParameterError, shown
 UDP = socket.SOCK_DGRAM
 
 HIGHEST_PORT = 65535
-"""Highest port of UDP."""
+"""Maximum UDP port."""
 
 FIRST_PORTS = {"udp": 7300, "zenoh": 7447}
-"""Port of the root namespace by transport: below 7400, where the ports of ROS domain 0 begin, and
-Zenoh's own."""
+"""First port of the root namespace by transport: below 7400, where the ports of ROS domain 0
+begin, and Zenoh's own."""
 
 SLOTS = 50
-"""Namespaces that have ports of their own, the root included; others share one by chance."""
+"""Number of namespaces with separate ports, including the root; further ones may collide."""
 
 PORTS_EACH = {"udp": 2, "zenoh": 1}
-"""Ports of a pair of hosts: with udp one for each host, the master's first; with zenoh the
-slave's."""
+"""Number of ports for a pair of hosts. For udp one per host, the master's first; for zenoh only
+the slave's."""
 
 
 def host_and_port(peer: str) -> tuple[str, int]:
-    """Return host and port of a peer; port 0 where it names none.
+    """Return host and port of a peer; port 0 if none is given.
 
     Parameters
     ----------
     peer : str
-        HOST, HOST:PORT, or with an address of IPv6 [HOST]:PORT.
+        HOST, HOST:PORT, or for an IPv6 address [HOST]:PORT.
 
     Raises
     ------
     ParameterError
-        It has another form.
+        The peer has another form.
     """
     host, colon, port = peer.rpartition(":")
     if not colon or (":" in host and not host.endswith("]")):
@@ -51,7 +51,7 @@ def host_and_port(peer: str) -> tuple[str, int]:
     number = int(port) if port.isascii() and port.isdigit() else -1
     host = host.removeprefix("[").removesuffix("]")
     allowed = host and host.isascii() and host.isprintable() and not set(host) & set(" /[]?#,;")
-    # The slave's port is the one above.
+    # The slave uses the next port.
     if not allowed or number not in range(HIGHEST_PORT) or (colon and not number):
         raise ParameterError(
             f"peer = {shown(repr(peer))}: must be HOST or HOST:PORT, with a port from 1 to"
@@ -62,16 +62,16 @@ def host_and_port(peer: str) -> tuple[str, int]:
 
 @dataclass(frozen=True)
 class Route:
-    """Addresses and ports between the two hosts.
+    """Addresses and ports of the two hosts.
 
     Attributes
     ----------
     host : str
         Peer as given.
     own, peer : str
-        Numeric addresses of this host, towards the peer, and of the peer.
+        Numeric addresses of this host, on the path to the peer, and of the peer.
     own_port, peer_port : int
-        Ports of UDP on which either hears; with zenoh both are the slave's.
+        UDP ports on which this host and the peer receive; for zenoh both are the slave's.
     """
 
     host: str
@@ -82,23 +82,23 @@ class Route:
 
 
 def route(peer: str, side: str, transport: str, namespace: str) -> Route:
-    """Find the way to the peer; each transport, side and namespace has the same ports everywhere.
+    """Find the route to the peer; ports depend on transport, side and namespace only.
 
     Parameters
     ----------
     peer : str
-        As for `host_and_port`; its port takes the place of the pair's first.
+        As for `host_and_port`; its port replaces the first one of the pair.
     side, transport : str
         Side of this host, from `ARMS` and `TRANSPORTS`.
     namespace : str
-        With a slash before; empty for the root.
+        Namespace, starting with a slash; empty for the root.
 
     Raises
     ------
     ParameterError
         The peer has another form.
     OSError
-        There is no such host, or no way to it, in one line.
+        The host does not exist or is unreachable; the message is one line.
     """
     host, given = host_and_port(peer)
     each = PORTS_EACH[transport]
@@ -109,12 +109,12 @@ def route(peer: str, side: str, transport: str, namespace: str) -> Route:
 
 
 def bound(address: str, port: int) -> socket.socket:
-    """Return a socket of UDP that has a port of this host.
+    """Return a UDP socket bound to a port of this host.
 
     Raises
     ------
     ParameterError
-        A program of this machine has it, or it is not for this user.
+        The port is used by another program, or not permitted for this user.
     """
     opened = socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, UDP)
     try:
@@ -131,7 +131,7 @@ def bound(address: str, port: int) -> socket.socket:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a host is this machine itself, by its address or the name localhost."""
+    """Return whether a host is this machine, by its address or the name localhost."""
     try:
         return ip_address(host).is_loopback
     except ValueError:
@@ -139,15 +139,15 @@ def is_loopback(host: str) -> bool:
 
 
 def _slot(namespace: str) -> int:
-    """Return the number of a namespace's ports: 0 for the root."""
+    """Return the index of a namespace's ports: 0 for the root."""
     digest = hashlib.sha256(namespace.encode()).digest()
     return 1 + int.from_bytes(digest[:8], "big") % (SLOTS - 1) if namespace else 0
 
 
 def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
-    """Return the numeric addresses of this host, towards another, and of that.
+    """Return the numeric addresses of this host, on the path to another, and of the other.
 
-    Sorted, an address of IPv4 comes first where there is one: both hosts must choose the same.
+    Sorted, so that an IPv4 address comes first if one exists: both hosts must choose the same.
     """
     try:
         found = socket.getaddrinfo(host, port, type=UDP)
@@ -155,7 +155,7 @@ def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
             found.sort(key=lambda each: each[0] != socket.AF_INET)
         kind, _, _, _, there = found[0]
         with socket.socket(kind, UDP) as asking:
-            asking.connect(there)  # asks for the way; nothing is sent
+            asking.connect(there)  # finds the route; sends nothing
             return _numeric(asking.getsockname()), _numeric(there)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
@@ -163,5 +163,5 @@ def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
 
 
 def _numeric(address: Any) -> str:
-    """Return the address of a socket, with its interface where it holds on one alone."""
+    """Return the address of a socket, with its interface for a link-local one."""
     return socket.getnameinfo(address, socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)[0]

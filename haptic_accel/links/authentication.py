@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Authentication of datagrams between two hosts by a key that both have, and its file."""
+"""Authentication of datagrams between two hosts by a shared key, and the key's file."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.core.topics import ARMS
 
 LINK_KEY = "link.key"
-"""File of the key in each host's folder."""
+"""Name of the key file in each host's folder."""
 
 TITLE = "haptic_accel link key: a secret of two hosts, to be read by their users alone"
 """First line of the file; the key follows in hexadecimal."""
 
 KEY_LENGTH = 32
-"""Length of a key, bytes: nobody guesses it."""
+"""Length of a key, bytes: too long to guess."""
 
 TAG_LENGTH = 16
-"""Length of a tag, bytes: of 2^128 one is right."""
+"""Length of a tag, bytes: one of 2^128 values is valid."""
 
 _LONGEST_FILE = 1000
 
 
 class Authenticator:
-    """Adds a tag to datagrams, by which the peer knows that they come from the other side.
+    """Add a tag to datagrams, by which the peer verifies their origin.
 
-    The tag is keyed BLAKE2b (RFC 7693) of the whole datagram, made for the side that sends it and
-    for its graph's namespace: one that is reflected to its sender, or passed on to another graph
-    with the same key, is refused. Sessions and numbers, inside the datagram, are
-    what keeps a recorded one from being admitted again: see `core.network.session`.
+    The tag is keyed BLAKE2b (RFC 7693) of the complete datagram, for the sending side and its
+    graph's namespace. A datagram that is reflected to its sender, or forwarded to another graph
+    with the same key, is therefore rejected. Sessions and numbers inside the datagram prevent
+    replays; see `core.network.session`.
 
     Parameters
     ----------
     key : bytes
-        Of `KEY_LENGTH`; empty for none, with which everybody can make tags.
+        Key of `KEY_LENGTH`; empty for none, which allows anybody to make tags.
     side : str
         Side of this host, from `ARMS`.
     namespace : str
@@ -56,7 +56,7 @@ class Authenticator:
     def __init__(self, key: bytes, side: str, namespace: str = "/") -> None:
         (other,) = set(ARMS) - {side}
         salt = hashlib.blake2b(namespace.encode(), digest_size=hashlib.blake2b.SALT_SIZE).digest()
-        # The key takes one of the two blocks to compress: it is taken in once.
+        # The key fills one of the two blocks to compress, and is processed once.
         self._own, self._peer = (
             hashlib.blake2b(
                 key=key, digest_size=TAG_LENGTH, salt=salt, person=f"link from {each}".encode()
@@ -65,13 +65,13 @@ class Authenticator:
         )
 
     def tagged(self, datagram: bytes) -> bytes:
-        """Return a datagram to be sent with its tag."""
+        """Return a datagram with its tag, for transmission."""
         tag = self._own.copy()
         tag.update(datagram)
         return datagram + tag.digest()
 
     def verified(self, data: bytes) -> bytes | None:
-        """Return a datagram that was received without its tag; None if the tag is not right."""
+        """Return a received datagram without its tag; None if the tag is invalid."""
         datagram = data[:-TAG_LENGTH]
         tag = self._peer.copy()
         tag.update(datagram)
@@ -79,7 +79,7 @@ class Authenticator:
 
 
 def write_new_key(*folders: Path) -> None:
-    """Make a key and write it into folders that have none, for their owner alone."""
+    """Generate a key and write it to folders without one, readable by the owner only."""
     text = f"{TITLE}\n{secrets.token_hex(KEY_LENGTH)}\n"
     for folder in folders:
         new = os.open(folder / LINK_KEY, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -88,16 +88,16 @@ def write_new_key(*folders: Path) -> None:
 
 
 def read_key(folder: str) -> bytes:
-    """Return the key in a folder.
+    """Return the key from a folder.
 
     Raises
     ------
     ParameterError
-        The file cannot be read, can be read by others, or has no key.
+        The file cannot be read, is readable by others, or contains no key.
     """
     path = Path(folder, LINK_KEY)
     try:
-        # Of a pipe there is nothing to wait for.
+        # Do not wait for the other end of a pipe.
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
             mode, data = os.fstat(file.fileno()).st_mode, file.read(_LONGEST_FILE)
     except OSError as error:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Certificates with which two hosts know each other."""
+"""Certificates for the mutual authentication of two hosts."""
 
 from __future__ import annotations
 
@@ -24,27 +24,28 @@ from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
 
 VALID = timedelta(days=3650)
-"""Time for which certificates hold: a robot in use must not stop on a date. Keys that have become
-known to others are replaced on both hosts."""
+"""Validity of certificates, long enough that a robot in use does not stop on a date. Compromised
+keys are replaced on both hosts."""
 
 CURVE = ec.SECP256R1()
 
 USES = (ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH)
-"""Uses of a host's certificate: either may be the one that listens."""
+"""Uses of a host's certificate: either host may listen."""
 
 LONGEST_NAME = 64
-"""Longest common name (RFC 5280); the alternative names, which count, may be longer."""
+"""Maximum length of a common name (RFC 5280); the alternative names, which are checked, may be
+longer."""
 
 NAME = r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?"
 """Form of a host's name."""
 
 SLACK = timedelta(days=1)
-"""Time by which certificates hold earlier: clocks of hosts without a network are late."""
+"""Time by which certificates are valid earlier, as clocks of hosts without a network are late."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Files with which two hosts know each other, each as PEM.
+    """Files for the authentication of a host, all in PEM format.
 
     Attributes
     ----------
@@ -57,7 +58,7 @@ class Identity:
     key: bytes
 
     def write(self, folder: Path) -> None:
-        """Write the files into a folder that has none of them, for the owner alone."""
+        """Write the files to a folder without any of them, readable by the owner only."""
         names = (AUTHORITY, CERTIFICATE, KEY)
         for name, content in zip(names, (self.authority, self.certificate, self.key), strict=True):
             new = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -66,20 +67,20 @@ class Identity:
 
 
 def certified_pair(hosts: Sequence[Sequence[str]]) -> list[Identity]:
-    """Certify hosts by an authority whose own key is kept nowhere.
+    """Certify hosts by an authority whose private key is not stored.
 
     Parameters
     ----------
     hosts : sequence of sequence of str
-        Names or addresses by which each is reached.
+        Names or addresses of the hosts.
 
     Raises
     ------
     ParameterError
-        A host has no name, or one that a certificate cannot have.
+        A host has no name, or one that is not allowed in a certificate.
     """
     authority_key = ec.generate_private_key(CURVE)
-    # A name of its own, by which the authority of another pair is told apart.
+    # A unique name, which distinguishes the authority from those of other pairs.
     name = f"haptic_accel {token_hex(8)}"
     issuer = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     authority = (
@@ -126,7 +127,7 @@ def _builder(
 
 
 def _general_name(host: str) -> x509.GeneralName:
-    """Return a host as an address if it is one, else as a name."""
+    """Return a host as an address if it is one, otherwise as a name."""
     try:
         return x509.IPAddress(ip_address(host))
     except ValueError:

@@ -9,32 +9,32 @@ from haptic_accel.links.addresses import Route
 from haptic_accel.links.parameters import UDP
 
 SILENCE = 5.0
-"""Time without a datagram after which there is a line about it, s."""
+"""Time without datagrams that causes a log line, s."""
 
 REPEAT = 60.0
-"""Shortest time between two lines about strangers, s: they must not fill the log."""
+"""Minimum interval between log lines on unknown senders, s, so that they do not fill the log."""
 
 
 class Hearing:
-    """Turns datagrams and silence into lines for the log, one at each change.
+    """Convert reception and loss of datagrams to log lines, one for each change.
 
     Parameters
     ----------
     peer : str
-        Peer in the lines.
+        Name of the peer in the lines.
     advice : str
-        Points to check while nothing is heard.
+        Advice while nothing is received.
     keys : str
         Folder of this host's keys; empty for none.
     now : float
-        Steady time, s.
+        Monotonic time, s.
 
     Attributes
     ----------
     heard : int
-        Datagrams of the peer.
+        Number of datagrams from the peer.
     problem : str
-        Why datagrams that come are refused, one line; empty while none are.
+        Reason why datagrams are rejected, one line; empty if none are.
     """
 
     def __init__(self, peer: str, advice: str, keys: str, now: float) -> None:
@@ -47,12 +47,12 @@ class Hearing:
         self._refused, self._refused_at, self._said = 0, -SILENCE, -REPEAT
 
     def refuse(self, address: str) -> None:
-        """Count a datagram from an address that does not have the link's key."""
+        """Count a datagram without the link's key from an address."""
         self._strangers += 1
         self._stranger = address
 
     def lines(self, now: float) -> list[str]:
-        """Return lines about what is new. To be called often."""
+        """Return lines on changes; call it often."""
         return [line for line in (self._of_strangers(now), self._of_peer(now)) if line]
 
     def _of_strangers(self, now: float) -> str:
@@ -81,7 +81,7 @@ class Hearing:
 
 
 def described(route: Route, side: str, transport: str) -> str:
-    """Return who sends where: addresses and ports of UDP."""
+    """Return a description of the route: addresses and UDP ports."""
     if transport == UDP:
         return (
             f"{side} at {route.own}, hears on port {route.own_port}/udp, sends to {route.peer}"

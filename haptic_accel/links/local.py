@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Datagrams between the half coupler and the link of one host.
+"""Datagrams between half coupler and link on one host.
 
-The sockets have abstract names: the kernel releases them however a process ends, and they are not
-seen beyond the machine.
+The sockets have abstract names. The kernel releases these however a process ends, and they are not
+visible outside the machine.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from contextlib import suppress
 from haptic_accel.core.parameters import ParameterError
 
 COUPLER, LINK = "coupler", "link"
-"""The two ends."""
+"""Names of the two ends."""
 
 LONGEST = 1100
-"""Longest datagram, bytes: with the headers of a transport and a tunnel it stays below 1280, which
-every network of IPv6 carries whole (RFC 8200)."""
+"""Maximum length of a datagram, bytes. With the headers of a transport and a tunnel it stays below
+1280, which IPv6 networks carry without fragmentation (RFC 8200)."""
 
 MOST_WAITING = 100
-"""Most datagrams that wait for an end which does not take them: with a packet each millisecond
-those of 0.1 s, after which the peer counts as silent. The kernel keeps net.unix.max_dgram_qlen
-datagrams, 10 by default."""
+"""Maximum number of datagrams that wait for the other end. With a packet per millisecond this is
+0.1 s, after which the peer counts as lost. The kernel stores net.unix.max_dgram_qlen datagrams, 10
+by default."""
 
 _NOTE = b"note\0"
-"""Begin of a datagram that the link itself has written for the coupler."""
+"""Prefix of a datagram from the link itself to the coupler."""
 
 _OTHER = {COUPLER: LINK, LINK: COUPLER}
 
 
 class LocalEnd:
-    """One end of the path between half coupler and link, which never blocks.
+    """One end of the connection between half coupler and link; it never blocks.
 
     Parameters
     ----------
@@ -45,19 +45,20 @@ class LocalEnd:
     domain : int
         ROS domain of the host's graph.
     namespace : str
-        Namespace of the host's graph, with a slash before; empty for the root.
+        Namespace of the host's graph, starting with a slash; empty for the root.
 
     Attributes
     ----------
     dropped : int
-        Datagrams that were not sent, as the other end was not there or took none for too long.
+        Number of datagrams not sent, as the other end did not exist or did not receive for too
+        long.
     note : str
-        Newest line of the other end about itself.
+        Newest status line of the other end.
 
     Raises
     ------
     ParameterError
-        Another process has this end.
+        Another process uses this end.
     """
 
     def __init__(self, end: str, domain: int, namespace: str) -> None:
@@ -79,13 +80,13 @@ class LocalEnd:
             ) from None
 
     def fileno(self) -> int:
-        """Return the file descriptor, to wait on; -1 once closed."""
+        """Return the file descriptor to wait for; -1 once closed."""
         return self._socket.fileno()
 
     def send(self, datagram: bytes) -> bool:
-        """Send a datagram after those that wait; return whether the other end will find it.
+        """Send a datagram after waiting ones; return whether the other end exists.
 
-        What the other end has no room for waits until the next call. One thread alone may call.
+        Datagrams without room wait until the next call. Only one thread may call this.
         """
         if datagram.startswith(_NOTE):
             return True
@@ -108,13 +109,14 @@ class LocalEnd:
     def write_note(self, line: str) -> None:
         """Send a line about this end, apart from the datagrams that are carried.
 
-        Any thread may, as it does not touch what waits. Without room the line is lost.
+        Any thread may call this, as it does not use the waiting datagrams. Without room the line
+        is lost.
         """
         with suppress(BlockingIOError, ConnectionRefusedError):
             self._socket.sendto(_NOTE + line.encode(), self._other)
 
     def take(self) -> list[bytes]:
-        """Return the datagrams that came from the other end since the last call, oldest first."""
+        """Return the datagrams received since the last call, oldest first."""
         taken = []
         with suppress(BlockingIOError):
             while True:
@@ -133,6 +135,6 @@ class LocalEnd:
 
 
 def _address(end: str, domain: int, namespace: str) -> bytes:
-    """Return the address of an end, hashed, as namespaces can be longer than addresses."""
+    """Return the address of an end, hashed, as namespaces may be longer than addresses."""
     digest = hashlib.sha256(namespace.encode()).hexdigest()
     return f"\0haptic_accel/{domain}/{end}/{digest}".encode()

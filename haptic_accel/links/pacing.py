@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pace of datagrams through a transport that queues what the network does not take."""
+"""Rate control of datagrams for a transport with a send queue."""
 
 from __future__ import annotations
 
@@ -9,37 +9,38 @@ import math
 from collections import deque
 
 WINDOW = 0.1
-"""Time of which the least round trip counts, s: jitter lengthens many trips, a queue every one."""
+"""Window for the shortest round trip, s: jitter lengthens many round trips, a queue all of
+them."""
 
 REMEMBERED = 100
-"""Windows of which the least round trip is that of an empty queue: 10 s."""
+"""Number of windows whose shortest round trip counts as that of an empty queue: 10 s."""
 
 LATE = 0.01
-"""Round trip beyond the least from which a queue is taken to be there, s."""
+"""Round trip in excess of the shortest that indicates a queue, s."""
 
 STEADY = 5
-"""Windows without a queue after which one more of so many datagrams is tried."""
+"""Number of windows without a queue before the rate is increased."""
 
 SPARSEST = 16
-"""Most datagrams of which one is sent: each packet of the coupling has the last 16 samples."""
+"""Maximum decimation factor: each packet of the coupling contains the last 16 samples."""
 
 LONGEST_GAP = 0.01
-"""Time after which a datagram is sent in any case, s: a tenth of the coupling's watchdog."""
+"""Maximum interval between datagrams, s: a tenth of the coupling's watchdog timeout."""
 
 
 class Pace:
-    """Leaves datagrams out, so that none waits in a queue before the network.
+    """Decimation of datagrams that avoids a queue before the network.
 
-    A congestion control takes lost and overtaken datagrams for a sign that it sends too many.
-    With 5 % loss it lets some hundred a second pass, and of a thousand each waits for seconds.
-    Each datagram says the number of the newest that came the other way; where the least round trip
-    of a `WINDOW` grows by `LATE`, half of the datagrams are left out, and more while that does not
-    help. It begins with few, as a queue takes seconds to drain.
+    Congestion control interprets lost and overtaken datagrams as overload. With 5 % loss it passes
+    some hundred per second; of a thousand, each waits for seconds. Each datagram contains the
+    number of the newest one received from the peer. If the shortest round trip of a `WINDOW` grows
+    by `LATE`, half of the datagrams are skipped, and more if that has no effect. It starts with a
+    low rate, as a queue takes seconds to drain.
 
     Attributes
     ----------
     stride : int
-        Datagrams of which one is sent.
+        Decimation factor: number of datagrams of which one is sent.
 
     Examples
     --------
@@ -57,7 +58,7 @@ class Pace:
         self._windows: deque[float] = deque(maxlen=REMEMBERED)
 
     def number(self, now: float) -> int | None:
-        """Return the number of a datagram that is to be sent now, s; None to leave it out."""
+        """Return the number of a datagram to send at a time, s; None to skip it."""
         self._given += 1
         if self._given % self.stride and now - self._last < LONGEST_GAP:
             return None
@@ -67,7 +68,7 @@ class Pace:
         return self._numbered
 
     def heard(self, newest: int, now: float) -> None:
-        """Take the number of the newest datagram that has come to the other end."""
+        """Process the number of the newest datagram that the peer received."""
         trip = math.inf
         while self._sent and self._sent[0][0] <= newest:
             trip = now - self._sent.popleft()[1]
@@ -78,7 +79,7 @@ class Pace:
             self._least, self._until = math.inf, now + WINDOW
 
     def _follow(self, excess: float) -> None:
-        """Send less while a queue is there, and more after some time without."""
+        """Reduce the rate while a queue exists; increase it after some time without one."""
         if excess > LATE:
             self.stride, self._calm = min(2 * self.stride, SPARSEST), 0
             return

@@ -15,35 +15,35 @@ UDP, ZENOH = TRANSPORTS = ("udp", "zenoh")
 """Transports of datagrams between hosts."""
 
 AUTHORITY, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
-"""Files of a host: certificate of the authority, its own certificate, and its private key."""
+"""Files of a host: certificate of the authority, own certificate, and private key."""
 
 
 @dataclass(frozen=True)
 class LinkNodeParameters(Checked):
     """Parameters of the node `link`."""
 
-    side: str = parameter("master", "arm that this host has", choices=ARMS)
+    side: str = parameter("master", "arm of this host", choices=ARMS)
     peer: str = parameter("", "peer host as HOST or HOST:PORT; empty for no link")
     transport: str = parameter(UDP, "transport of datagrams to the peer host", choices=TRANSPORTS)
     keys: str = parameter("", "folder with this host's keys, which haptic-accel keys makes")
     insecure: bool = parameter(
-        False, "link hosts without keys: anybody who reaches the port can then move the arm"
+        False, "link hosts without keys: anybody with access to the port can then move the arm"
     )
 
     def __post_init__(self) -> None:
-        """Check all fields, the form of the peer's address, and that it is authenticated."""
+        """Check all fields, the form of the peer's address, and authentication."""
         super().__post_init__()
         if self.peer:
             check_peer(self.peer, self.transport, self.keys, insecure=self.insecure)
 
 
 def check_peer(peer: str, transport: str, keys: str, *, insecure: bool) -> None:
-    """Refuse a peer whose address has another form, or that would not be authenticated.
+    """Reject a peer with an invalid address, or without authentication.
 
     Raises
     ------
     ParameterError
-        Naming the parameter, and what is allowed.
+        The message names the parameter and the allowed values.
     """
     host, _ = host_and_port(peer)
     if insecure and (keys or transport != UDP):

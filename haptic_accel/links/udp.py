@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Datagrams between two hosts by UDP, each with a tag that is checked before anything else."""
+"""UDP datagrams between two hosts, each with a tag that is checked first."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from haptic_accel.links.authentication import TAG_LENGTH, Authenticator
 from haptic_accel.links.local import LONGEST
 
 LOOK = 0.25
-"""Interval between checks for the end while nothing comes, s."""
+"""Interval of checks for the end while nothing is received, s."""
 
 BURST, BURST_TIME, BREAK = 500, 0.1, 1e-3
-"""Number of datagrams and the time, s, in which so many are more than two hosts ever exchange; and
-the pause that then follows, s: whoever floods the port must not take the processor."""
+"""Number of datagrams and time, s, that exceed any traffic between two hosts, and the pause that
+follows, s. A flooded port must not use up the processor."""
 
 
 class UdpCarrier:
-    """Carries datagrams to and from the peer on one port of this host; strangers get no answer.
+    """Transport of datagrams on one UDP port of this host; unknown senders get no answer.
 
     Parameters
     ----------
     route : Route
     authenticator : Authenticator
     refused : callable
-        Takes the address of whoever sent a datagram whose tag is not right.
+        Called with the sender's address of a datagram with an invalid tag.
 
     Raises
     ------
     ParameterError
-        The port is taken.
+        The port is in use.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class UdpCarrier:
     ) -> None:
         self._authenticator, self._refused = authenticator, refused
         self._socket = bound(route.own, route.own_port)
-        # A socket that is closed wakes nobody who waits for it.
+        # Closing a socket does not wake threads that wait for it.
         pause = struct.pack("ll", 0, round(LOOK * 1e6))
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, pause)
         family = self._socket.family
@@ -54,7 +54,7 @@ class UdpCarrier:
         self._over = threading.Event()
 
     def send(self, datagram: bytes) -> None:
-        """Send a datagram, or drop it while there is no way or no room."""
+        """Send a datagram; discard it without a route or room."""
         with suppress(OSError):
             self._socket.sendto(
                 self._authenticator.tagged(datagram), socket.MSG_DONTWAIT, self._peer

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Datagrams between two hosts by Zenoh: encrypted, for holders of a certificate alone.
+"""Zenoh datagrams between two hosts: encrypted, for holders of a certificate only.
 
-The slave's host opens a router on one port of UDP, which the master's connects to. Both must show
-a certificate of the same authority, and the slave's must hold for the host name that the master
-gives. Datagrams of QUIC carry the signals: one that is lost holds up none behind it.
+The slave's host opens a router on one UDP port, to which the master's host connects. Both must
+show a certificate of the same authority. The slave's must be valid for the host name used by the
+master. QUIC datagrams carry the signals, so that a lost one does not delay later ones.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
 MISSING_LIBRARY = "transport zenoh needs eclipse-zenoh: pip install 'haptic_accel[zenoh]'"
 
 RETRY = 0.25
-"""Interval between attempts of the master's host to connect, s."""
+"""Interval between the master host's connection attempts, s."""
 
 OPENING = 2000
-"""Longest time for a connection to be made, ms: three round trips of 0.5 s. One that was begun
-while a cable was out is given up after it, too."""
+"""Timeout of a connection attempt, ms: three round trips of 0.5 s. It also ends an attempt that
+started while a cable was unplugged."""
 
 LEASE = 1000
-"""Time without a sign of life after which a connection is made anew, ms: a peer that was killed
-and started again is met within 2 s."""
+"""Time without a sign of life after which a connection is renewed, ms. A peer that was killed and
+restarted is found within 2 s."""
 
 WAITING = 64
-"""Datagrams kept for a thread that is late, of which the newest count: 0.1 s."""
+"""Number of datagrams stored for a slow thread, which discards older ones: 0.1 s."""
 
-_HEAD = struct.Struct("<QQ")  # number of the datagram, and of the newest from the other end
+_HEAD = struct.Struct("<QQ")  # number of the datagram, and of the newest received one
 
 REPEAT = 5.0
-"""Shortest interval between two lines about refusals, s."""
+"""Minimum interval between log lines on rejections, s."""
 
 ADVICE = "both hosts need certificates of one haptic-accel keys, for the names that they use"
 
@@ -55,12 +55,12 @@ _CLOSED = re.compile(r"on QUIC link .*(closed|lost)", re.IGNORECASE)
 
 
 def check_keys(folder: str) -> Path:
-    """Return the folder with a host's certificates, all of which can be read.
+    """Return the folder of a host's certificates after checking that all are readable.
 
     Raises
     ------
     ParameterError
-        Naming the file that cannot be read.
+        The message names the file that cannot be read.
     """
     if not folder:
         raise ParameterError(
@@ -81,7 +81,7 @@ def check_keys(folder: str) -> Path:
 def refusal(logged: str) -> str | None:
     """Return the reason in a line of Zenoh's log, for a user.
 
-    Empty for a warning that is no refusal, as when a connection is lost; None for no line of it.
+    Empty for a warning that is no rejection, such as a lost connection; None for other text.
     """
     logged = _COLOUR.sub("", logged)
     if not (found := _LOGGED.match(logged)):
@@ -95,7 +95,7 @@ def refusal(logged: str) -> str | None:
 
 
 class ZenohCarrier:
-    """Carries datagrams to and from the peer.
+    """Transport of datagrams to and from the peer.
 
     Parameters
     ----------
@@ -103,11 +103,11 @@ class ZenohCarrier:
     side : str
         Side of this host, from `ARMS`.
     namespace : str
-        With a slash before; empty for the root.
+        Namespace, starting with a slash; empty for the root.
     keys : str
         Folder with this host's certificates.
     say : callable
-        Takes a line for the log, from any thread.
+        Called with log lines, from any thread.
 
     Raises
     ------
@@ -135,7 +135,7 @@ class ZenohCarrier:
         self._follow_log()
 
     def send(self, datagram: bytes) -> None:
-        """Send a datagram, or drop it while there is no connection."""
+        """Send a datagram; discard it without a connection."""
         if not self._publisher:
             return
         with self._lock:
@@ -177,7 +177,7 @@ class ZenohCarrier:
             self._session.close()
 
     def _declared(self, session: Any) -> Any:
-        """Return the subscriber of the peer's datagrams; from here on, `send` sends."""
+        """Return the subscriber of the peer's datagrams; from now on, `send` works."""
         zenoh = self._zenoh
         own, peers = self._keys
         subscriber = session.declare_subscriber(peers, zenoh.handlers.RingChannel(WAITING))
