@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes one MCAP file so that every chunk is on the disk soon and stays readable.
+"""Writer of an MCAP file whose chunks reach the disk soon and remain readable.
 
-Chunks reach the disk while recording, each has messages, their index and a checksum, and a file
-that the disk has no more room for is closed with what is in it. The writer of rosbags keeps
-everything in memory until it is closed and writes no checksums; that of the `mcap` library takes
-twice as long for a message and cannot go back to a chunk that was whole.
+Chunks reach the disk during the recording, each with messages, their index and a checksum. If the
+disk is full, the file is closed with its present content. The writer of rosbags keeps everything
+in memory until it is closed, and writes no checksums. That of the `mcap` library takes twice as
+long per message, and cannot return to a complete chunk.
 """
 
 from __future__ import annotations
@@ -32,25 +32,26 @@ from haptic_accel.bags.metadata import qos_text
 from haptic_accel.bags.rosbags_adapter import zstd
 
 CHUNK = 1 << 20
-"""Size at which a chunk is complete, bytes; rosbag2 has 768 KiB."""
+"""Size of a complete chunk, bytes; 768 KiB in rosbag2."""
 
 KEPT_MARKS = 8
-"""Number of chunks that may be given up for the index, which takes some hundredth of the room."""
+"""Number of chunks that may be discarded to make room for the index, which needs some hundredths
+of the file size."""
 
 _FAST = 1
-"""Compression level that costs least time (zstd's manual); rosbag2 has the same."""
+"""Fastest compression level (zstd's manual), also used by rosbag2."""
 
 _HEADER = mcap.MESSAGE_HEADER.size
-_MESSAGE = struct.Struct("<BQHIQQ")  # a record's header and a message's, packed at once
+_MESSAGE = struct.Struct("<BQHIQQ")  # headers of a record and of a message, packed together
 
 
 class MisplacedError(OSError):
-    """A file that is written is not where it was made any more; the message is one line.
+    """Error: a file being written is no longer at its path; the message is one line.
 
     Attributes
     ----------
     is_removed : bool
-        It is in no folder: it ends with the program that writes it.
+        The file is in no folder, and disappears with the program that writes it.
     """
 
     def __init__(self, name: str, *, is_removed: bool) -> None:
@@ -61,7 +62,7 @@ class MisplacedError(OSError):
 
 @dataclass
 class _Pending:
-    """Records of the next chunk, and by channel the times and places of its messages in turn."""
+    """Records of the next chunk, and per channel the times and offsets of its messages in turn."""
 
     records: BytesIO = field(default_factory=BytesIO)
     entries: defaultdict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
@@ -78,12 +79,12 @@ class _Mark:
 
 
 class ChunkedWriter:
-    """An MCAP file that is written; every method may raise OSError.
+    """MCAP file being written; each method may raise OSError.
 
     Parameters
     ----------
     path : Path
-        The file; its folder exists.
+        File to write; its folder exists.
     compressed : bool
         Compress the chunks with zstd.
 
@@ -91,7 +92,7 @@ class ChunkedWriter:
     ----------
     path : Path
     schemas, channels : list
-        Those that the index will list.
+        Channels for the index.
     """
 
     def __init__(self, path: Path, *, compressed: bool = False) -> None:
@@ -101,21 +102,21 @@ class ChunkedWriter:
         self._compression = "zstd" if compressed else ""
         self._compress = partial(zstd.compress, level=_FAST) if compressed else bytes
         self._pending = _Pending()
-        self._chunks: list[bytes] = []  # their records in the index
+        self._chunks: list[bytes] = []  # records of the chunks for the index
         self._end = self._sum = 0
         self._file = path.open("xb")
         self._put(
             mcap.MAGIC + record(mcap.HEADER, text("ros2"), text(f"haptic_accel-{__version__}"))
         )
         self._file.flush()
-        # The file itself, whatever becomes of its name and of the buffer before it.
+        # The file itself, whatever happens to its name and buffer.
         self._descriptor = os.dup(self._file.fileno())
         self._marks = deque([_Mark(self._end, self._sum, 0, Tally())], maxlen=KEPT_MARKS)
         _sync_folder(path.parent)
 
     @property
     def kept(self) -> Tally:
-        """Content of the complete chunks."""
+        """Contents of the complete chunks."""
         return self._marks[-1].tally
 
     @property
@@ -124,7 +125,7 @@ class ChunkedWriter:
         return self._end + self._pending.records.tell()
 
     def add(self, connection: Connection) -> None:
-        """Add a topic, with its type's hash, from which rosbag2 rebuilds a bag's metadata."""
+        """Add a topic with its type's hash, from which rosbag2 rebuilds a bag's metadata."""
         number, kind, topic = connection.id, connection.msgtype, connection.topic
         records = self._pending.records
         if all(schema.name != kind for schema in self.schemas):
@@ -159,10 +160,10 @@ class ChunkedWriter:
         self.close_chunk()
 
     def close_chunk(self) -> None:
-        """Write what is pending into the file.
+        """Write pending data to the file.
 
-        Schemas and channels without messages are no chunk: one without an index of messages keeps
-        `ros2 bag play` from reading the whole file in the order of time.
+        Schemas and channels without messages form no chunk. For a chunk without message index,
+        `ros2 bag play` cannot read the file in order of time.
         """
         records, entries = self._pending.records.getvalue(), self._pending.entries
         if not records:
@@ -181,12 +182,12 @@ class ChunkedWriter:
         self._marks.append(_Mark(self._end, self._sum, len(self._chunks), tally))
 
     def flush(self) -> None:
-        """Finish the pending chunk and bring it to the disk, where a power cut leaves it.
+        """Complete the pending chunk and write it to the disk, where it survives a power cut.
 
         Raises
         ------
         MisplacedError
-            The file was removed or moved, or another has its name.
+            The file was removed or moved, or another file has its name.
         """
         self.close_chunk()
         os.fdatasync(self._file.fileno())
@@ -199,12 +200,12 @@ class ChunkedWriter:
             raise MisplacedError(self.path.name, is_removed=written.st_nlink == 0)
 
     def finish(self, metadata: str) -> None:
-        """Write what is pending, index and end, and bring it to the disk.
+        """Write pending data, index and end, and sync them to the disk.
 
         Parameters
         ----------
         metadata : str
-            The bag's metadata, repeated in the file.
+            Metadata of the bag, repeated in the file.
         """
         self.close_chunk()
         start = self._end
@@ -219,12 +220,12 @@ class ChunkedWriter:
         os.close(self._descriptor)
 
     def give_up(self, metadata: str) -> None:
-        """After an OSError: finish the file with its complete chunks, fewer if the index needs it.
+        """After an OSError: finish the file with its complete chunks, or fewer to make room.
 
         Raises
         ------
         OSError
-            All complete chunks are there, but there is no room for an index.
+            All complete chunks are saved, but there is no room for an index.
         """
         newest = self._marks[-1]
         while True:
@@ -235,7 +236,7 @@ class ChunkedWriter:
             except OSError:
                 self._marks.pop()
                 if not (self._marks and self.kept.messages):
-                    # Rather all without an index than nothing.
+                    # All chunks without an index are better than none.
                     self._marks.append(newest)
                     self._go_back()
                     self._file.close()
@@ -249,7 +250,7 @@ class ChunkedWriter:
     def _put_chunk(
         self, records: bytes, entries: dict[int, list[int]], start: int, end: int
     ) -> None:
-        """Write a chunk and the index of its messages, and note its place for the file's index."""
+        """Write a chunk and its message index, and record its position for the file's index."""
         compressed = self._compress(records)
         form = text(self._compression)
         sizes = mcap.CHUNK_HEADER.pack(start, end, len(records), crc32(records))
@@ -325,10 +326,10 @@ class ChunkedWriter:
         return record(mcap.STATISTICS, header, counts)
 
     def _go_back(self) -> None:
-        """Forget whatever came after the last mark, in the file too."""
+        """Discard everything after the last mark, in the file too."""
         mark = self._marks[-1]
         with suppress(OSError):
-            # What its buffer holds must not be written any more.
+            # The contents of its buffer must not be written any more.
             self._file.raw.close()
         os.ftruncate(self._descriptor, mark.end)
         os.lseek(self._descriptor, mark.end, os.SEEK_SET)
@@ -344,7 +345,7 @@ def _schema_record(schema: Schema) -> bytes:
 
 
 def _sync_folder(path: Path) -> None:
-    """Bring the names in a folder to the disk."""
+    """Sync the names in a folder to the disk."""
     number = os.open(path, os.O_RDONLY)
     try:
         os.fsync(number)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Type definitions, which a bag carries so that it can be read where a type is not installed."""
+"""Type definitions stored in a bag, so that it can be read without the types installed."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from rosbags.typesys.store import Typestore
 
 
 class UndefinedTypeError(LookupError):
-    """There is no definition of a message type; the message is one line."""
+    """Error: a message type has no definition; the message is one line."""
 
 
 def connection(number: int, topic: str, kind: str, offered: Sequence[Qos]) -> Connection:
-    """Return a topic as rosbags describes it, with its type's definition and hash.
+    """Return a topic in the form of rosbags, with its type's definition and hash.
 
     Parameters
     ----------
     number : int
-        From 1, unique in the bag.
+        Number from 1, unique in the bag.
     topic : str
         Full name.
     kind : str
-        Message type, as in ``std_msgs/msg/String``.
+        Message type, for example ``std_msgs/msg/String``.
     offered : sequence of Qos
-        Quality of service that its publishers offer.
+        Quality of service offered by its publishers.
 
     Raises
     ------
     UndefinedTypeError
-        The type is neither known to rosbags nor found in an installed package.
+        The type is unknown to rosbags, and not found in any installed package.
     """
     definition, digest = _definition(kind)
     stored = interfaces.MessageDefinition(interfaces.MessageDefinitionFormat.MSG, definition)
@@ -46,7 +46,7 @@ def connection(number: int, topic: str, kind: str, offered: Sequence[Qos]) -> Co
 
 @cache
 def _definition(kind: str) -> tuple[str, str]:
-    """Return the text of a type with those it contains, and its hash (REP 2016)."""
+    """Return the text of a type, with nested types, and its hash (REP 2016)."""
     types = _types()
     try:
         _add_installed(types, kind)
@@ -62,7 +62,7 @@ def _types() -> Typestore:
 
 
 def _add_installed(types: Typestore, kind: str) -> None:
-    """Register a type, and those it contains, from the .msg files of installed packages."""
+    """Register a type and nested types from the .msg files of installed packages."""
     if kind in types.fielddefs:
         return
     found = get_types_from_msg(_message_file(kind).read_text(encoding="utf-8"), kind)
@@ -74,7 +74,7 @@ def _add_installed(types: Typestore, kind: str) -> None:
 
 
 def _message_file(kind: str) -> Path:
-    # Imported only for types that rosbags does not know: needs an installed ROS 2.
+    # Imported for types unknown to rosbags only, as it needs an installed ROS 2.
     from ament_index_python.packages import get_package_share_directory
 
     package, _, name = kind.split("/")
@@ -82,7 +82,7 @@ def _message_file(kind: str) -> Path:
 
 
 def _names(parsed: object) -> Iterator[str]:
-    """Yield every text in nested tuples and lists; type names are among them."""
+    """Yield all texts in nested tuples and lists; these include type names."""
     if isinstance(parsed, str):
         yield parsed
     elif isinstance(parsed, (tuple, list)):

@@ -24,14 +24,14 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, places
 
 AGE_OF = "actuator force"
-"""Command whose age counts: the one whose force is felt."""
+"""Command whose age is reported: its force is the one that users feel."""
 
 COMMANDS = {
     AGE_OF: ("master_device", AGE_OF),
     "master arm force": ("master_device", "arm force"),
     "slave arm force": ("slave_device", "arm force"),
 }
-"""Node and name in its diagnostics of each kind of command."""
+"""Node of each kind of command, and its name in diagnostics."""
 
 DEVICES = tuple(dict.fromkeys(node for node, _ in COMMANDS.values()))
 """Nodes that apply forces."""
@@ -44,28 +44,28 @@ _NUMBER = re.compile(r"[0-9]+(?:\.[0-9]+)?")
 
 @dataclass(frozen=True)
 class Delivery:
-    """Delivery of the samples of one span of a bag.
+    """Delivery of samples in one section of a bag.
 
     Attributes
     ----------
     lost : dict
-        Messages that are missing although their sample was taken, by topic.
+        Numbers of messages lost after their sample was taken, by topic.
     missed : dict
-        Samples of the grid that were not taken, by arm.
+        Numbers of grid points without a sample, by arm.
     age_us : dict
-        Age of the actuator's forces where they were applied, us, as the device reported last: p50,
-        p90, p99, p99_9, max.
+        Age of the actuator's forces when applied, us, from the device's last report: p50, p90,
+        p99, p99_9, max.
     deadlines : dict
-        Forces that had a due time, and those that took effect after it, by kind of command, as the
-        devices reported last: ``{"actuator force": {"due": n, "missed": n, "past_tick": n,
-        "longest_us": t, "late_s": t}, ...}``. In older bags the last three are not there, and what
-        came after its tick was carried out was counted as missed, however late that was.
+        Numbers of forces with a due time, and of those that took effect after it, by kind of
+        command, from the devices' last reports: ``{"actuator force": {"due": n, "missed": n,
+        "past_tick": n, "longest_us": t, "late_s": t}, ...}``. Older bags lack the last three.
+        There ``missed`` counts forces that arrived after their tick was executed, whatever their
+        delay.
     ticks_late_us : float
-        Longest time that a tick of a device began late since the device was opened, us; NaN where
-        none is reported.
+        Maximum delay of a device's tick since the device was opened, us; NaN if not reported.
     warnings : list of str
-        Warnings of nodes in their diagnostics, each kind once with its largest number; missed
-        deadlines are among the counts.
+        Warnings in the nodes' diagnostics, each kind once with its largest number; missed
+        deadlines are counts, and omitted here.
     nodes : dict
         Last diagnostics of each node.
     """
@@ -80,12 +80,12 @@ class Delivery:
 
     @property
     def by_clock(self) -> bool:
-        """True if missed deadlines were counted by the clock, or there are none."""
+        """True if missed deadlines were measured by the clock, or there are none."""
         return all("longest_us" in counts for counts in self.deadlines.values())
 
 
 def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
-    """Count losses and missed deadlines within a span of a bag, and find the ages of forces.
+    """Count losses and missed deadlines in a section of a bag, and find the ages of forces.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
     start : int
         Start of the sampling grid, ns.
     length : int
-        Length of the span, samples.
+        Length of the section, samples.
     rate : float
         Samples per second of the grid.
     """
@@ -107,7 +107,7 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         if within.any():
             seen[topic.name] = np.bincount(where[within], minlength=length) > 0
     known = [topic for topic in topics.SIGNALS if topic.name in seen]
-    # A sample was taken if any message that it caused is there.
+    # A sample was taken if any of its messages exists.
     taken = {
         arm: np.any([seen[topic.name] for topic in known if topic.source == arm], axis=0)
         for arm in topics.ARMS
@@ -139,7 +139,7 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
 
 
 def _warnings(reports: Sequence[Diagnosis]) -> list[str]:
-    """Return each kind of warning once, with its largest number and how often it came."""
+    """Return each kind of warning once, with its largest number and its number of reports."""
     kinds: dict[tuple[str, str], list[str]] = {}
     for said in reports:
         for warning in said.message.split(", "):
@@ -156,11 +156,11 @@ def _largest(warning: str) -> float:
 
 
 def read_delivery(bag: Path, rate: float) -> Delivery:
-    """Return the delivery of all samples of a bag, from when all signals were there.
+    """Return the delivery of all samples of a bag, from the first time with all signals.
 
     Raises
     ------
-    ParameterError
+    The path is no bag, or the bag lacks a signal.
         It is not a bag, or lacks a signal.
     """
     recorded = read_bag(bag)
@@ -177,7 +177,7 @@ def read_delivery(bag: Path, rate: float) -> Delivery:
 
 
 def durations(values: Mapping[str, str], name: str) -> dict[str, float]:
-    """Return quantiles, in us, that a node reported; what is no number is left out."""
+    """Return quantiles from a node's report, in us, without those that are no numbers."""
     found = {}
     for label in LABELS:
         with suppress(ValueError):
@@ -186,7 +186,7 @@ def durations(values: Mapping[str, str], name: str) -> dict[str, float]:
 
 
 def count(values: Mapping[str, str], name: str) -> int:
-    """Return a count that a node reported, or 0 if it is no number."""
+    """Return a count from a node's report, or 0 if it is no number."""
     try:
         return read_whole(values.get(name, ""))
     except ValueError:
@@ -194,16 +194,16 @@ def count(values: Mapping[str, str], name: str) -> int:
 
 
 def _report(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
-    """Return what a node reported last before the end of a span, or soon behind it."""
+    """Return a node's last report before the end of a section, or shortly after it."""
     reports = [d for d in recorded.diagnostics if d.node == node]
     within = [d for d in reports if d.received <= end] or reports[:1]
     return within[-1].values if within else {}
 
 
 def _counts(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
-    """Return what a node reported first after the end of a span, or last before it.
+    """Return a node's first report after the end of a section, or its last one before it.
 
-    A pause that ended the span, as arms let go then, is in no earlier report.
+    Earlier reports lack the pause that ended the section by disengaging the arms.
     """
     reports = [d for d in recorded.diagnostics if d.node == node]
     after = [d for d in reports if d.received >= end] or reports[-1:]
@@ -211,12 +211,12 @@ def _counts(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
 
 
 def _deadlines(values: Mapping[str, str], command: str) -> dict[str, float]:
-    """Return the counts of a kind of command; nothing where it has no due time."""
+    """Return the counts of a kind of command; empty if it has no due time."""
     due, missed = count(values, f"{command} due"), count(values, f"{command} deadlines missed")
     if not due:
         return {}
     found: dict[str, float] = {"due": due, "missed": missed}
-    with suppress(ValueError):  # as where it was not counted yet
+    with suppress(ValueError):  # for devices that did not count it yet
         found |= {
             "past_tick": count(values, f"{command} {PAST_TICK}"),
             "longest_us": read_decimal(values.get(f"{command} {LONGEST}", "")),

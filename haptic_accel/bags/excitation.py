@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Force and acceleration of an identification, read from its bag."""
+"""Force and acceleration of an identification from its bag."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ def read_excited(bag: Bag, rate: float) -> tuple[FloatArray, FloatArray, BoolArr
     Parameters
     ----------
     bag : Bag
-        As written by the recorder.
+        Bag written by the recorder.
     rate : float
         Samples per second of the graph.
 
     Returns
     -------
     actuator_force, handle_acceleration : ndarray, shape (n,)
-        N and m/s^2, each force at the sample that caused it.
+        N and m/s^2; each force is at the sample that caused it.
     missing : ndarray of bool, shape (n,)
-        True for samples that are not in the bag; they have the value of the one before.
+        True for samples missing in the bag, which repeat the previous value.
 
     Raises
     ------
     RecordingError
-        It lacks a signal, or has another rate.
+        The bag lacks a signal, or has another rate.
     """
     signals = bag.signals
     for topic in (topics.ACTUATOR_FORCE, topics.HANDLE_ACCELERATION):
@@ -56,9 +56,9 @@ def read_excited(bag: Bag, rate: float) -> tuple[FloatArray, FloatArray, BoolArr
 
 
 def force_age(bag: Bag) -> float:
-    """Return the median age of the actuator's forces where they were applied on arrival, s.
+    """Return the median age of the actuator's forces applied on arrival, s.
 
-    0 where they had a due time, or the bag has no diagnostics of it.
+    0 for forces with a due time, and without diagnostics of them.
     """
     if bag.latency:
         return 0.0
@@ -67,5 +67,5 @@ def force_age(bag: Bag) -> float:
 
 
 def last_values(bag: Bag, node: str) -> dict[str, str]:
-    """Return the values that a node reported last in its diagnostics; none if it did not."""
+    """Return the last values in a node's diagnostics; empty without any."""
     return {said.node: said.values for said in bag.diagnostics}.get(node, {})

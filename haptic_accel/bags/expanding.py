@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compressed parts of bags, which may expand to any size: counted, and ended at a bound."""
+"""Decompression of bags with a limit on the expanded size."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ from haptic_accel.bags.rosbags_adapter import zstd
 from haptic_accel.core.bounded_files import opened
 
 LARGEST = 1 << 26
-"""Largest record, chunk and message that are read, bytes: rosbag2's chunks have 768 KiB."""
+"""Maximum size of a record, chunk or message, bytes; rosbag2's chunks have 768 KiB."""
 
 PART = 1 << 20
-"""Bytes that are decompressed in one go."""
+"""Number of bytes decompressed at a time."""
 
 ALWAYS = 1 << 26
-"""Bytes to which any file may expand."""
+"""Expanded size permitted for any file, bytes."""
 
 RATIO = 100
-"""Bytes more for each byte of a file: its signals expand to two to ten times."""
+"""Additional permitted bytes per byte of a file; its signals expand by a factor of two to ten."""
 
 LARGEST_FILE = 1 << 40
-"""Size of the largest file that is decompressed as a whole, bytes."""
+"""Maximum size of a file that is decompressed as a whole, bytes."""
 
 
 class Allowance:
-    """Bytes to which the parts of a file may expand together."""
+    """Limit on the total expanded size of a file's parts."""
 
     def __init__(self, path: Path) -> None:
         self._most = self._left = ALWAYS + RATIO * path.stat().st_size
 
     def spend(self, size: int) -> None:
-        """Count what is decompressed.
+        """Count decompressed bytes.
 
         Raises
         ------
         ValueError
-            It is more than is allowed.
+            The limit is exceeded.
         """
         self._left -= size
         if self._left < 0:
@@ -46,14 +46,14 @@ class Allowance:
 
 
 def decompressed_file(path: Path, folder: Path) -> Path:
-    """Decompress a file that rosbag2 compressed as a whole, into a folder.
+    """Decompress to a folder a file that rosbag2 compressed as a whole.
 
     Raises
     ------
     ValueError, EOFError, ZstdError
-        It expands to more than is allowed, or is damaged.
+        The file exceeds the limit, or is damaged.
     OSError
-        It cannot be read, or the other not be written.
+        The file cannot be read, or the result cannot be written.
     """
     allowance, target = Allowance(path), folder / path.stem
     with opened(path, LARGEST_FILE) as source, zstd.open(source) as parts, target.open("wb") as to:
@@ -69,7 +69,7 @@ def decompressed_message(content: bytes) -> bytes:
     Raises
     ------
     ValueError, ZstdError
-        It is damaged, or larger than is read.
+        The message is damaged or too large.
     """
     decompressor = zstd.ZstdDecompressor()
     found = decompressor.decompress(content, LARGEST)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Facts stored in a bag, so that it is known later which run it holds, and on which machine."""
+"""Facts stored in a bag, which identify its run and the machine."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from haptic_accel import __version__
 from haptic_accel.core.parameters import ParameterError
 
 PREFIX = "haptic_accel."
-"""Prefix of the facts among the keys of a bag's custom data."""
+"""Prefix of facts among the keys of a bag's custom data."""
 
 VERSION, ARGUMENTS, PARAMETERS, HOST = "version", "arguments", "parameters", "host"
 
 RUN, LOCKSTEP = "run", "lockstep"
-"""Name and value of the fact that a bag was made in lockstep, not by a live graph."""
+"""Name and value of the fact that marks a bag from lockstep instead of a live graph."""
 
 
 def custom_data(text: str) -> dict[str, str]:
-    """Return a bag's facts as rosbag2 stores them: text by name.
+    """Return a bag's facts in rosbag2's form: text by name.
 
     Parameters
     ----------
     text : str
-        JSON object that may have `ARGUMENTS` and `PARAMETERS`; empty for none.
+        JSON object, optionally with `ARGUMENTS` and `PARAMETERS`; empty for none.
 
     Raises
     ------
     ParameterError
-        It is not a JSON object.
+        The text is no JSON object.
     """
     try:
         given = json.loads(text or "{}")
@@ -55,7 +55,7 @@ def custom_data(text: str) -> dict[str, str]:
 
 
 def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
-    """Return the facts in a bag's custom data; what is not JSON stays text."""
+    """Return the facts in a bag's custom data; text that is no JSON remains text."""
     facts: dict[str, Any] = {}
     for key, value in custom.items():
         if not key.startswith(PREFIX):
@@ -69,7 +69,7 @@ def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
 
 
 def facts_text(arguments: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the JSON that `custom_data` takes."""
+    """Return the JSON input for `custom_data`."""
     return json.dumps({ARGUMENTS: dict(arguments), PARAMETERS: parameters})
 
 
@@ -86,7 +86,7 @@ def host() -> dict[str, Any]:
 
 @cache
 def ros_distro() -> str:
-    """Return the ROS 2 distribution of the environment, or that of the wheels installed."""
+    """Return the ROS 2 distribution of the environment, or of the installed wheels."""
     wheels = (
         re.fullmatch(r"ros[-_](\w+)[-_]rclpy", d.name or "") for d in metadata.distributions()
     )

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The files of a bag while it is recorded: split, described, and saved."""
+"""Files of a bag during its recording: splitting, metadata and error handling."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from haptic_accel.core.sampling import NANOSECONDS
 
 
 class BagFiles:
-    """A bag's folder with its files, the last of which is written.
+    """Folder of a bag with its files; the last one is being written.
 
-    Nothing is raised while recording: the first OSError ends it, the messages saved by then stay
-    readable, and later ones are counted.
+    No exceptions are raised during the recording. The first OSError ends it; earlier messages
+    remain readable, and later ones are counted.
 
     Parameters
     ----------
     path : Path
-        Folder to make.
+        Folder to create.
     options : RecordingOptions
     facts : mapping
         Custom data of the bag, text by name.
@@ -39,18 +39,18 @@ class BagFiles:
     Attributes
     ----------
     lost : int
-        Messages that are not in the bag.
+        Number of messages missing in the bag.
     bytes : int
-        Size of all messages written.
+        Total size of the written messages.
     failure : str
-        Error that ended the recording, empty as long as it goes on.
+        Error that ended the recording; empty while it continues.
     trouble : str
-        Error that ended nothing, empty without.
+        Error that did not end the recording; empty without one.
 
     Raises
     ------
     ParameterError
-        The folder exists already or cannot be made.
+        The folder exists already or cannot be created.
     """
 
     def __init__(self, path: Path, options: RecordingOptions, facts: Mapping[str, str]) -> None:
@@ -61,8 +61,8 @@ class BagFiles:
         self._facts = facts
         self._connections: list[Connection] = []
         self._finished: dict[str, Tally] = {}
-        self._given = 0  # messages, to the file that is written
-        self._begun = 0  # time at which its first message was recorded
+        self._given = 0  # messages in the file being written
+        self._begun = 0  # recording time of its first message
         self._is_misplaced = False
         try:
             path.mkdir(parents=True)
@@ -74,17 +74,17 @@ class BagFiles:
 
     @property
     def written(self) -> int:
-        """Messages in the bag, or about to be."""
+        """Number of messages in the bag, including pending ones."""
         return sum(tally.messages for tally in self._finished.values()) + self._given
 
     @property
     def file_names(self) -> list[str]:
-        """Names of the bag's files, the last of which is written until the bag is closed."""
+        """Names of the bag's files; the last one is being written until the bag is closed."""
         return list(self._tallies)
 
     @property
     def free_space(self) -> int:
-        """Free space on the disk, bytes; 0 if the folder is gone."""
+        """Free space on the disk, bytes; 0 if the folder no longer exists."""
         try:
             return shutil.disk_usage(self.path).free
         except OSError:
@@ -96,7 +96,7 @@ class BagFiles:
         self._attempt(ChunkedWriter.add, added)
 
     def write(self, topic: Connection, received: int, data: bytes) -> None:
-        """Add a message of a topic that was added, recorded at a system time in ns."""
+        """Add a message of a known topic, recorded at a system time in ns."""
         if self._is_full(received):
             self.split()
         if not self._file or self.failure:
@@ -113,18 +113,18 @@ class BagFiles:
         self.bytes += len(data)
 
     def flush(self) -> None:
-        """Bring everything to the disk."""
+        """Write everything to the disk."""
         self._attempt(ChunkedWriter.flush)
 
     def split(self) -> None:
-        """Continue in another file; if that cannot be made, in the same one."""
+        """Continue in another file, or in the same one if a new one cannot be created."""
         self.flush()
         if self.failure:
             return
         try:
             following = self._open(len(self._finished) + 1)
         except OSError as error:
-            self._begun = 0  # not tried again with every message
+            self._begun = 0  # not tried again with each message
             self.trouble = f"{self.path}: cannot be split: {_reason(error)}"
             return
         self._attempt(self._close_file)
@@ -143,12 +143,12 @@ class BagFiles:
             self.failure, self.trouble = self.trouble, ""
 
     def summary(self, dropped: int) -> str:
-        """Return one line about the messages that are saved and those that are not.
+        """Return a line on the numbers of saved and lost messages.
 
         Parameters
         ----------
         dropped : int
-            Messages that are not in the bag.
+            Number of messages missing in the bag.
         """
         if not self.failure:
             return f"{self.path}: {self.written} messages, {dropped} dropped"
@@ -170,7 +170,7 @@ class BagFiles:
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        """End the recording and keep what is saved."""
+        """End the recording and keep the saved messages."""
         assert self._file
         self.failure = _reason(error)
         try:
@@ -199,7 +199,7 @@ class BagFiles:
         return ChunkedWriter(self.path / f"{self.path.name}_{number}{MCAP}", compressed=compressed)
 
     def _close_file(self, file: ChunkedWriter) -> None:
-        """Finish the file and list it among those that are finished."""
+        """Finish the file and add it to the list of finished files."""
         file.flush()
         file.finish(self._metadata().text)
         self._finished[file.path.name] = file.kept
@@ -207,7 +207,7 @@ class BagFiles:
         self._given = self._begun = 0
 
     def _renew_metadata(self) -> bool:
-        """Write the metadata; return whether nothing was in the way."""
+        """Write the metadata; return whether this succeeded."""
         if self._is_misplaced:
             return True  # what is in the folder's place now is left alone
         try:

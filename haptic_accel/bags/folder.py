@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names of the files in a bag's folder; light to import."""
+"""Names of files in a bag's folder; fast to import."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COMPRESSED = ".zstd"
 """Second suffix of a file that rosbag2 compressed as a whole."""
 
 MUST_BE = "must be a bag: it has no .mcap or .db3 file"
-"""Complaint about a folder without a bag's files."""
+"""Message for a folder without a bag's files."""
 
 
 def is_storage(path: Path) -> bool:
@@ -26,34 +26,34 @@ def is_storage(path: Path) -> bool:
 
 
 def storage_files(folder: Path) -> list[Path]:
-    """Return the files of a bag in the order of their numbers, compressed ones too."""
+    """Return the files of a bag in order of their numbers, including compressed ones."""
     found = [path for path in folder.iterdir() if path.is_file() and is_storage(path)]
     return sorted(found, key=lambda path: (_number(path), path.name))
 
 
 def is_bag(folder: Path) -> bool:
-    """Return whether a folder holds a bag."""
+    """Return whether a folder contains a bag."""
     return os.path.isfile(folder / METADATA) or bool(storage_files(folder))
 
 
 def find_bags(path: Path) -> list[Path]:
-    """Return the bags at a place, in order of their names.
+    """Return the bags at a path, sorted by name.
 
     Parameters
     ----------
     path : Path
-        A bag's folder, one of its files, or a folder in which to look for bags, however deep.
+        Folder of a bag, one of its files, or a folder to search for bags recursively.
 
     Raises
     ------
     ParameterError
-        There is nothing, or no bag below it.
+        The path does not exist, or contains no bag.
     """
     if not os.path.exists(path):
         raise ParameterError(f"{path}: no such file or folder")
     if not path.is_dir() or is_bag(path):
         return [path]
-    # Links are not followed: they may lead in a ring.
+    # Links are not followed, as they may form a cycle.
     folders = sorted(f for f in path.rglob("*") if f.is_dir() and not f.is_symlink())
     found = [folder for folder in folders if is_bag(folder)]
     if not found:
@@ -62,7 +62,7 @@ def find_bags(path: Path) -> list[Path]:
 
 
 def free_name(path: Path) -> Path:
-    """Return a path, or the first of ``path-2``, ``path-3`` and so on, that does not exist."""
+    """Return a path, or the first of ``path-2``, ``path-3`` and so on that does not exist."""
     found, number = path, 2
     while found.exists():
         found = path.with_name(f"{path.name}-{number}")

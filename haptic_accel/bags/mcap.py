@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads an MCAP file by chunks, as far as it is intact.
+"""Reader of MCAP files by chunks, which keeps the intact parts of damaged files.
 
-The readers of `rosbags` and `mcap` give one message at a time, which for ten minutes of this graph
-takes a minute or two, and refuse a file that was cut off. Here a chunk's messages stay one block
-of bytes with the places of the messages in it. What differs from its checksum is left out.
+The readers of `rosbags` and `mcap` return one message at a time, which takes one to two minutes
+for ten minutes of this graph. They also reject truncated files. Here the messages of a chunk
+remain one block of bytes with an array of offsets. Data with a wrong checksum are skipped.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ from haptic_accel.core.yaml_text import load_yaml, texts_of
 ByteArray = npt.NDArray[np.uint8]
 
 LOOSE = 1 << 20
-"""Size of the blocks in which records outside chunks are read, bytes."""
+"""Size of the blocks for reading records outside chunks, bytes."""
 
 MOST_INDEXED = 500_000
-"""Records of an index that are read: rosbag2 writes one for each chunk, and a few more."""
+"""Maximum number of records in an index; rosbag2 writes one per chunk and a few more."""
 
 MOST_PROBLEMS = 100
-"""Problems of a file that are told."""
+"""Maximum number of reported problems of a file."""
 
 _LOOSE_KINDS = (mcap.SCHEMA, mcap.CHANNEL, mcap.MESSAGE)
 _READ_KINDS = (*_LOOSE_KINDS, mcap.CHUNK, mcap.MESSAGE_INDEX, mcap.METADATA, mcap.DATA_END)
-# Records of the index, offset of the place and length in them, and what is there.
+# Records of the index: offset of position and length in them, and the kind they refer to.
 _SPANS = ((mcap.CHUNK_INDEX, 16, mcap.CHUNK), (mcap.METADATA_INDEX, 0, mcap.METADATA))
 _UNKNOWN = -1
-"""Number of no channel; a chunk whose index has it is walked."""
+"""Invalid channel id; such chunks are scanned."""
 
-_FOOTER = struct.Struct("<BQQQI8s")  # with its record's header, and the mark at the file's end
-_DATA_END = struct.Struct("<BQI")  # with its record's header
+_FOOTER = struct.Struct("<BQQQI8s")  # with its record's header, and the file's end mark
+_DATA_END = struct.Struct("<BQI")  # including its record's header
 _ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
-# A message's record up to its data; RECORD and MESSAGE_HEADER as numpy has them.
+# Record of a message up to its data: RECORD and MESSAGE_HEADER as a numpy type.
 _HEAD = np.dtype(
     [
         ("kind", "u1"),
@@ -66,32 +66,32 @@ _HEAD = np.dtype(
 _DECOMPRESSORS = {"lz4": lz4.LZ4FrameDecompressor, "zstd": zstd.ZstdDecompressor}
 
 DATA = _HEAD.itemsize
-"""Distance of a message's data from the start of its record, bytes."""
+"""Offset of a message's data from the start of its record, bytes."""
 
 Entries = dict[int, tuple[IntArray, IntArray]]
-"""Times and places of a chunk's messages, by number of their channel."""
+"""Times and offsets of a chunk's messages, by channel id."""
 
 DAMAGE_ERRORS = (
     *(ValueError, TypeError, AttributeError, LookupError, OverflowError),
     *(RuntimeError, EOFError, struct.error, zstd.ZstdError),
 )
-"""Errors that readers raise on damaged content."""
+"""Errors raised by readers for damaged content."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """Messages of one channel that lie in one block of bytes.
+    """Messages of one channel in one block of bytes.
 
     Attributes
     ----------
     topic, type : str
-        Full name, and type as in ``geometry_msgs/msg/AccelStamped``.
+        Full name, and type, for example ``geometry_msgs/msg/AccelStamped``.
     received : ndarray of int64, shape (n,)
-        Times at which they were recorded, system time in ns.
+        Recording times, system time in ns.
     bytes : ndarray of uint8
-        The block.
+        Bytes of the block.
     starts, ends : ndarray of int64, shape (n,)
-        Bounds of each message's data in it.
+        Start and end of each message's data in it.
     """
 
     topic: str
@@ -104,7 +104,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Records of a chunk, decompressed and whole, with the places of its messages."""
+    """Records of a chunk, decompressed and complete, with the offsets of its messages."""
 
     records: bytes
     compression: str = ""
@@ -113,16 +113,16 @@ class Chunk:
 
 @dataclass(frozen=True)
 class _Index:
-    """Index at a file's end.
+    """Index at the end of a file.
 
     Attributes
     ----------
     start : int
-        Its place in the file.
+        Position in the file.
     records : list
         Kind and content of each of its records.
     places : list
-        Place, length and kind of the file's chunks and metadata, if it has chunks.
+        Position, length and kind of the file's chunks and metadata, if it has chunks.
     tally : Tally
     """
 
@@ -134,18 +134,18 @@ class _Index:
 
 @dataclass
 class McapFile:
-    """An MCAP file to read: by its index, by chunks, or by blocks of messages.
+    """MCAP file, readable by its index, by chunks, or by blocks of messages.
 
     Attributes
     ----------
     schemas, channels : dict
-        By number, as far as read.
+        Items by number, as far as read.
     metadata : dict
         Texts of the metadata records, by record and key.
     problems : list of str
-        Damage found while reading, a line each.
+        Damage found during reading, one line each.
     unfinished : str
-        End of a file that was not closed, in one line; empty where it was closed.
+        One line on the end of a file that was not closed; empty if it was closed.
     """
 
     path: Path
@@ -158,7 +158,7 @@ class McapFile:
 
     @property
     def custom_data(self) -> dict[str, str]:
-        """The bag's custom data as a closed file repeats it; empty where there is none."""
+        """Custom data of the bag, repeated in a closed file; empty if there are none."""
         repeated = self.metadata.get("rosbag2", {}).get("serialized_metadata", "")
         try:
             return texts_of((load_yaml(repeated) or {}).get("custom_data"))
@@ -167,12 +167,12 @@ class McapFile:
             return {}
 
     def read_index(self) -> Tally:
-        """Read schemas, channels and statistics from the index at the file's end.
+        """Read schemas, channels and statistics from the index at the end of the file.
 
         Raises
         ------
         ValueError
-            There is no index, it is damaged, or it has a chunk without messages.
+            The index is missing or damaged, or contains a chunk without messages.
         OSError
             The file cannot be read.
         """
@@ -191,14 +191,14 @@ class McapFile:
         return index.tally
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the messages in the order of the file, a block per chunk and channel.
+        """Yield the messages in file order, as one block per chunk and channel.
 
         Raises
         ------
         ValueError
-            It is not an MCAP file, or expands to more than is allowed.
+            The file is no MCAP file, or exceeds the limit of expansion.
         OSError
-            It cannot be read.
+            The file cannot be read.
         """
         for chunk in self.chunks():
             block = np.frombuffer(chunk.records, np.uint8)
@@ -211,18 +211,18 @@ class McapFile:
                 yield Block(channel.topic, channel.schema, times, block, starts + DATA, ends)
 
     def chunks(self, *, by_index: bool = True) -> Iterator[Chunk]:
-        """Yield the file's chunks; records outside chunks are gathered into some.
+        """Yield the file's chunks; records outside chunks are collected in chunks.
 
         Parameters
         ----------
         by_index : bool
-            Take the places of messages from the index behind each chunk, where there is one and
-            it is not damaged, instead of from the records themselves.
+            Use the message index after each chunk, if it exists and is intact, instead of scanning
+            the records.
 
         Raises
         ------
         ValueError, OSError
-            As `blocks`.
+            As for `blocks`.
         """
         self._allowance = Allowance(self.path)
         with self._open() as file:
@@ -232,7 +232,8 @@ class McapFile:
             file.seek(len(MAGIC))
             records = self._records(file, size)
             if index and index.places and not is_intact:
-                # A record that has lost its length hides those behind it, but not from the index.
+                # A record with a damaged length hides the following ones, but the index finds
+                # them.
                 for kind, content in index.records:
                     self._declare(kind, content)
                 records = self._records_at(file, size, index.places)
@@ -241,7 +242,7 @@ class McapFile:
                 self._report("differs from its checksum, but in no message")
 
     def _open(self) -> BinaryIO:
-        # What is no file may have no end.
+        # Special files may be endless.
         if self.path.exists() and not self.path.is_file():
             raise ValueError("it is not a file")
         return self.path.open("rb")
@@ -252,7 +253,7 @@ class McapFile:
             self.problems.append(told)
 
     def _intact_index(self, file: BinaryIO, size: int) -> _Index | None:
-        """Return the index, or say why there is none."""
+        """Return the index, or the reason why there is none."""
         try:
             return _index(file, size)
         except DamagedIndexError as error:
@@ -262,12 +263,12 @@ class McapFile:
         return None
 
     def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
-        """Yield what is read of the records that are whole, and a chunk that is cut off."""
+        """Yield the complete records, and a truncated chunk."""
         while len(header := file.read(RECORD.size)) == RECORD.size:
             kind, length = RECORD.unpack(header)
             place = file.tell()
             is_cut_off = place + length > size
-            # Where power was cut, a file may end in zeros.
+            # After a power cut, a file may end in zeros.
             if kind == mcap.NOTHING or (is_cut_off and kind != mcap.CHUNK):
                 return
             length = min(length, size - place)
@@ -281,12 +282,12 @@ class McapFile:
     def _records_at(
         self, file: BinaryIO, size: int, places: list[tuple[int, int, int]]
     ) -> Iterator[tuple[int, bytes]]:
-        """Yield records at places from the index, and an end."""
+        """Yield records at positions from the index, and an end."""
         for place, length, kind in places:
             if length > LARGEST or place + length > size:
                 self._report(f"a record of {length} bytes is not where the index has it")
                 continue
-            self._allowance.spend(length)  # the index may have one place a thousand times
+            self._allowance.spend(length)  # the index may repeat a position many times
             file.seek(place)
             yield kind, file.read(length)[RECORD.size :]
         yield mcap.DATA_END, b""
@@ -316,14 +317,14 @@ class McapFile:
             ended = kind == mcap.DATA_END
             if ended:
                 break
-        # Behind the last chunk of a file that was cut off, the index may lack channels.
+        # After the last chunk of a truncated file, channels may be missing in the index.
         yield self._walked(chunk)
         yield self._walked(Chunk(bytes(loose)))
         if not ended:
             self.unfinished = f"{self.path.name} was cut off: read as far as it is intact"
 
     def _decompressed(self, content: bytes) -> Chunk:
-        """Return a chunk as far as it is there; without records where it is damaged."""
+        """Return the available part of a chunk; without records if it is damaged."""
         stream, span = io.BytesIO(content), ""
         try:
             start, end, size, checksum = mcap.CHUNK_HEADER.unpack(
@@ -339,7 +340,7 @@ class McapFile:
             if compression:
                 decompressor = _DECOMPRESSORS[compression]()
                 records = bytes(decompressor.decompress(records, max_length=size))
-            # A chunk that was cut off and is not compressed has whole messages all the same.
+            # A truncated chunk without compression still contains complete messages.
             if len(records) != size and (compression or len(stored) >= length):
                 raise ValueError(f"{len(records)} bytes in place of {size}")
             if len(records) == size and checksum and crc32(records) != checksum:
@@ -352,7 +353,7 @@ class McapFile:
         return Chunk(records, compression)
 
     def _placed(self, chunk: Chunk) -> Chunk:
-        """Return a chunk with the places of its messages, from its index if that is right."""
+        """Return a chunk with the offsets of its messages, from its index if it is correct."""
         entries = chunk.entries
         if not entries or not entries.keys() <= self.channels.keys():
             return self._walked(chunk)
@@ -362,9 +363,9 @@ class McapFile:
         return self._walked(chunk)
 
     def _walked(self, chunk: Chunk) -> Chunk:
-        """Return a chunk cut to its sound records, with the places of its messages.
+        """Return a chunk, cut to its valid records, with the offsets of its messages.
 
-        Schemas and channels are declared on the way.
+        Schemas and channels are declared during the scan.
         """
         found: dict[int, list[tuple[int, int]]] = {}
         records, place = chunk.records, 0
@@ -396,7 +397,7 @@ class McapFile:
         return Chunk(whole, chunk.compression, entries)
 
     def _declare(self, kind: int, content: bytes) -> bool:
-        """Take note of a schema, a channel or metadata; return whether it could be read."""
+        """Declare a schema, a channel or metadata; return whether it could be read."""
         stream = io.BytesIO(content)
         read = mcap.read_text
         try:
@@ -418,11 +419,11 @@ class McapFile:
 
 
 class DamagedIndexError(ValueError):
-    """The index of a file that was closed cannot be read; the message is one line."""
+    """Error: the index of a closed file cannot be read; the message is one line."""
 
 
 def _checked_size(file: BinaryIO) -> int:
-    """Return a file's size and go behind the mark at its beginning."""
+    """Return a file's size and skip the mark at its beginning."""
     size = file.seek(0, io.SEEK_END)
     file.seek(0)
     if file.read(len(MAGIC)) != MAGIC:
@@ -436,9 +437,9 @@ def _index(file: BinaryIO, size: int) -> _Index:
     Raises
     ------
     DamagedIndexError
-        It is damaged.
+        The index is damaged.
     ValueError
-        There is none.
+        There is no index.
     """
     file.seek(max(0, size - _FOOTER.size))
     footer = file.read().rjust(_FOOTER.size, b"\0")
@@ -451,7 +452,7 @@ def _index(file: BinaryIO, size: int) -> _Index:
         raise DamagedIndexError("its index is damaged")
     file.seek(start)
     content = file.read(end - start)
-    # The checksum covers the footer, too, as far as it comes before it.
+    # The checksum includes the part of the footer before it.
     if checksum and crc32(footer[: -len(MAGIC) - mcap.SUM.size], crc32(content)) != checksum:
         raise DamagedIndexError("its index is damaged: it differs from its checksum")
     try:
@@ -472,7 +473,7 @@ def _index(file: BinaryIO, size: int) -> _Index:
 
 
 def _index_records(content: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield kind and content of an index's records."""
+    """Yield kind and content of the records in an index."""
     place = 0
     while place < len(content):
         kind, length = RECORD.unpack_from(content, place)
@@ -482,13 +483,13 @@ def _index_records(content: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _is_indexed(chunk_index: bytes) -> bool:
-    """Return whether a chunk has messages and an index of them."""
+    """Return whether a chunk contains messages and an index of them."""
     *_, channels = mcap.CHUNK_INDEX_HEADER.unpack_from(chunk_index)
     return bool(channels)
 
 
 def _data_are_intact(file: BinaryIO, end: int) -> bool:
-    """Return whether the data before an index agree with their checksum, if they have one."""
+    """Return whether the data before an index match their checksum, if they have one."""
     left = end - _DATA_END.size
     file.seek(left)
     kind, length, checksum = _DATA_END.unpack(file.read(_DATA_END.size))
@@ -503,7 +504,7 @@ def _data_are_intact(file: BinaryIO, end: int) -> bool:
 
 
 def _tally(statistics: bytes) -> Tally:
-    """Return the number and times of messages in a statistics record."""
+    """Return the number and times of messages from a statistics record."""
     messages, *_, start, end, size = mcap.STATISTICS_HEADER.unpack_from(statistics)
     counts = statistics[mcap.STATISTICS_HEADER.size :][:size]
     if max(start, end) > NEVER:
@@ -514,7 +515,7 @@ def _tally(statistics: bytes) -> Tally:
 
 
 def _entries(index: bytes) -> Entries:
-    """Return the places of one channel's messages in a message index record."""
+    """Return the offsets of one channel's messages from a message index record."""
     try:
         number, length = struct.unpack_from("<HI", index)
         return {number: _pair(np.frombuffer(index, _ENTRY, length // _ENTRY.itemsize, 6))}
@@ -528,7 +529,7 @@ def _pair(entries: npt.NDArray[np.void]) -> tuple[IntArray, IntArray]:
 
 
 def _is_right(records: bytes, number: int, times: IntArray, starts: IntArray) -> bool:
-    """Return whether the places of a channel's messages are such places."""
+    """Return whether the offsets of a channel's messages are correct."""
     if not len(starts):
         return True
     if int(starts.min()) < 0 or int(starts.max()) + DATA > len(records):
@@ -544,7 +545,7 @@ def _is_right(records: bytes, number: int, times: IntArray, starts: IntArray) ->
 
 
 def _heads(records: bytes, starts: IntArray) -> npt.NDArray[np.void]:
-    """Return what stands before the data of messages."""
+    """Return the headers before the data of messages."""
     anywhere = np.ndarray((len(records) - DATA + 1,), _HEAD, records, strides=(1,))
     return anywhere[starts]
 

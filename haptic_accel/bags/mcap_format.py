@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Records of the MCAP format, as both reader and writer need them.
+"""Records of the MCAP format for reader and writer.
 
 Format: https://mcap.dev/spec.
 """
@@ -17,7 +17,7 @@ from typing import BinaryIO, NamedTuple
 
 MAGIC = b"\x89MCAP0\r\n"
 NEVER = 2**63 - 1
-"""Start time of a file without messages, ns, as rosbag2 has it; no message has a later time."""
+"""Start time of a file without messages, ns, as in rosbag2; all messages are earlier."""
 
 # Kinds of records.
 NOTHING, HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(9)
@@ -26,19 +26,19 @@ STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(11, 16)
 RECORD = struct.Struct("<BQ")  # kind, and length of the content
 MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 CHUNK_HEADER = struct.Struct("<QQQI")  # start, end, uncompressed size, CRC-32 of the records
-# Start, end; place and length of the chunk, and length of the map of channels, which follows.
+# Start, end; position and length of the chunk, and length of the map of channels that follows.
 CHUNK_INDEX_HEADER = struct.Struct("<QQQQI")
 # Messages; schemas, channels, attachments, metadata, chunks; start, end, size of the counts.
 STATISTICS_HEADER = struct.Struct("<QHIIIIQQI")
-COUNT = struct.Struct("<HQ")  # channel, and messages or a place
-SPAN = struct.Struct("<QQ")  # place and length, or place and place
+COUNT = struct.Struct("<HQ")  # channel, and messages or a position
+SPAN = struct.Struct("<QQ")  # position and length, or two positions
 LENGTH = struct.Struct("<Q")
 TEXT_LENGTH = struct.Struct("<I")
-SUM = struct.Struct("<I")  # CRC-32; 0 where none is given
+SUM = struct.Struct("<I")  # CRC-32; 0 for none
 
 
 class Schema(NamedTuple):
-    """Definition of a message type: number from 1, name, encoding as ``ros2msg``, and text."""
+    """Definition of a message type: number from 1, name, encoding (``ros2msg``), and text."""
 
     id: int
     name: str
@@ -47,7 +47,7 @@ class Schema(NamedTuple):
 
 
 class Channel(NamedTuple):
-    """A topic: number, name of its type, name, serialisation format, and texts by name."""
+    """Topic: number, name of its type, name, serialisation format, and texts by name."""
 
     id: int
     schema: str
@@ -58,15 +58,15 @@ class Channel(NamedTuple):
 
 @dataclass
 class Tally:
-    """Number and times of a file's messages.
+    """Number and times of the messages in a file.
 
     Attributes
     ----------
     counts : Counter
-        Messages by number of their channel.
+        Number of messages by channel.
     start, end : int
-        Times at which the first and the last message were recorded, system time in ns; `NEVER`
-        and 0 without messages.
+        Recording times of the first and the last message, system time in ns; `NEVER` and 0 without
+        messages.
     """
 
     counts: Counter[int] = field(default_factory=Counter)
@@ -79,7 +79,7 @@ class Tally:
         return self.counts.total()
 
     def plus(self, counts: Counter[int], start: int, end: int) -> Tally:
-        """Return the tally with more messages."""
+        """Return the tally including more messages."""
         return Tally(self.counts + counts, min(self.start, start), max(self.end, end))
 
 
@@ -90,24 +90,24 @@ def record(kind: int, *parts: bytes) -> bytes:
 
 
 def text(value: str) -> bytes:
-    """Return a text with its length before it."""
+    """Return a text preceded by its length."""
     content = value.encode()
     return TEXT_LENGTH.pack(len(content)) + content
 
 
 def text_map(texts: Mapping[str, str]) -> bytes:
-    """Return texts by name, without their length."""
+    """Return texts by name, without a total length."""
     return b"".join(text(name) + text(value) for name, value in texts.items())
 
 
 def read_text(content: BinaryIO) -> str:
-    """Read what `text` returns."""
+    """Read the output of `text`."""
     (length,) = TEXT_LENGTH.unpack(content.read(TEXT_LENGTH.size))
     return content.read(length).decode("utf-8", "replace")
 
 
 def read_text_map(content: bytes) -> dict[str, str]:
-    """Read what `text_map` returns."""
+    """Read the output of `text_map`."""
     stream, texts = BytesIO(content), {}
     while stream.tell() < len(content):
         name = read_text(stream)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag's metadata.yaml, which rosbag2 reads before it opens the bag's files."""
+"""Metadata of a bag (metadata.yaml), which rosbag2 reads before the bag's files."""
 
 from __future__ import annotations
 
@@ -29,38 +29,38 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.yaml_text import load_yaml, texts_of
 
 VERSION = 9
-"""Version of metadata.yaml, as Jazzy and newer write it."""
+"""Version of metadata.yaml, written by Jazzy and later."""
 
 STORAGE = "mcap"
-"""Storage identifier of the bags written here."""
+"""Storage identifier of bags written here."""
 
 _SUM = "# CRC-32 of the lines above: "
-"""Beginning of the last line; to YAML it is a comment, and other programs' files have none."""
+"""Start of the last line; a comment in YAML. Files of other programs lack it."""
 
-# With libyaml, where PyYAML has it, ten times as fast.
+# With libyaml, if PyYAML includes it, ten times faster.
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 _ROOT = "rosbag2_bagfile_information"
 _COUNT = Specification("number of messages, or time", "", 0, NEVER)
 _LONG = 2**31 - 1
-"""Line width, columns, at which no text is broken."""
+"""Line width at which no text is wrapped, columns."""
 
 
 class MetadataError(Exception):
-    """A metadata.yaml cannot be read; the message is one line."""
+    """Error: a metadata.yaml cannot be read; the message is one line."""
 
 
 @dataclass(frozen=True)
 class FileEntry:
-    """One file of a bag.
+    """Metadata of one file of a bag.
 
     Attributes
     ----------
     name : str
         Relative to the bag's folder.
     start, end : int
-        Times at which its first and last message were recorded, system time in ns; `NEVER` and 0
-        without messages.
+        Recording times of the first and last message, system time in ns; `NEVER` and 0 without
+        messages.
     messages : int
         Number of messages.
     """
@@ -73,7 +73,7 @@ class FileEntry:
 
 @dataclass(frozen=True)
 class TopicEntry:
-    """One topic of a bag: name, type, quality of service offered, and number of messages."""
+    """Metadata of one topic: name, type, offered quality of service, and number of messages."""
 
     name: str
     type: str
@@ -85,21 +85,21 @@ class TopicEntry:
 
 @dataclass(frozen=True)
 class Metadata:
-    """Content of metadata.yaml.
+    """Contents of metadata.yaml.
 
     Attributes
     ----------
     files : tuple of FileEntry
-        In the order recorded.
+        Files in recording order.
     topics : tuple of TopicEntry
     custom : dict
-        The bag's own facts, text by name.
+        Facts of the bag, text by name.
     storage : str
-        ``mcap``, or in another program's bag ``sqlite3``.
+        ``mcap``, or ``sqlite3`` for some bags of other programs.
     compression_mode, compression_format : str
-        Compression of files or messages by another program; empty without.
+        Compression of files or messages by another program; empty for none.
     distro : str
-        ROS distribution whose type definitions the bag carries.
+        ROS distribution of the type definitions in the bag.
     """
 
     files: tuple[FileEntry, ...]
@@ -112,7 +112,7 @@ class Metadata:
 
     @classmethod
     def of(cls, file: McapFile, tally: Tally) -> Metadata:
-        """Return the metadata of a bag that has one file, whose channels were read."""
+        """Return the metadata of a bag with one file, whose channels have been read."""
         topics = tuple(_channel_entry(c, tally.counts[c.id]) for c in file.channels.values())
         return cls((file_entry(file.path.name, tally),), topics)
 
@@ -123,7 +123,7 @@ class Metadata:
 
     @property
     def start(self) -> int:
-        """Time at which the first message was recorded, system time in ns."""
+        """Recording time of the first message, system time in ns."""
         return min((file.start for file in self.files), default=NEVER)
 
     @property
@@ -138,16 +138,16 @@ class Metadata:
 
     @property
     def text(self) -> str:
-        """Copy that a storage file keeps for rosbag2."""
+        """Copy for a storage file, read by rosbag2."""
         return _yaml(self._content())
 
     def write(self, folder: Path) -> None:
-        """Write metadata.yaml so that a whole one exists at every moment.
+        """Write metadata.yaml so that a complete one exists at all times.
 
         Raises
         ------
         OSError
-            It cannot be written; one that existed before stays.
+            The file cannot be written; an earlier one remains.
         """
         path = folder / METADATA
         new = path.with_name(METADATA + ".tmp")
@@ -186,7 +186,7 @@ def topic_entry(connection: Connection, messages: int) -> TopicEntry:
 def _channel_entry(channel: Channel, messages: int) -> TopicEntry:
     """Return the entry of an MCAP file's channel."""
     texts: dict[str, str] = {}
-    offered: tuple[Qos, ...] = ()  # as it stays where it is damaged: the topic is there still
+    offered: tuple[Qos, ...] = ()  # for a damaged one: the topic still exists
     with suppress(ReaderError, *DAMAGE_ERRORS):
         texts = read_text_map(channel.metadata)
         offered = _read_qos(texts.get("offered_qos_profiles", ""))
@@ -195,17 +195,17 @@ def _channel_entry(channel: Channel, messages: int) -> TopicEntry:
 
 
 def file_entry(name: str, tally: Tally) -> FileEntry:
-    """Return the entry of an MCAP file that holds so many messages."""
+    """Return the entry of an MCAP file with a number of messages."""
     return FileEntry(name, tally.start, tally.end, tally.messages)
 
 
 def read_metadata(folder: Path) -> Metadata:
-    """Read a bag's metadata.yaml, of any version of rosbag2 that has one.
+    """Read a bag's metadata.yaml of any version of rosbag2.
 
     Raises
     ------
     MetadataError
-        There is none, or it cannot be read.
+        The file is missing or cannot be read.
     """
     path = folder / METADATA
     try:
@@ -223,9 +223,9 @@ def _checked_text(path: Path) -> str:
     Raises
     ------
     ValueError
-        It is not text, or differs from its checksum.
+        The file is no text, or differs from its checksum.
     OSError
-        It is not a file, or too large.
+        The path is no file, or the file is too large.
     """
     content = read_bytes(path)
     given = re.search(rb"%s([0-9a-f]{8})\n?\Z" % _SUM.encode(), content)
@@ -235,7 +235,7 @@ def _checked_text(path: Path) -> str:
 
 
 def qos_text(offered: Sequence[Qos]) -> str:
-    """Return the quality of service offered for a topic, as storage files have it."""
+    """Return the quality of service offered for a topic in the form of storage files."""
     return _yaml(dump_qos_v9(list(offered))).strip()
 
 

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads a bag of the graph: its signals as arrays, and its facts.
+"""Reader of the graph's bags: signals as arrays, and facts.
 
-A bag that is damaged, or that another program wrote, is read as far as that is possible, and the
-result names what is missing.
+Damaged bags, and those of other programs, are read as far as possible. The result lists the
+missing parts.
 """
 
 from __future__ import annotations
@@ -62,16 +62,16 @@ _VALUES = {number: f"{name}_value" for number, name in enumerate(_TYPES.split(),
 
 @dataclass(frozen=True)
 class Signal:
-    """The stamped vectors of one topic, in the order in which they were recorded.
+    """Stamped vectors of one topic, in recording order.
 
-    `received` and `values` are empty where `read_bag` was not asked for them.
+    `received` and `values` are empty if `read_bag` was called without them.
 
     Attributes
     ----------
     stamps, received : ndarray of int64, shape (n,)
-        Times of the samples, and times at which their messages were recorded; system time, ns.
+        Times of the samples, and recording times of their messages; system time, ns.
     values : ndarray, shape (n, 3)
-        SI units; the actuator's axis is the third, z.
+        Vectors in SI units; the actuator's axis is the third, z.
     """
 
     stamps: IntArray
@@ -79,9 +79,9 @@ class Signal:
     values: FloatArray
 
     def on_grid(self, start: int, rate: float, length: int) -> tuple[FloatArray, BoolArray]:
-        """Return the component along the actuator's axis on a grid, and where there is a sample.
+        """Return the component along the actuator's axis on a grid, and a mask of samples.
 
-        Parameters are those of `core.sampling.places` and `core.sampling.on_grid`.
+        Parameters as for `core.sampling.places` and `core.sampling.on_grid`.
         """
         where = places(self.stamps, start, rate)
         return on_grid(where, self.values[:, ACTUATOR_AXIS], length)
@@ -89,12 +89,12 @@ class Signal:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Diagnostic status that a node published.
+    """Diagnostic status of a node.
 
     Attributes
     ----------
     received : int
-        Time at which it was recorded, system time, ns.
+        Recording time, system time, ns.
     node, message : str
         Name of the node, and ``OK`` or a warning.
     values : dict
@@ -109,16 +109,16 @@ class Diagnosis:
 
 @dataclass(frozen=True)
 class Change:
-    """A parameter that was set while the bag was recorded.
+    """Change of a parameter during the recording.
 
     Attributes
     ----------
     received : int
         System time, ns.
     node, parameter : str
-        The node's name without namespace, the parameter's dotted name.
+        Name of the node without namespace, and dotted name of the parameter.
     value
-        bool, int, float, str, or a list of them.
+        Value of type bool, int, float, str, or a list of them.
     """
 
     received: int
@@ -129,22 +129,22 @@ class Change:
 
 @dataclass(frozen=True)
 class Bag:
-    """Content of a bag.
+    """Contents of a bag.
 
     Attributes
     ----------
     path : Path
     signals : dict of Signal
-        By the topic's name as in `core.topics`; only those that have messages.
+        Signals by topic name as in `core.topics`, for topics with messages only.
     diagnostics : list of Diagnosis
     changes : list of Change
     facts : dict
         Facts stored by the recorder: ``version``, ``arguments``, ``parameters``, ``host``; empty
-        in another program's bag.
+        for bags of other programs.
     counts : dict
-        Messages by full topic name.
+        Number of messages by full topic name.
     problems : list of str
-        Parts that could not be read, a line each.
+        Unreadable parts, one line each.
     """
 
     path: Path
@@ -157,18 +157,18 @@ class Bag:
 
     @property
     def latency(self) -> int:
-        """Samples from the one that caused a force to the tick at which the force was due.
+        """Delay from sample to force, in samples.
 
-        0 where forces took effect on arrival, as in bags that state no latency.
+        0 for forces applied on arrival, as in bags without a stated latency.
         """
         arguments = self.facts.get("arguments")
         stated = arguments.get("latency") if isinstance(arguments, dict) else None
         return stated if isinstance(stated, int) and 0 <= stated <= HIGHEST_LATENCY else 0
 
     def coupled(self, arm: ArmTopics) -> list[tuple[int, int]]:
-        """Return start and end of each stretch in which an arm was coupled, ns.
+        """Return start and end of each period in which an arm was coupled, ns.
 
-        Empty without forces on the arm's motors; see `core.sampling.coupled_stretches`.
+        Empty without forces of the arm's motors; see `core.sampling.coupled_stretches`.
         """
         forces, samples = (self.signals.get(t.name) for t in (arm.arm_force, arm.acceleration))
         if forces is None:
@@ -183,15 +183,15 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     Parameters
     ----------
     path : Path or str
-        A bag's folder, or one of its files.
+        Folder of a bag, or one of its files.
     vectors : collection of str, optional
-        Names of the topics whose vectors are needed: of others only the stamps are kept, a fifth
-        of the memory, and of none the times at which messages were recorded. By default all is.
+        Names of the topics whose vectors are needed. For others only the stamps are kept, which
+        takes a fifth of the memory, and no recording times are kept. Default: everything.
 
     Raises
     ------
     ParameterError
-        It is not a bag, or cannot be read at all.
+        The path is no bag, or the bag is unreadable.
     """
     path = Path(path)
     bag = Bag(path)
@@ -218,7 +218,7 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
 
 
 def _metadata(bag: Bag) -> Metadata:
-    """Return the metadata; that of an empty bag where there is none."""
+    """Return the metadata, or those of an empty bag if there are none."""
     try:
         return read_metadata(bag.path)
     except MetadataError as error:
@@ -230,14 +230,14 @@ def _metadata(bag: Bag) -> Metadata:
 
 
 def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
-    """Return the files that hold messages, in order."""
+    """Return the files with messages, in order."""
     path = bag.path
     if not os.path.isdir(path):
         path.stat()
         if not (is_storage(path) and os.path.isfile(path)):
             raise ParameterError(f"{path}: must be a bag's folder, or a .mcap or .db3 file")
         return [path]
-    # Those of a recording that was cut off are not all in the metadata.
+    # After an interruption, the metadata lack some files of a recording.
     found = storage_files(path)
     if not found:
         raise ParameterError(f"{path}: {MUST_BE}")
@@ -251,7 +251,7 @@ def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
 def _blocks(
     source: Path, metadata: Metadata, problems: list[str], custom: dict[str, str]
 ) -> Iterator[Block]:
-    """Yield the messages of a file, and complete the custom data from a file's own."""
+    """Yield the messages of a file, and add its custom data."""
     if source.suffix == COMPRESSED:
         with TemporaryDirectory(prefix="haptic_accel-") as folder:
             whole = decompressed_file(source, Path(folder))
@@ -276,7 +276,7 @@ def _blocks(
 
 
 def _foreign_blocks(source: Path) -> Iterator[Block]:
-    """Yield the messages of a file that is not MCAP, by topic."""
+    """Yield the messages of a file in another format than MCAP, by topic."""
     rows: dict[tuple[str, str], list[tuple[int, bytes]]] = defaultdict(list)
     try:
         _check_tables(source)
@@ -284,7 +284,7 @@ def _foreign_blocks(source: Path) -> Iterator[Block]:
             for connection, received, data in reader.messages():
                 rows[connection.topic, connection.msgtype].append((received, bytes(data)))
     except Exception as error:
-        # Damaged files make the readers of rosbags raise whatever they happen to run into.
+        # For damaged files the readers of rosbags raise arbitrary errors.
         raise ValueError(" ".join(str(error).split())) from None
     for (topic, kind), messages in rows.items():
         times, contents = zip(*messages, strict=True)
@@ -292,7 +292,7 @@ def _foreign_blocks(source: Path) -> Iterator[Block]:
 
 
 def _check_tables(source: Path) -> None:
-    """Refuse a database whose rows are computed when they are read: those may have no end."""
+    """Reject a database with computed rows, which may be endless."""
     with closing(sqlite3.connect(f"{source.absolute().as_uri()}?mode=ro", uri=True)) as database:
         rows = database.execute("SELECT type, name, sql FROM sqlite_master").fetchall()
         for kind, name, statement in rows:
@@ -304,7 +304,7 @@ def _check_tables(source: Path) -> None:
 
 
 def _decompressed(block: Block, allowance: Allowance) -> Block:
-    """Return a block whose messages rosbag2 compressed one by one, without compression."""
+    """Return a decompressed block, for messages that rosbag2 compressed one by one."""
     contents = []
     for start, end in zip(block.starts.tolist(), block.ends.tolist(), strict=True):
         contents.append(decompressed_message(block.bytes[start:end].tobytes()))
@@ -324,10 +324,10 @@ class _Collected:
     def __init__(self, bag: Bag, vectors: Collection[str] | None) -> None:
         self._bag = bag
         self._vectors = vectors
-        # Stamps, times and values of each topic: bytes grow in place, arrays would be joined into
-        # second copies.
+        # Stamps, times and values of each topic, as bytes, which grow in place; arrays would need
+        # a copy.
         self._columns: dict[str, tuple[bytearray, ...]] = {}
-        # With the namespace of the node: every graph of a ROS domain sends to the same two topics.
+        # With the node's namespace, as all graphs of a ROS domain publish to the same two topics.
         self._diagnostics: list[tuple[str, Diagnosis]] = []
         self._changes: list[tuple[str, Change]] = []
         self._namespace: str | None = None
@@ -345,15 +345,15 @@ class _Collected:
             self._take_signal(name, block)
 
     def diagnostics(self) -> Iterator[Diagnosis]:
-        """Yield what nodes of the graph reported."""
+        """Yield the reports of the graph's nodes."""
         return (said for place, said in self._diagnostics if self._namespace in (None, place))
 
     def changes(self) -> Iterator[Change]:
-        """Yield parameters of the graph that were set."""
+        """Yield the parameter changes of the graph."""
         return (change for place, change in self._changes if self._namespace in (None, place))
 
     def signals(self) -> dict[str, Signal]:
-        """Return the signals collected."""
+        """Return the collected signals."""
         found = {}
         for name, (stamps, received, values) in self._columns.items():
             times = np.frombuffer(stamps, np.int64), np.frombuffer(received, np.int64)
@@ -361,7 +361,7 @@ class _Collected:
         return found
 
     def _is_ours(self, namespace: str) -> bool:
-        """Return whether a namespace is that of the first graph in the bag, the only one read."""
+        """Return whether a namespace is that of the bag's first graph; only this one is read."""
         if self._namespace is None:
             self._namespace = namespace
         if namespace != self._namespace:
@@ -385,7 +385,7 @@ class _Collected:
             columns[2].extend(values.tobytes())
 
     def _take_diagnostics(self, block: Block) -> None:
-        # Until 0.2.0 in the graph's namespace, with the node's bare name.
+        # Before 0.2.0 in the graph's namespace, with the node's name only.
         below = block.topic.removesuffix(f"/{_REPORTS}")
         for received, message in self._decoded(block):
             for status in message.status:
@@ -410,7 +410,7 @@ class _Collected:
                 data = block.bytes[start:end].tobytes()
                 yield received, _types().deserialize_cdr(data, block.type)
             except Exception as error:
-                # Bytes that are no such message raise whatever they happen to run into.
+                # Bytes of other messages cause arbitrary errors.
                 self._once(f"{block.topic}: a message cannot be read: {error}")
 
     def _once(self, text: str) -> None:
@@ -426,6 +426,6 @@ def _types() -> Typestore:
 
 
 def _split(topic: str) -> tuple[str, str]:
-    """Return the namespace before a topic of the graph, and its name in our table."""
+    """Return the namespace of a topic of the graph, and its name in our table."""
     name = next((name for name in _SIGNALS if topic.endswith(f"/{name}")), "")
     return (topic.removesuffix(f"/{name}") if name else ""), name

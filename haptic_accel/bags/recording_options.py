@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Options of a recording, named as `ros2 bag record` names them."""
+"""Options of a recording, named as in `ros2 bag record`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ZSTD_FAST = "zstd_fast"
 
 @dataclass(frozen=True)
 class RecordingOptions(Checked):
-    """Form of a bag, and further topics in it."""
+    """Format of a bag, and additional topics."""
 
     storage_preset_profile: str = parameter(
         NONE,
@@ -37,12 +37,12 @@ class RecordingOptions(Checked):
     start_paused: bool = parameter(False, "wait for haptic-accel record start before recording")
 
     def __post_init__(self) -> None:
-        """Check all fields, and that they go together.
+        """Check all fields and their combination.
 
         Raises
         ------
         ParameterError
-            A value is not allowed, or not with the others.
+            A value is invalid, alone or in combination.
         """
         super().__post_init__()
         for name in ("regex", "exclude_regex"):
@@ -57,11 +57,11 @@ class RecordingOptions(Checked):
 
     @property
     def named_topics(self) -> list[str]:
-        """The words of `topics`."""
+        """Topic names in `topics`."""
         return self.topics.replace(",", " ").split()
 
     def finds(self, topic: str) -> bool:
-        """Return whether the expressions select a topic, by its full name."""
+        """Return whether the expressions select a topic by its full name."""
         if not self.regex or not re.search(self.regex, topic):
             return False
         return not (self.exclude_regex and re.search(self.exclude_regex, topic))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Repairs bags that were cut off or damaged: by kill -9, a power cut, a full or failing disk."""
+"""Repair of truncated or damaged bags, after kill -9, a power cut, or a full or failing disk."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from haptic_accel.bags.metadata import Metadata, MetadataError, TopicEntry, read
 from haptic_accel.core.parameters import ParameterError
 
 DAMAGED = ".damaged"
-"""Suffix added to the name of a file that was replaced."""
+"""Suffix for the name of a replaced file."""
 
 
 class DamagedError(Exception):
-    """A file of a bag cannot be read by its index; the message is one line."""
+    """Error: a file of a bag cannot be read by its index; the message is one line."""
 
 
 @dataclass
@@ -35,13 +35,13 @@ class Repair:
     ----------
     path : Path
     messages : int
-        Number of messages in the bag now.
+        Number of messages in the bag after the repair.
     duration : float
-        Time from the first to the last, s.
+        Time from the first to the last message, s.
     repairs : list of str
-        A line for each change; empty where nothing had to be changed.
+        One line for each change; empty without changes.
     problems : list of str
-        Damage that could not be repaired, a line each.
+        Damage that could not be repaired, one line each.
     """
 
     path: Path
@@ -52,12 +52,12 @@ class Repair:
 
 
 def inspect(path: Path) -> Metadata:
-    """Return the metadata of one MCAP file by its index.
+    """Return the metadata of one MCAP file from its index.
 
     Raises
     ------
     DamagedError
-        The index is missing or damaged, or it is not an MCAP file.
+        The index is missing or damaged, or the file is no MCAP file.
     """
     file = McapFile(path)
     try:
@@ -68,12 +68,12 @@ def inspect(path: Path) -> Metadata:
 
 
 def _inspect_all(path: Path) -> Metadata:
-    """Return the metadata of one MCAP file by its index, after all its content was checked.
+    """Check the complete contents of one MCAP file; return its metadata from the index.
 
     Raises
     ------
     DamagedError
-        As `inspect`, or something else in it is damaged.
+        As for `inspect`, or another part is damaged.
     """
     metadata, file = inspect(path), McapFile(path)
     deque(file.chunks(), maxlen=0)
@@ -83,21 +83,21 @@ def _inspect_all(path: Path) -> Metadata:
 
 
 def repair(path: Path) -> Repair:
-    """Make a bag whole again; one that is whole stays as it is.
+    """Repair a bag; an intact one remains unchanged.
 
-    A file that is replaced is kept beside, its name with `DAMAGED` behind.
+    A replaced file is kept with the suffix `DAMAGED`.
 
     Parameters
     ----------
     path : Path
-        A bag's folder.
+        Folder of a bag.
 
     Raises
     ------
     ParameterError
-        It is not a bag, or not one of MCAP files.
+        The path is no bag, or the bag's files are no MCAP files.
     OSError
-        Something cannot be written.
+        A file cannot be written.
     """
     if not os.path.isdir(path):
         raise ParameterError(f"{path}: must be the folder of a bag")
@@ -132,7 +132,7 @@ def repair(path: Path) -> Repair:
 
 
 def _repaired(path: Path, custom: dict[str, str], done: Repair) -> Metadata | None:
-    """Return the metadata of a file, rebuilt if need be; None where nothing can be read."""
+    """Return the metadata of a file, rebuilt if necessary; None if nothing is readable."""
     try:
         return _inspect_all(path)
     except DamagedError as damage:
@@ -152,20 +152,20 @@ def _repaired(path: Path, custom: dict[str, str], done: Repair) -> Metadata | No
 
 
 def _rebuild(damaged: Path, target: Path, custom: dict[str, str]) -> list[str]:
-    """Write the intact content of an MCAP file into another, with an index.
+    """Write the intact content of an MCAP file to another, with an index.
 
-    Chunks stay as they are. Of a last one that was cut off, and is not compressed, whole messages
-    are kept.
+    Chunks remain unchanged. Of a truncated last chunk without compression, complete messages are
+    kept.
 
     Returns
     -------
     list of str
-        Chunks that could not be kept, a line each.
+        Chunks that could not be kept, one line each.
 
     Raises
     ------
     ValueError
-        It is not an MCAP file.
+        The file is no MCAP file.
     """
     source = McapFile(damaged)
     rebuilt: ChunkedWriter | None = None
@@ -182,7 +182,7 @@ def _rebuild(damaged: Path, target: Path, custom: dict[str, str]) -> list[str]:
 
 
 def _merged(files: Sequence[Metadata]) -> tuple[TopicEntry, ...]:
-    """Return the topics of several files with the sums of their messages."""
+    """Return the topics of several files, with total numbers of messages."""
     topics: dict[tuple[str, str], TopicEntry] = {}
     for topic in (topic for metadata in files for topic in metadata.topics):
         before = topics.get((topic.name, topic.type))
@@ -192,13 +192,13 @@ def _merged(files: Sequence[Metadata]) -> tuple[TopicEntry, ...]:
 
 
 def _counts(metadata: Metadata) -> tuple[object, ...]:
-    """Return the part of metadata that must agree with the files."""
+    """Return the part of the metadata that must agree with the files."""
     topics = sorted((topic.name, topic.type, topic.messages) for topic in metadata.topics)
     return [(file.name, file.messages) for file in metadata.files], topics
 
 
 def _custom_data(files: Sequence[Path]) -> dict[str, str]:
-    """Return the custom data of the first file that was closed with some."""
+    """Return the custom data of the first closed file that has some."""
     for path in files:
         file = McapFile(path)
         with suppress(OSError, *DAMAGE_ERRORS):

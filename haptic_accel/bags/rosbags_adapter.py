@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names that rosbags does not document, imported nowhere else.
+"""Undocumented names of rosbags; other modules import them from here only.
 
-`setup.py` admits the versions of rosbags that have them, and a test imports each: a release that
-moves one is noticed here. The compressions are those that rosbags brings along.
+`setup.py` permits the versions of rosbags with these names, and a test imports each of them. A
+release that moves one is thus detected. The compressions are those of rosbags.
 """
 
 import sys
@@ -15,6 +15,6 @@ from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 if sys.version_info >= (3, 14):
     from compression import zstd
 else:
-    from backports import zstd  # as rosbags has it
+    from backports import zstd  # named as in rosbags
 
 __all__ = ["dump_qos_v9", "lz4", "parse_qos", "zstd"]

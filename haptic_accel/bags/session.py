@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording that is started, paused, split and stopped: one bag after another."""
+"""Recording session: start, pause, split and stop, with one bag after another."""
 
 from __future__ import annotations
 
@@ -23,34 +23,34 @@ RECORDING, PAUSED, STOPPED = "recording", "paused", "stopped"
 Connect = Callable[[BagWriter], Put]
 
 Answer = tuple[bool, str]
-"""Success of a request, and one line about it."""
+"""Success of a request, and a line about it."""
 
 
 class RecordingSession:
-    """Start, pause, split and stop recording; not for more than one thread.
+    """Recording session; not thread-safe.
 
     Parameters
     ----------
     bag : str
-        Folder to make; empty for one named by date and time. Where it exists, ``-2``, ``-3`` and
-        so on is added.
+        Folder to create; empty for a name from date and time. If it exists, ``-2``, ``-3`` and so
+        on is added.
     capacity : int
-        Messages that the queue may hold.
+        Maximum number of messages in the queue.
     options : RecordingOptions
     facts : mapping
-        Custom data of every bag, text by name.
+        Custom data of each bag, text by name.
 
     Attributes
     ----------
     writer : BagWriter
-        The bag, or the last one.
+        Writer of the present or last bag.
     failures : list of str
-        One line for each bag that could not be recorded to its end.
+        One line for each bag whose recording failed.
 
     Raises
     ------
     ParameterError
-        The folder cannot be made.
+        The folder cannot be created.
     """
 
     def __init__(
@@ -68,12 +68,12 @@ class RecordingSession:
     def connect(
         self, topic: str, kind: str, offered: Sequence[Qos], *, sampled: bool = False
     ) -> Put:
-        """Add a topic to this bag and all that follow; as `BagWriter.connect`.
+        """Add a topic to this bag and all later ones; see `BagWriter.connect`.
 
         Raises
         ------
         UndefinedTypeError
-            There is no definition of the type.
+            The type has no definition.
         """
 
         def connect(writer: BagWriter) -> Put:
@@ -93,11 +93,11 @@ class RecordingSession:
 
     @property
     def path(self) -> Path:
-        """Folder of the bag, or of the last one."""
+        """Folder of the present or last bag."""
         return self.writer.files.path
 
     def start(self) -> Answer:
-        """Continue after a pause, or begin another bag after a stop."""
+        """Continue after a pause, or start another bag after a stop."""
         if self.state == RECORDING:
             return False, f"{self.path}: is being recorded already"
         if self.state == PAUSED:
@@ -113,7 +113,7 @@ class RecordingSession:
         return True, f"{self.path}: recording"
 
     def pause(self) -> Answer:
-        """Leave out messages until the next start."""
+        """Skip messages until the next start."""
         if self.state != RECORDING:
             return False, f"{self.path}: is {self.state} already"
         self.writer.pause()

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes a trial that ran in lockstep as a bag, so that it is read and analysed as a live one."""
+"""Writer of bags from lockstep trials, readable like those of live runs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from haptic_accel.core.trial import Trial
 _TOPICS = (*topics.SIGNALS, topics.CONTACT_FORCE)
 
 _FIELDS = ("tool_acceleration", "desired_acceleration", "handle_acceleration", "actuator_force")
-"""Fields of a trial that hold `ANALYSED`, in its order."""
+"""Fields of a trial for the topics `ANALYSED`, in the same order."""
 
 
 def trial_vectors(trial: Trial) -> dict[Topic, FloatArray]:
@@ -42,12 +42,12 @@ def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) 
     Parameters
     ----------
     path : Path
-        Folder to make.
+        Folder to create.
     trial : Trial
     facts : mapping
-        The bag's description of itself, text by name.
+        Facts of the bag, text by name.
     start : int
-        Stamp of the first sample, system time in ns; one period lies between samples.
+        Stamp of the first sample, system time in ns; samples are one period apart.
 
     Raises
     ------

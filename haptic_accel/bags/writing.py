@@ -22,13 +22,13 @@ from haptic_accel.core.cdr import STAMP_BYTES, unpack_stamps
 from haptic_accel.core.sampling import missing_samples
 
 FLUSH_PERIOD = 0.5
-"""Interval between flushes, s: a power cut takes no more."""
+"""Interval between flushes, s; a power cut loses no more than this."""
 
 DRAIN_PERIOD = 0.02
-"""Interval at which the queue is emptied, s: a wake-up for each message would cost more."""
+"""Interval for emptying the queue, s; a wake-up for each message would cost more."""
 
 ENOUGH = 20
-"""Stamps from which a topic's period is known."""
+"""Number of stamps that determine a topic's period."""
 
 Message = tuple[Connection, int, bytes]
 Command = Callable[[], None]
@@ -38,7 +38,7 @@ class Put(Protocol):
     """Receiver of the messages of one topic."""
 
     def __call__(self, message: bytes, received: int | None = None) -> None:
-        """Take a serialised message, and the system time of its reception in ns if not now."""
+        """Add a serialised message; its system time of reception in ns is by default now."""
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,9 @@ class Load:
     Attributes
     ----------
     waiting, highest : int
-        Messages in the queue now, and the most since this was last requested.
+        Messages in the queue at present, and the maximum since the last request.
     flush_time : float
-        Longest time that a flush took since this was last requested, s.
+        Longest duration of a flush since the last request, s.
     """
 
     waiting: int
@@ -64,9 +64,9 @@ class BagWriter:
     Parameters
     ----------
     path : Path
-        Folder to make.
+        Folder to create.
     capacity : int
-        Messages that the queue may hold.
+        Maximum number of messages in the queue.
     options : RecordingOptions
     facts : mapping
         Custom data of the bag, text by name.
@@ -74,18 +74,18 @@ class BagWriter:
     Attributes
     ----------
     files : BagFiles
-        Files written, to be read only.
+        Written files, for reading only.
     capacity : int
-        Messages that the queue may hold.
+        Maximum number of messages in the queue.
     paused : bool
-        Messages are left out.
+        True while messages are skipped.
     missing : int
-        Samples missing between the stamps of messages.
+        Number of samples missing between the stamps of messages.
 
     Raises
     ------
     ParameterError
-        The folder exists already or cannot be made.
+        The folder exists already or cannot be created.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class BagWriter:
         self._stamps: dict[int, list[bytes]] = {}
         self._highest = 0
         self._flush_time = 0.0
-        # One thread appends, another takes from the other end: that needs no lock.
+        # One thread appends, another removes from the other end, which needs no lock.
         self._queue: deque[Message | Command] = deque()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="bag writer", daemon=True)
@@ -116,14 +116,14 @@ class BagWriter:
         topic, kind : str
             Full name and message type.
         offered : sequence of Qos
-            Quality of service that its publishers offer.
+            Quality of service offered by its publishers.
         sampled : bool
-            Its messages have stamps on a sampling grid, so that gaps can be counted.
+            The stamps lie on a sampling grid, so that gaps can be counted.
 
         Raises
         ------
         UndefinedTypeError
-            There is no definition of the type.
+            The type has no definition.
         """
         added = connection(self._topics + 1, topic, kind, offered)
         self._topics = added.id
@@ -144,7 +144,7 @@ class BagWriter:
 
     @property
     def dropped(self) -> int:
-        """Number of messages for which the queue or the disk had no room."""
+        """Number of messages lost for lack of room in the queue or on the disk."""
         return self._overflow + self.files.lost
 
     def take_load(self) -> Load:
@@ -155,7 +155,7 @@ class BagWriter:
         return Load(waiting, highest, flush_time)
 
     def pause(self) -> None:
-        """Leave out messages from now on."""
+        """Skip messages from now on."""
         self.paused = True
         self._queue.append(self._forget_stamps)
 
@@ -168,7 +168,7 @@ class BagWriter:
         self._queue.append(self.files.split)
 
     def close(self) -> str:
-        """Write the queue, finish the bag and return `BagFiles.summary`; leave out the rest."""
+        """Write the queue, finish the bag, return `BagFiles.summary`; discard later messages."""
         self.paused = True
         self._closing.set()
         self._thread.join()
@@ -178,7 +178,7 @@ class BagWriter:
         try:
             self._record()
         except Exception as error:
-            # A fault here must not pass for a recording.
+            # A failure here must not appear to be a recording.
             self.files.failure = f"{type(error).__name__}: {error}"
             raise
 
@@ -194,7 +194,7 @@ class BagWriter:
         self.files.close()
 
     def _drain(self) -> None:
-        """Write the messages that wait now; later ones wait for the next time."""
+        """Write the waiting messages; later ones wait for the next call."""
         queue, write, stamps = self._queue, self.files.write, self._stamps
         waiting = len(queue)
         self._highest = max(self._highest, waiting)
@@ -221,7 +221,7 @@ class BagWriter:
                 del stamps[:-1]
 
     def _forget_stamps(self) -> None:
-        """Count up to here: later stamps do not continue the earlier ones."""
+        """Count gaps up to here; later stamps start a new sequence."""
         self._count_missing()
         for stamps in self._stamps.values():
             stamps.clear()
