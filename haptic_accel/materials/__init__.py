@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files of textures, taps, materials and scenes: read and written, with nothing of ROS."""
+"""Files of textures, taps, materials and scenes: reading and writing, without ROS."""

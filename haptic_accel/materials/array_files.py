@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrays of NumPy in files, which may state any size: checked before anything is read."""
+"""Reader of NumPy array files that checks the stated sizes before it reads the data."""
 
 from __future__ import annotations
 
@@ -22,45 +22,45 @@ from haptic_accel.core.bounded_files import opened, read_bytes
 from haptic_accel.core.parameters import one_line
 
 LARGEST = 1 << 26
-"""Largest file, and largest content of all its arrays, bytes."""
+"""Maximum size of a file, and of the contents of all its arrays, bytes."""
 
 MOST_NUMBERS = 4_000_000
-"""Numbers in one array: three axes of acceleration at 10 kHz for two minutes."""
+"""Maximum number of values in an array: three axes of acceleration at 10 kHz for two minutes."""
 
 MOST_MEMBERS = 64
-"""Arrays in one file."""
+"""Maximum number of arrays in a file."""
 
 LONGEST_DIRECTORY = 1 << 16
-"""Longest table of contents, bytes: a thousand for each array."""
+"""Maximum size of the table of contents, bytes: a thousand per array."""
 
 LONGEST_HEADER = 10_000
-"""Longest description of an array, bytes: as NumPy's own readers have it."""
+"""Maximum size of an array's header, bytes; equal to the limit of NumPy's readers."""
 
 KINDS = "biufUS"
-"""Kinds of values: numbers and text. Objects could run a program."""
+"""Permitted kinds of values: numbers and text. Objects could execute code."""
 
 _END = struct.Struct("<4s4H2LH")  # of a ZIP file without a comment
-_FIRST = LONGEST_HEADER + 12  # bytes with a description, and what is before it
+_FIRST = LONGEST_HEADER + 12  # bytes with a header, and the bytes before it
 
 DAMAGE_ERRORS = (
     *(ValueError, TypeError, LookupError, AttributeError, ArithmeticError),
     *(RuntimeError, EOFError, OSError, MemoryError, SyntaxError),
     *(tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile),
 )
-"""Errors that the readers of NumPy and `zipfile` raise on damaged content."""
+"""Errors raised by the readers of NumPy and `zipfile` for damaged content."""
 
 Array = npt.NDArray[np.generic]
 
 
 def read_array(path: Path) -> Array:
-    """Return the array in an NPY file.
+    """Return the array of an NPY file.
 
     Raises
     ------
     OSError
-        As `core.bounded_files.opened`.
+        As for `core.bounded_files.opened`.
     ValueError
-        It is not NPY, or larger than is read.
+        The file is no NPY file, or is too large.
     """
     with opened(path, LARGEST) as file:
         try:
@@ -70,14 +70,14 @@ def read_array(path: Path) -> Array:
 
 
 def read_arrays(path: Path) -> dict[str, Array]:
-    """Return the arrays in an NPZ file by name.
+    """Return the arrays of an NPZ file by name.
 
     Raises
     ------
     OSError
-        As `core.bounded_files.opened`.
+        As for `core.bounded_files.opened`.
     ValueError
-        It is not NPZ, or its arrays are more, or larger, than is read.
+        The file is no NPZ file, or has too many or too large arrays.
     """
     content = read_bytes(path, LARGEST)
     try:
@@ -89,7 +89,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
 def _arrays(content: bytes) -> dict[str, Array]:
     mark, *_, directory, _, comment = _END.unpack(content[-_END.size :])
     if mark != b"PK\5\6" or comment or content[-_END.size - 20 :].startswith(b"PK\6\7"):
-        # A comment, or the form for more than 4 GB, would let it state its size elsewhere.
+        # With a comment, or the format for more than 4 GB, the size could be stated elsewhere.
         raise ValueError("it does not end as a ZIP file")
     if directory > LONGEST_DIRECTORY:
         raise ValueError(f"its table of contents has more than {LONGEST_DIRECTORY} bytes")
@@ -110,7 +110,7 @@ def _arrays(content: bytes) -> dict[str, Array]:
 
 
 def _array(stream: IO[bytes], most_bytes: int) -> Array:
-    """Return an array of no more bytes than are allowed."""
+    """Return an array of at most a number of bytes."""
     start = stream.read(_FIRST)
     header = io.BytesIO(start)
     version = np.lib.format.read_magic(header)
@@ -118,7 +118,7 @@ def _array(stream: IO[bytes], most_bytes: int) -> Array:
         raise ValueError(f"version {version} of its form is not read")
     read = getattr(np.lib.format, f"read_array_header_{version[0]}_0")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of Python 2's form, or of odd text in the description
+        warnings.simplefilter("ignore")  # from Python 2, or for unusual text in the header
         shape, is_fortran, kind = read(header, max_header_size=LONGEST_HEADER)
     if kind.kind not in KINDS or kind.subdtype:
         raise ValueError(f"values of type {str(kind)[:40]} are not read")
@@ -131,6 +131,6 @@ def _array(stream: IO[bytes], most_bytes: int) -> Array:
     data = bytearray(start[header.tell() :])
     if len(data) < size:
         data += stream.read(size - len(data))
-    if len(data) != size or stream.read(1):  # which checks the sum as well
+    if len(data) != size or stream.read(1):  # also checks the checksum
         raise ValueError("it is cut off, or longer than it states")
     return np.frombuffer(data, kind, count).reshape(shape, order="F" if is_fortran else "C")

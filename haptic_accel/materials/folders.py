@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Location of the package's own files; light to import."""
+"""Paths of the package's own files; fast to import."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from haptic_accel.core.parameters import ParameterError
 
 
 def share_folder() -> Path:
-    """Return the folder that holds ``config`` and ``launch``.
+    """Return the folder that contains ``config`` and ``launch``.
 
-    A checkout's own where the code runs from a checkout; otherwise the installed one.
+    It is that of the checkout if the code runs from one; otherwise the installed one.
     """
     checkout = Path(__file__).resolve().parents[2]
     if (checkout / "package.xml").is_file():
@@ -30,21 +30,21 @@ def config_folder() -> Path:
 
 
 def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
-    """Return a file of the package by its name, or one of the user's.
+    """Return a file of the package by name, or a file of the user.
 
     Parameters
     ----------
     kind : str
-        rig, surface, scene or texture.
+        One of rig, surface, scene or texture.
     name : str
         Name of a file in ``config/<kind>s``, or a path ending in ``.yaml`` or ``.npz``.
     beside : Path
-        Folder that a relative path begins in; default: the current one.
+        Folder for relative paths; default: the current one.
 
     Raises
     ------
     ParameterError
-        There is none.
+        The file does not exist.
     """
     known = {path.stem: path for path in sorted((config_folder() / f"{kind}s").glob("*.yaml"))}
     if name in known:

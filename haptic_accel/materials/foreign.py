@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Texture models from the files of other programs.
+"""Import of texture models from files of other programs.
 
-Of a recording, a filter or a pattern the spectrum is kept: it becomes a texture that is the same
-at all speeds and forces, but for its strength.
+Only the spectrum of a recording, filter or pattern is used. The texture is the same at all speeds
+and forces, except for its amplitude.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from haptic_accel.materials.recordings import LARGEST, UNCALIBRATED, read_sample
 from haptic_accel.materials.texture_files import read_npz
 
 REFERENCE = np.array([0.08, 1.0])
-"""Speed, m/s, and force, N, from which a texture is as strong as in a file that states neither:
-those of an ordinary stroke."""
+"""Speed, m/s, and force, N, at which an imported texture has its original amplitude, for files
+without both: those of an ordinary stroke."""
 
 PATTERN_RATE = 2000.0
 """Sampling rate of patterns, Hz: more than six times their highest frequency."""
 
 FLOOR = 1e-6
-"""Power density over its mean, below which a spectrum is not followed: 60 dB."""
+"""Power density relative to its mean below which a spectrum is not modelled: 60 dB."""
 
 MOST_COEFFICIENTS = 1000
-"""Coefficients of a filter."""
+"""Maximum number of filter coefficients."""
 
 _RATE = Specification("sampling rate", "Hz", LOWEST_RATE, HIGHEST_RATE)
 _COEFFICIENT = Specification("coefficient of a filter", "", -1e9, 1e9)
@@ -47,24 +47,25 @@ _COEFFICIENT = Specification("coefficient of a filter", "", -1e9, 1e9)
 def import_texture(
     path: Path, rate: float = 0.0, calibration: float | None = None
 ) -> TextureModel:
-    """Make a texture model of another program's file.
+    """Create a texture model from another program's file.
 
     Parameters
     ----------
     path : Path
-        By its suffix: ``.xml`` of the Penn Haptic Texture Toolkit; ``.wav`` or ``.csv``, an
-        acceleration; ``.npz`` with data, sample_rate and channel_names; ``.json``, a filter of
-        white noise of deviation 1 with sample_rate, b and a; ``.ahap`` or ``.haptic``, a pattern.
+        File, with the format given by its suffix: ``.xml`` of the Penn Haptic Texture Toolkit;
+        ``.wav`` or ``.csv``, an acceleration; ``.npz`` with data, sample_rate and channel_names;
+        ``.json``, a filter for unit white noise with sample_rate, b and a; ``.ahap`` or
+        ``.haptic``, a pattern.
     rate : float
-        Samples per second of a CSV file.
+        Sampling rate of a CSV file, Hz.
     calibration : float, optional
-        Acceleration in m/s^2 of a value of 1, or of a whole number's full scale. A pattern and a
-        WAV file of whole numbers need it; CSV and XML files have units.
+        Acceleration in m/s^2 for a value of 1, or for an integer's full scale. Required for
+        patterns and for WAV files with integers; CSV and XML files have units.
 
     Raises
     ------
     ParameterError
-        In one line: the file and what is wrong with it, or the calibration that it needs.
+        The message is one line with the file and its error, or the missing calibration.
     """
     read = _READERS.get(path.suffix.lower())
     if read is None:
@@ -118,7 +119,7 @@ def _from_npz(path: Path, _rate: float, calibration: float | None) -> TextureMod
 def _from_signals(
     path: Path, signals: FloatArray, rate: float, calibration: float | None
 ) -> TextureModel:
-    """Return the texture of signals of shape (axes, n), whose powers add (DFT321)."""
+    """Return the texture of signals of shape (axes, n), whose powers are added (DFT321)."""
     own = [without_hand_motion(each, HIGH_PASS_FREQUENCY, rate) for each in signals]
     length = signals.shape[1]
     power = sum(np.abs(np.fft.rfft(each, 2 * length)) ** 2 for each in own)
@@ -129,7 +130,7 @@ def _from_filter(path: Path, _rate: float, calibration: float | None) -> Texture
     file = read_json_document(path)
     rate = file.at("sample_rate").number(_RATE)
     b, a = (_coefficients(path, file, name) for name in ("b", "a"))
-    with np.errstate(all="ignore"):  # what overflows has no roots inside
+    with np.errstate(all="ignore"):  # overflow leaves no roots inside
         proper = bool(np.isfinite(a / a[0]).all())
     if not proper or np.any(np.abs(np.roots(a)) >= 1):
         raise ParameterError(f"{path}: a: must have its roots inside the unit circle")
@@ -151,7 +152,7 @@ def _coefficients(path: Path, file: Document, name: str) -> FloatArray:
 def _texture(
     path: Path, name: str, density: FloatArray, rate: float, calibration: float | None
 ) -> TextureModel:
-    """Return the texture of a power density, (m/s^2)^2/Hz, from 0 to half a rate."""
+    """Return the texture for a power density, (m/s^2)^2/Hz, from 0 to half a rate."""
     lower = min(rate, RENDER_RATE)
     kept = density[: round((len(density) - 1) * lower / rate) + 1]
     if not kept.any():

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Texture models in the XML of the Penn Haptic Texture Toolkit (Culbertson and others 2014).
+"""Reader of texture models in the Penn Haptic Texture Toolkit's XML (Culbertson and others 2014).
 
-Its licence allows non-profit research, and no redistribution: users read files of their own.
+Its licence permits non-profit research, but no redistribution; users provide the files.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 
 MILLIMETRE = 1e-3
-"""m."""
+"""Metres per millimetre."""
 
 UNITS = {"SpeedUnits": "mm/s", "ForceUnits": "N"}
-"""The units of the toolkit's files; its accelerations are in m/s^2."""
+"""Units in the toolkit's files; accelerations are in m/s^2."""
 
 PROVENANCE = Provenance(
     source="Penn Haptic Texture Toolkit",
@@ -35,12 +35,13 @@ PROVENANCE = Provenance(
 def read_hatt(path: Path) -> TextureModel:
     """Read a texture model, autoregressive or with a moving average.
 
-    The triangles of the file are not read: those of the model are the same or better.
+    The triangles of the file are ignored; those of the model are equal or better.
 
     Raises
     ------
     ParameterError
-        In one line: the file cannot be read, is not of that form, or its model is not one.
+        The file cannot be read, has another format, or contains no valid model; the message is one
+        line.
     """
     with located(path, "not XML"):
         model_set = read_xml(path)
@@ -72,7 +73,7 @@ def _model(model_set: ElementTree.Element, name: str) -> TextureModel:
 
 
 def _rows(nodes: list[ElementTree.Element], tag: str) -> FloatArray:
-    """Return the frequencies that each node has below a tag: none where it is absent."""
+    """Return the frequencies of each node below a tag; none if it is absent."""
     rows = [[_float(tag, value.text) for value in node.iterfind(f"{tag}/value")] for node in nodes]
     lengths = sorted({len(row) for row in rows})
     if len(lengths) > 1:

@@ -3,8 +3,8 @@
 
 """Conversion of a mesh into a grid of distances, in a separate process.
 
-Readers of meshes take what a file claims for its size, and the distances take time that grows with
-its faces.
+Readers of meshes trust the sizes stated in a file, and the distances take time in proportion to
+the number of faces.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, shown
 
 SECONDS = 120.0
-"""Time of the processor that a mesh may take, s."""
+"""Maximum processor time for a mesh, s."""
 
 MEGABYTES = 2000
-"""Memory that it may take, MB."""
+"""Maximum memory, MB."""
 
 LARGEST_GRID = 300_000
-"""Samples of a baked mesh, which take about half a minute, once."""
+"""Maximum number of samples of a mesh; they take about half a minute, once."""
 
 BORDER = 2
-"""Samples around a mesh, so that its surface is in the grid."""
+"""Number of samples around a mesh, so that its surface lies within the grid."""
 
 
 def baked(path: Path, spacing: float, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Return the signed distances of a mesh, and the place of the first of them.
+    """Return the signed distances of a mesh, and the position of the first one.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ def baked(path: Path, spacing: float, scale: float) -> tuple[FloatArray, FloatAr
     spacing : float
         Distance between two samples, m.
     scale : float
-        Length of the file's unit, m.
+        Unit of the file, m.
 
     Raises
     ------
     ParameterError
-        It cannot be read, encloses no volume, or has too many samples.
+        The file cannot be read, encloses no volume, or needs too many samples.
     """
     from trimesh.proximity import signed_distance
 
@@ -74,7 +74,7 @@ def _mesh(path: Path) -> Any:
 
     try:
         mesh = trimesh.load_mesh(path)
-    except Exception as error:  # whatever a reader of one of many formats raises
+    except Exception as error:  # arbitrary errors from readers of many formats
         reason = shown(" ".join(str(error).split())[:100])
         raise ParameterError(f"{path}: must be a mesh that trimesh reads: {reason}") from None
     if not (len(getattr(mesh, "faces", ())) and mesh.is_watertight):
@@ -83,7 +83,7 @@ def _mesh(path: Path) -> Any:
 
 
 def main() -> None:
-    """Write the grid of the mesh that is named into a file."""
+    """Write the grid of a given mesh to a file."""
     import trimesh.proximity  # noqa: F401 - what it takes is not the mesh's
 
     path, result = Path(sys.argv[1]), Path(sys.argv[2])

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes that move, by MuJoCo: what the tool touches, and how hard; textures and taps are ours.
+"""Moving scenes by MuJoCo: contacts and normal forces; our textures and taps.
 
-The forces of its soft contacts oscillate, so no acceleration is taken from them; friction on the
-tool is ours as well, up to the coefficient of sliding that a geom has.
+The forces of MuJoCo's soft contacts oscillate, so no acceleration is derived from them. Friction
+on the tool is ours too, limited by the sliding coefficient of a geom.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ _TOOL = "haptic_accel_tool"
 
 
 def moving_scene(path: Path, materials: Mapping[str, Material], start: Vector, name: str) -> Scene:
-    """Return the scene of an MJCF file, drawn as it is at the start.
+    """Return the scene of an MJCF file, drawn in its initial state.
 
     Parameters
     ----------
     path : Path
     materials : mapping
-        Material of each geom by its name; others have no texture and no tap.
+        Material of each geom by name; others have neither texture nor taps.
     start : tuple of float
-        Place above which the tool begins, m.
+        Position above which the tool starts, m.
     name : str
         Name of the scene.
 
     Raises
     ------
     ParameterError
-        MuJoCo is not installed, or cannot read the file; or a geom is not in it.
+        MuJoCo is not installed, or cannot read the file, or the file lacks a geom.
     """
     mujoco = _mujoco(path)
     check_mjcf(path)
@@ -84,7 +84,7 @@ def _mujoco(path: Path) -> Any:
 
 
 def _shape(geom: Any) -> Shape:
-    """Return the shape that a geom is drawn as: its bounding sphere where it has no such."""
+    """Return the drawn shape of a geom; its bounding sphere if the shape is not available."""
     from mujoco import mjtGeom
 
     kind, (x, y, z) = int(geom.type[0]), geom.size.tolist()
@@ -98,7 +98,7 @@ def _shape(geom: Any) -> Shape:
 
 
 def _roll_pitch_yaw(matrix: FloatArray) -> Vector:
-    """Return the angles about the fixed axes x, y, z of a rotation, rad."""
+    """Return a rotation's angles about the fixed axes x, y, z, rad."""
     return (
         math.atan2(matrix[2, 1], matrix[2, 2]),
         -math.asin(max(-1.0, min(1.0, matrix[2, 0]))),
@@ -107,26 +107,26 @@ def _roll_pitch_yaw(matrix: FloatArray) -> Vector:
 
 
 class MovingTool:
-    """A ball on three sliding joints in a scene of MuJoCo, under the motors' force.
+    """Sphere on three sliding joints in a MuJoCo scene, under the motors' force.
 
     Parameters
     ----------
     path : Path
         MJCF file.
     parameters : ToolParameters
-        The tool begins at its `height` above the scene's start.
+        Parameters of the tool, which starts at its `height` above the scene's start.
     scene : Scene
-        Made of the same file.
+        Scene from the same file.
     rate : float
-        Samples per second; MuJoCo takes as many steps in each as its own time step asks for.
+        Samples per second; in each, MuJoCo takes as many steps as its own time step requires.
 
     Attributes
     ----------
     scene : Scene
     position : tuple of float
-        m.
+        Position, m.
     velocity : tuple of float
-        m/s.
+        Velocity, m/s.
     """
 
     def __init__(self, path: Path, parameters: ToolParameters, scene: Scene, rate: float) -> None:
@@ -145,14 +145,14 @@ class MovingTool:
         self.put_back()
 
     def put_back(self) -> None:
-        """Begin the scene anew."""
+        """Restart the scene."""
         self._mujoco.mj_resetData(self._model, self._data)
         self._mujoco.mj_forward(self._model, self._data)
         self._touched: set[int] = set()
         self._note()
 
     def advance(self, force: Vector) -> Contact | None:
-        """Move one sampling period under the motors' force in N, and return what was touched."""
+        """Advance one sampling period under the motors' force in N; return the contact."""
         forces: dict[int, FloatArray] = {}
         contacts: dict[int, Contact] = {}
         approaching = np.array(self.velocity)
@@ -182,12 +182,12 @@ class MovingTool:
         self.velocity: Vector = vector(self._data.qvel[self._axes])
 
     def _touch(self, contact: Any, other: int, motors: Vector, approaching: FloatArray) -> Contact:
-        """Return a contact of the last step, and let its friction act in the next one."""
+        """Return a contact of the last step, and apply its friction in the next one."""
         normal = contact.frame[:3] * (1.0 if contact.geom[1] == self._tip else -1.0)
         ground = self._ground_velocity(other, contact.pos)
         relative = self._data.qvel[self._axes] - ground
         along = _along(relative, normal)
-        # The contact has no other force than the normal one: MuJoCo's friction makes it hop.
+        # The contact has normal force only, as MuJoCo's friction makes it hop.
         pushing = (
             float(self._data.efc_force[contact.efc_address]) if contact.efc_address >= 0 else 0
         )
@@ -212,7 +212,7 @@ class MovingTool:
         )
 
     def _ground_velocity(self, geom: int, place: FloatArray) -> FloatArray:
-        """Return the velocity of a geom at a place, m/s."""
+        """Return the velocity of a geom at a position, m/s."""
         twist = np.zeros(6)
         kind = self._mujoco.mjtObj.mjOBJ_GEOM
         self._mujoco.mj_objectVelocity(self._model, self._data, kind, geom, twist, 0)
@@ -221,17 +221,17 @@ class MovingTool:
 
     def _cross(self, first: FloatArray, second: FloatArray) -> FloatArray:
         result = np.empty(3)
-        self._mujoco.mju_cross(result, first, second)  # ten times as fast as numpy's
+        self._mujoco.mju_cross(result, first, second)  # ten times faster than numpy
         return result
 
 
 def _along(vector: FloatArray, normal: FloatArray) -> FloatArray:
-    """Return the part of a vector along a surface."""
+    """Return the tangential component of a vector."""
     return np.asarray(vector - (vector @ normal) * normal)
 
 
 def _with_tool(path: Path, start: Vector, parameters: ToolParameters) -> Any:
-    """Return the model of a file with a tool in it, whose geom is the last."""
+    """Return a file's model with an added tool, whose geom is the last."""
     from mujoco import mjtGeom, mjtJoint
 
     stated = specification(path)
@@ -247,6 +247,6 @@ def _with_tool(path: Path, start: Vector, parameters: ToolParameters) -> Any:
         )
     size = [TIP_RADIUS, 0, 0]
     ball = body.add_geom(name=_TOOL, type=mjtGeom.mjGEOM_SPHERE, size=size, mass=parameters.mass)
-    ball.contype = ball.conaffinity = 1  # whatever the file's defaults are
-    ball.condim = ball.priority = 1  # no friction with anything
+    ball.contype = ball.conaffinity = 1  # independent of the file's defaults
+    ball.condim = ball.priority = 1  # no friction with other geoms
     return compiled(path, stated)

@@ -3,8 +3,8 @@
 
 """Compilation of an MJCF file in a separate process, with limits of time and memory.
 
-Counts of copies, sizes of meshes and tables, and files that it includes are all within its bounds:
-where one is beyond, the compiler of MuJoCo does not return.
+The numbers of copies, sizes of meshes and tables, and included files can exceed any limit. For
+some of them MuJoCo's compiler does not return.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from haptic_accel.core.bounded_work import OutOfBoundsError, bounded, run_bounde
 from haptic_accel.core.parameters import ParameterError, one_line, shown
 
 SECONDS = 2.0
-"""Time of the processor in which a scene must be compiled and take two steps, s."""
+"""Maximum processor time for compiling a scene and two steps, s."""
 
 MEGABYTES = 400
-"""Memory that it may take, MB."""
+"""Maximum memory, MB."""
 
 LARGEST = 1 << 24
-"""Largest file, bytes."""
+"""Maximum size of a file, bytes."""
 
 MOST_GEOMS = 1000
-"""Geoms of a scene."""
+"""Maximum number of geoms in a scene."""
 
 SHORTEST_STEP = 2e-5
-"""Shortest time step, s: fifty in a sample at 1 kHz. MuJoCo's default is 2 ms."""
+"""Minimum time step, s: fifty in a sample at 1 kHz. MuJoCo's default is 2 ms."""
 
 MOST_ITERATIONS = 1000
-"""Iterations of a solver: ten times those of MuJoCo's default."""
+"""Maximum number of solver iterations: ten times MuJoCo's default."""
 
 _ITERATIONS = (
     *("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations"),
@@ -42,15 +42,15 @@ _ITERATIONS = (
 
 
 def check_mjcf(path: Path) -> None:
-    """Refuse an MJCF file that MuJoCo cannot compile and step within bounds.
+    """Reject an MJCF file that MuJoCo cannot compile and step within limits.
 
     Raises
     ------
     ParameterError
-        In one line: the file and what is wrong with it.
+        The message is one line with the file and its error.
     """
     with located(path, unreadable="must be MJCF that MuJoCo reads: "), opened(path, LARGEST):
-        pass  # a pipe is not waited for
+        pass  # do not wait for a pipe
     try:
         run_bounded(__name__, [str(path.absolute())], SECONDS)
     except OutOfBoundsError as error:
@@ -60,7 +60,7 @@ def check_mjcf(path: Path) -> None:
 
 
 def specification(path: Path) -> Any:
-    """Return what an MJCF file states.
+    """Return the specification in an MJCF file.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def specification(path: Path) -> Any:
 
 
 def compiled(path: Path, stated: Any) -> Any:
-    """Return the model of what an MJCF file states.
+    """Return the model of an MJCF file's specification.
 
     Raises
     ------
@@ -101,12 +101,12 @@ def compiled(path: Path, stated: Any) -> Any:
 
 
 def compile_and_step(path: Path) -> None:
-    """Compile a file and take two steps, whatever they cost.
+    """Compile a file and take two steps, without limits.
 
     Raises
     ------
     ParameterError
-        As `specification` and `compiled`.
+        As for `specification` and `compiled`.
     """
     import mujoco
 
@@ -124,7 +124,7 @@ def _refused(path: Path, error: Exception) -> ParameterError:
 
 
 def main() -> None:
-    """Check the file that is named."""
+    """Check a given file."""
     import mujoco  # noqa: F401 - what it takes is not the file's
 
     bounded(lambda: compile_and_step(Path(sys.argv[1])), SECONDS, MEGABYTES)

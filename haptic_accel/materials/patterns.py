@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vibration patterns of phones and controllers as waveforms: AHAP and ``.haptic`` files."""
+"""Waveforms of vibration patterns for phones and controllers: AHAP and ``.haptic`` files."""
 
 from __future__ import annotations
 
@@ -18,31 +18,32 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, Specification
 
 DULLEST, SHARPEST = 65.0, 300.0
-"""Frequencies of sharpness 0 and 1, Hz, as in the reference encoder of MPEG-I haptics."""
+"""Frequencies for sharpness 0 and 1, Hz, as in the reference encoder of MPEG-I haptics."""
 
 TRANSIENT = 0.03
 """Duration of a transient, s."""
 
 TRANSIENT_DECAY = 150.0
-"""Decay of a transient, 1/s: to a hundredth within its duration."""
+"""Decay rate of a transient, 1/s: to a hundredth within its duration."""
 
 LONGEST = 60.0
-"""Longest pattern, s."""
+"""Maximum duration of a pattern, s."""
 
 MOST_EVENTS = 10_000
-"""Events of a pattern, most of which have a hundred."""
+"""Maximum number of events in a pattern; most have a hundred."""
 
 LONGEST_IN_ALL = 1200.0
-"""Time that the events of a pattern take together, s: twenty at once throughout the longest."""
+"""Maximum total duration of the events in a pattern, s: twenty at once during the longest
+pattern."""
 
-_INTENSITY, _SHARPNESS = 1.0, 0.5  # where an event states none
+_INTENSITY, _SHARPNESS = 1.0, 0.5  # for events that state none
 _SECONDS = Specification("time", "s", 0.0, LONGEST)
 _RELATIVE = Specification("relative value", "", -1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class _Envelope:
-    """Values between points in time, ascending; `before` holds ahead of the first one."""
+    """Values between points in time, which increase; `before` applies ahead of the first one."""
 
     before: float
     times: FloatArray = field(default_factory=lambda: np.empty(0))
@@ -64,7 +65,7 @@ class _Envelope:
 
 @dataclass(frozen=True)
 class _Event:
-    """A vibration with envelopes of relative intensity and sharpness."""
+    """Vibration with envelopes of relative intensity and sharpness."""
 
     start: float
     duration: float
@@ -76,25 +77,25 @@ class _Event:
 def read_pattern(path: Path, rate: float) -> FloatArray:
     """Return the waveform of an AHAP or ``.haptic`` file.
 
-    Continuous events are sinusoids, transients decay; sharpness gives the frequency. Sounds and
-    the keys of other programs are left out.
+    Continuous events are sinusoids, transients decay, and sharpness determines the frequency.
+    Sounds and keys of other programs are ignored.
 
     Parameters
     ----------
     path : Path
-        Its suffix tells which of the two it is.
+        File; its suffix gives the format.
     rate : float
         Samples per second.
 
     Returns
     -------
     ndarray, shape (n,)
-        1 is an event of full intensity.
+        Waveform; 1 is an event of full intensity.
 
     Raises
     ------
     ParameterError
-        The file cannot be read, or a value is not allowed: in one line.
+        The file cannot be read, or a value is invalid; the message is one line.
     """
     read = _haptic_events if path.suffix.lower() == ".haptic" else _ahap_events
     events = list(itertools.islice(read(read_json_document(path)), MOST_EVENTS + 1))

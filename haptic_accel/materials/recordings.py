@@ -27,22 +27,22 @@ from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, one_line, shown
 
-# scipy.io takes a while to import: only who reads a WAV file waits for it.
+# scipy.io is slow to import: only reading a WAV file needs it.
 
 COLUMNS = ("acceleration", "accel", "acc", "a")
-"""Default names of a CSV file's column of acceleration in m/s^2, in order of preference."""
+"""Default column names for acceleration in m/s^2 in a CSV file, in order of preference."""
 
 FULL_SCALE = 5 * 9.80665
 """Acceleration at full scale of integer samples, m/s^2: the +-5 g of the paper's ADXL320J."""
 
 UNCALIBRATED = "calibration = nothing: must be the acceleration at full scale, m/s^2"
-"""Requirement for files whose values are relative."""
+"""Error message for files with relative values."""
 
 SHORTEST = 1.0
 """Minimum duration of a recording, s."""
 
 LARGEST = 1.0e6
-"""Maximum magnitude of an acceleration, m/s^2; a file that exceeds it holds something else."""
+"""Maximum magnitude of an acceleration, m/s^2; a file that exceeds it contains something else."""
 
 MOST_BYTES = 300_000_000
 """Maximum size of a file: half an hour at 10 kHz."""
@@ -60,37 +60,37 @@ def read_recording(
 ) -> FloatArray:
     """Read a recorded acceleration and resample it.
 
-    A CSV file has a first row naming its columns; commas, semicolons or tabs separate, the
-    decimal mark is a point, empty lines are skipped. A WAV file (recognised by its first bytes,
-    or by its name) has integer samples, of which full scale is `full_scale`, or floating-point
-    samples, which are taken as m/s^2. An offset is kept.
+    A CSV file has a first row with the names of its columns. Commas, semicolons or tabs separate,
+    the decimal mark is a point, and empty lines are skipped. A WAV file (recognised by its first
+    bytes, or by its name) has integer samples with full scale `full_scale`, or floating-point
+    samples in m/s^2. An offset is kept.
 
     Parameters
     ----------
     path : str or path-like
-        The file.
+        File to read.
     recording_rate : float
-        Samples per second of the file. A CSV file needs it; with a WAV file it is 0, or the rate
-        in the file itself.
+        Sampling rate of the file, Hz. Required for a CSV file; for a WAV file 0, or the rate in
+        the file.
     rate : float
-        Samples per second wanted.
+        Sampling rate of the result, Hz.
     column : str, optional
-        Name of the column of a CSV file, by default the first of `COLUMNS` that it has. Number
-        of the channel of a WAV file, by default ``"1"``, the first. The empty text is the
-        default too.
+        Name of the column of a CSV file; default: the first of `COLUMNS` that exists. Number of
+        the channel of a WAV file; default: ``"1"``, the first. The empty text also means the
+        default.
     full_scale : float
-        Acceleration that integer samples of a WAV file reach at full scale, m/s^2.
+        Acceleration at full scale of integer samples in a WAV file, m/s^2.
 
     Returns
     -------
     ndarray, shape (n,)
-        Acceleration, m/s^2, n being the length times `rate` / `recording_rate`, rounded up.
+        Acceleration, m/s^2; n is the length times `rate` / `recording_rate`, rounded up.
 
     Raises
     ------
     ParameterError
-        In one line: the file, line, column or parameter that is wrong, its value, and what is
-        allowed. A recording shorter than `SHORTEST` is refused, as are NaN and infinity.
+        The message is one line with the file, line, column or parameter, its value, and the
+        allowed values. A recording shorter than `SHORTEST` is rejected, as are NaN and infinity.
     """
     rate = resampling.checked_rate("rate", rate)
     name = shown(os.fspath(path))
@@ -110,7 +110,7 @@ def read_samples(
     column: str | None = None,
     full_scale: float | None = None,
 ) -> tuple[FloatArray, float]:
-    """Read a recorded acceleration as it is, see `read_recording`.
+    """Read a recorded acceleration without resampling; see `read_recording`.
 
     Returns
     -------
@@ -122,7 +122,7 @@ def read_samples(
     Raises
     ------
     ParameterError
-        As `read_recording`; integer samples without `full_scale` are refused, too.
+        As for `read_recording`; also for integer samples without `full_scale`.
     """
     if recording_rate != 0.0:
         recording_rate = resampling.checked_rate("recording_rate", recording_rate)
@@ -223,7 +223,7 @@ def _read_csv(name: str, file: io.BufferedReader, column: str | None) -> FloatAr
 
 
 def _lines(name: str, file: io.BufferedReader) -> Iterator[str]:
-    """Yield the lines of a text, none of which is long."""
+    """Yield the lines of a text; long lines are rejected."""
     text = io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
     while line := text.readline(LONGEST_LINE + 1):
         if len(line) > LONGEST_LINE:
@@ -245,7 +245,7 @@ def _found(name: str, kind: str, wanted: Sequence[str], titles: Sequence[str]) -
 
 
 def _number(text: str) -> float:
-    """Return a number, or NaN for anything else."""
+    """Return a number; NaN for any other text."""
     try:
         return read_decimal(text)
     except ValueError:
@@ -255,11 +255,11 @@ def _number(text: str) -> float:
 def _decode_wav(
     name: str, file: io.BufferedReader, start: bytes
 ) -> tuple[float, npt.NDArray[Any]]:
-    """Return sampling rate and samples, shape (n, channels), as they are in the file."""
+    """Return sampling rate and unconverted samples, shape (n, channels)."""
     from scipy.io import wavfile
 
     size, stated_size = os.fstat(file.fileno()).st_size, int.from_bytes(start[4:], "little") + 8
-    if start[:4] == b"RIFF" and stated_size > size + 1:  # a last pad byte may lack
+    if start[:4] == b"RIFF" and stated_size > size + 1:  # the last pad byte may be missing
         raise ParameterError(
             f"{name}: is cut off after {size} bytes, its header says {stated_size}"
         )
@@ -269,7 +269,7 @@ def _decode_wav(
             rate, samples = wavfile.read(file)
         if not np.issubdtype(samples.dtype, np.number):
             raise TypeError(f"samples of type {samples.dtype}")
-    except Exception as error:  # scipy raises a dozen kinds on a malformed header
+    except Exception as error:  # scipy raises a dozen kinds of errors for a malformed header
         reason = shown(one_line(error))
         raise ParameterError(
             f"{name}: is not a WAV file of integer or floating-point samples ({reason})"
@@ -291,7 +291,7 @@ def _acceleration(
         if full_scale is None:
             raise ParameterError(f"{name}: {UNCALIBRATED}")
         half = 2.0 ** (8 * samples.dtype.itemsize - 1)
-        # WAV files hold 8 bits and fewer as offset binary.
+        # WAV files store 8 bits and fewer as offset binary.
         acceleration -= half if samples.dtype.kind == "u" else 0.0
         acceleration *= full_scale / half
     wrong = np.flatnonzero(~(np.abs(acceleration) <= LARGEST))

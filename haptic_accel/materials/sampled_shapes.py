@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shapes from files: height fields, and meshes baked into grids of distances."""
+"""Shapes from files: height fields, and meshes converted to distance grids."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ from haptic_accel.materials.array_files import read_array, read_arrays
 MISSING_LIBRARY = "meshes need trimesh: pip install 'haptic_accel[mesh]'"
 
 LARGEST_MESH = 1 << 26
-"""Largest file of a mesh, bytes."""
+"""Maximum size of a mesh file, bytes."""
 
 
 @dataclass(frozen=True)
 class Sampling(Checked):
-    """Sampling of a file that describes a shape."""
+    """Sampling of a shape from a file."""
 
     spacing: float = parameter(1e-3, "distance between two samples", "m", 1e-5, 0.1)
     scale: float = parameter(1.0, "length of the file's unit", "m", 1e-6, 1.0)
 
 
 def read_heights(path: Path, sampling: Sampling) -> HeightField:
-    """Read a table of heights by place along x and y.
+    """Read a table of heights by position along x and y.
 
     Parameters
     ----------
     path : Path
-        Array of NumPy (.npy) of shape (n, m).
+        NumPy array (.npy) of shape (n, m).
     sampling : Sampling
         Distance between two heights, and their unit.
 
     Raises
     ------
     ParameterError
-        It cannot be read, or is no such table.
+        The file cannot be read, or is no such table.
     """
     with located(path, "must be an array of numbers"):
         heights = read_array(path)
@@ -58,21 +58,23 @@ def read_heights(path: Path, sampling: Sampling) -> HeightField:
 
 
 def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
-    """Read a mesh as a grid of distances.
+    """Read a mesh as a distance grid.
 
-    That takes up to half a minute, and is kept beside the mesh, in a file that ends in .npz.
+    This takes up to half a minute. The result is stored beside the mesh, in a file that ends in
+    .npz.
 
     Parameters
     ----------
     path : Path
-        STL, OBJ or another file that trimesh reads; the mesh must enclose a volume.
+        STL, OBJ or another file readable by trimesh; the mesh must enclose a volume.
     sampling : Sampling
-        Distance between two samples, of which the thinnest part should have two; and the unit.
+        Distance between two samples, at most half of the thinnest part; and the unit.
 
     Raises
     ------
     ParameterError
-        It cannot be read, encloses no volume, or has too many samples; or trimesh is missing.
+        The file cannot be read, encloses no volume, or needs too many samples, or trimesh is
+        missing.
     """
     with located(path):
         content = read_bytes(path, LARGEST_MESH)
@@ -83,9 +85,9 @@ def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
         if str(found["source"]) == source:
             return _grid(found["grid"], found["corner"], sampling)
     except (OSError, ValueError, KeyError):
-        pass  # none yet, or a damaged one
+        pass  # missing or damaged
     baked = _baked(path, sampling)
-    with suppress(OSError):  # in a folder that is not the user's, it takes its time again
+    with suppress(OSError):  # in a read-only folder it is computed each time
         np.savez_compressed(kept, source=source, **baked)
     return _grid(baked["grid"], baked["corner"], sampling)
 
@@ -95,7 +97,7 @@ def _grid(grid: FloatArray, corner: FloatArray, sampling: Sampling) -> DistanceG
 
 
 def _baked(path: Path, sampling: Sampling) -> dict[str, Any]:
-    """Return the signed distances of a mesh, and the place of the first of them."""
+    """Return the signed distances of a mesh, and the position of the first one."""
     try:
         if find_spec("trimesh.proximity") is None:
             raise ImportError

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes as YAML files: materials, and the objects that are made of them."""
+"""Scenes from YAML files: materials and objects."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from haptic_accel.materials.texture_files import read_npz, read_texture
 SHAPES: Mapping[str, Any] = {"plane": Plane, "sphere": Sphere, "box": Box, "cylinder": Cylinder}
 """Shapes by their names in a file."""
 
-PLACE = Specification("place in the arm's base frame", "m", -10.0, 10.0)
+PLACE = Specification("position in the arm's base frame", "m", -10.0, 10.0)
 ANGLE = Specification("roll, pitch and yaw", "rad", -2 * math.pi, 2 * math.pi)
 
 FILES: Mapping[str, Any] = {"heights": read_heights, "mesh": read_mesh}
-"""Shapes that are read from a file beside the scene's, by their names."""
+"""Readers of shapes in separate files, relative to the scene's, by name."""
 
 _PLACED = ("shape", "material", "position", "rotation")
-"""Keys of an object beside those of its shape."""
+"""Keys of an object in addition to those of its shape."""
 
 
 def read_scene(path: Path) -> Scene:
@@ -42,7 +42,7 @@ def read_scene(path: Path) -> Scene:
     Parameters
     ----------
     path : Path
-        YAML file; its name is the scene's.
+        YAML file; its name is the scene's name.
 
     Returns
     -------
@@ -51,8 +51,8 @@ def read_scene(path: Path) -> Scene:
     Raises
     ------
     ParameterError
-        It cannot be read, or a value is not allowed: names the file, the line, the value and what
-        is allowed.
+        The file cannot be read, or a value is invalid. The message contains the file, the line,
+        the value and the allowed values.
     """
     file = read_yaml_document(path)
     file.check_keys("start", "materials", "objects", "mujoco")
@@ -66,9 +66,9 @@ def read_scene(path: Path) -> Scene:
 
 
 def _moving(file: Document, materials: Mapping[str, Material]) -> Scene:
-    """Return the scene of an MJCF file, whose geoms are given materials here."""
+    """Return the scene of an MJCF file, with materials for its geoms from this file."""
     for _, section in file.get("materials", {}).members():
-        section.check_keys("texture", "tap")  # all else is the other file's
+        section.check_keys("texture", "tap")  # all other properties come from the MJCF file
     named = {}
     for geom, section in file.get("objects", {}).members():
         section.check_keys("material")
@@ -85,7 +85,7 @@ def _material(name: str, section: Document) -> Material:
 
 
 def _texture(section: Document) -> TextureModel | None:
-    """Return the model of a texture by its name, or in a file beside the scene's."""
+    """Return a texture model by name, or from a file relative to the scene's."""
     if "texture" not in section:
         return None
     name = section.at("texture").text()
@@ -96,12 +96,12 @@ def _texture(section: Document) -> TextureModel | None:
 
 @lru_cache(maxsize=32)
 def _model(path: Path, _modified: int) -> TextureModel:
-    """Return a texture that is read once: another scene has to come within a few samples."""
+    """Return a texture; cached, as a scene must change within a few samples."""
     return read_texture(path)
 
 
 def _tap(section: Document) -> TapModel | None:
-    """Return a tap of the modes that are listed, or of recordings in a file beside the scene's."""
+    """Return a tap from a list of modes, or from recordings in a file relative to the scene's."""
     given = section.get("tap")
     if given.value is None:
         return None
@@ -112,15 +112,15 @@ def _tap(section: Document) -> TapModel | None:
 
 
 def read_taps(path: Path) -> TapModel:
-    """Read taps recorded at several impact speeds, an NPZ file.
+    """Read taps recorded at several impact speeds from an NPZ file.
 
-    Its ``speeds`` are impact speeds, m/s; ``samples`` a row of acceleration for each, m/s^2;
-    ``rate`` samples per second.
+    Contents: ``speeds``, impact speeds, m/s; ``samples``, a row of acceleration for each, m/s^2;
+    ``rate``, samples per second.
 
     Raises
     ------
     ParameterError
-        In one line: the file and what is wrong with it.
+        The message is one line with the file and its error.
     """
     file = read_npz(path)
     speeds, samples = file.at("speeds").array(), file.at("samples").array()
@@ -152,7 +152,7 @@ def _object(name: str, section: Document, materials: Mapping[str, Material]) -> 
 
 
 def _sampled(section: Document, read: Any) -> Shape:
-    """Return a shape that is read from a file."""
+    """Return a shape from a separate file."""
     file = section.at("file").text()
     sampling = section.build(Sampling)
     with section.located("file"):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Texture models as files: YAML for people, NPZ for programs, with the same names and units."""
+"""Texture model files: YAML for people, NPZ for programs, with the same names and units."""
 
 from __future__ import annotations
 
@@ -28,14 +28,15 @@ UNITS = {
     "deviation": "m/s^2",
     "ma_lsf": "rad/sample",
 }
-"""Units of the numbers in a file, which states them."""
+"""Units of the numbers in a file, which are stated there."""
 
 ARRAYS = ("speeds", "forces", "deviation", "gain", "lsf", "ma_lsf")
 OPTIONAL = ("gain", "ma_lsf", "coulomb_friction")
 NAMES = ("name", "rate", "units", "provenance", "coulomb_friction", *ARRAYS)
 
 DIGITS = 7
-"""Significant digits of a YAML file's numbers: a tenth of what single precision has."""
+"""Significant digits of numbers in a YAML file; the rounding error is a tenth of that of single
+precision."""
 
 
 def read_texture(path: Path) -> TextureModel:
@@ -44,18 +45,18 @@ def read_texture(path: Path) -> TextureModel:
     Raises
     ------
     ParameterError
-        In one line: the file, the name and the value that is wrong, and what is allowed.
+        The message is one line with the file, the name, the invalid value and the allowed values.
     """
     return _model(read_npz(path) if path.suffix == ".npz" else read_yaml_document(path))
 
 
 def write_texture(path: Path, model: TextureModel) -> None:
-    """Write a texture model as NPZ, or as YAML by any other name.
+    """Write a texture model as NPZ, or as YAML for any other name.
 
     Raises
     ------
     ParameterError
-        The file cannot be written; with the reason.
+        The file cannot be written; the message gives the reason.
     """
     arrays = {name: getattr(model, name) for name in ARRAYS if name not in OPTIONAL}
     if model.ma_lsf.size:
@@ -92,12 +93,12 @@ def _text(content: Mapping[str, Any]) -> str:
 
 
 def read_npz(path: Path) -> Document:
-    """Return the arrays of a file by name, and what its text ``about`` states in YAML.
+    """Return the arrays of a file by name, and the YAML data in its text ``about``.
 
     Raises
     ------
     ParameterError
-        It cannot be read.
+        The file cannot be read.
     """
     with located(shown(str(path)), "must be NPZ"):
         arrays = read_arrays(path)
@@ -107,7 +108,7 @@ def read_npz(path: Path) -> Document:
 
 
 def _model(file: Document) -> TextureModel:
-    """Return the model that a file states."""
+    """Return the model from a file."""
     file.check_keys(*NAMES)
     units, provenance = file.at("units"), file.at("provenance")
     units.check_keys(*UNITS)
