@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Turns bags into metrics, tables, plots and pages, without ROS.
+"""Analysis of bags, without ROS: metrics, tables, plots and pages.
 
 In a notebook::
 
@@ -10,8 +10,8 @@ In a notebook::
     analysis = load("bags", shift="measured")
     trials(analysis).groupby(["controller", "surface"])["nrmse_percent"].describe()
 
-Tables are pandas data frames: what notebooks, plotting libraries and statistics packages take
-without conversion, packaged in Debian and known to rosdep as ``python3-pandas``.
+Tables are pandas data frames. Notebooks, plotting libraries and statistics packages read these
+without conversion. pandas is packaged in Debian and known to rosdep as ``python3-pandas``.
 """
 
 from haptic_accel.analysis.comparison import compare

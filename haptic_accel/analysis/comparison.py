@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compares two controllers, or two runs: pairs their trials and tests the differences."""
+"""Comparison of two controllers or runs: paired trials and tests of the differences."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from haptic_accel.core.evaluation.statistics import PairedDifference, paired_dif
 from haptic_accel.core.parameters import ParameterError
 
 RUNS = "runs"
-"""Comparison of the trials in a first and a second place."""
+"""Comparison of the trials at a first and a second path."""
 
 CONTROLLERS = "controller:"
-"""Prefix of two names of controllers separated by a comma."""
+"""Prefix of two controller names separated by a comma."""
 
 
 _TESTED = ("effect", "t", "p_t", "p_wilcoxon", "verdict")
-"""Fields of `PairedDifference` that tables and files have under the same name."""
+"""Fields of `PairedDifference` with the same name in tables and files."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +35,15 @@ class Comparison:
     Attributes
     ----------
     first, second : str
-        Names of what is compared.
+        Names of the two sides.
     pairs : DataFrame
-        A row for each two trials that differ only in what is compared: ``key``, what they have in
-        common; ``surface``; NRMSE of either in percent, ``first`` and ``second``.
+        A row for each two trials that differ only in the compared property: ``key``, their common
+        properties; ``surface``; NRMSE of each side in percent, ``first`` and ``second``.
     unpaired : list of str
-        Names of trials on either side that have no counterpart, or no error.
+        Names of trials on either side without a counterpart or an error.
     differences : dict of PairedDifference
-        Difference of the NRMSE in percent, second minus first, over ``all`` pairs and, where there
-        is more than one, over those of each surface.
+        Difference of the NRMSE in percent, second minus first, over ``all`` pairs. If there are
+        several surfaces, also over the pairs of each.
     """
 
     first: str
@@ -54,7 +54,7 @@ class Comparison:
 
     @property
     def frame(self) -> pd.DataFrame:
-        """A row for the difference over all surfaces, and one for each."""
+        """Table with a row for the difference over all surfaces, and one for each."""
         return pd.DataFrame(
             {
                 "first": self.first,
@@ -71,12 +71,12 @@ class Comparison:
 
 
 def check_comparison(wanted: str, places: Sequence[Path]) -> None:
-    """Refuse an impossible comparison before anything is read.
+    """Reject an impossible comparison before reading bags.
 
     Raises
     ------
     ParameterError
-        It has another form than ``runs`` or ``controller:A,B``, or runs are not two.
+        The comparison is neither ``runs`` nor ``controller:A,B``, or there are not two runs.
     """
     if wanted == RUNS:
         if len(places) != 2:
@@ -96,9 +96,9 @@ def check_comparison(wanted: str, places: Sequence[Path]) -> None:
 def compared(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> Comparison:
     """Pair trials and test the difference of their errors.
 
-    Trials are a pair if they are of the same surface, grip, and seed or recording; those of two
-    runs also of the same controller. Several of one kind are paired in their order. Where each of
-    two runs is a single trial, these are the pair.
+    Two trials form a pair if they have the same surface, grip, and seed or recording; for two runs
+    also the same controller. Several of the same kind are paired in their order. If each run is a
+    single trial, these form the pair.
 
     Parameters
     ----------
@@ -106,12 +106,12 @@ def compared(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> Co
     wanted : str
         ``runs``, or ``controller:A,B``.
     places : sequence of Path
-        Places named by the user; with ``runs``, the two that are compared.
+        Paths given by the user; for ``runs``, the two to compare.
 
     Raises
     ------
     ParameterError
-        There is no such comparison.
+        The comparison does not exist.
     """
     check_comparison(wanted, places)
     frame = trials(analysis)
@@ -139,7 +139,7 @@ def compared(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> Co
 
 
 def _errors(side: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Return trials and errors of one side; a key that comes again has a number behind it."""
+    """Return trials and errors of one side; repeated keys have a number appended."""
     again = side.groupby("key").cumcount() + 1
     numbered = [k if n == 1 else f"{k} ({n})" for k, n in zip(side.key, again, strict=True)]
     return pd.DataFrame(
@@ -153,8 +153,8 @@ def _errors(side: pd.DataFrame, name: str) -> pd.DataFrame:
 
 
 def compare(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> pd.DataFrame:
-    """Return the test of two controllers or runs: a row for all surfaces, and one for each.
+    """Test two controllers or runs; return a row for all surfaces, and one for each.
 
-    Parameters are those of `compared`.
+    Parameters as for `compared`.
     """
     return compared(analysis, wanted, places).frame

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The paper's experiment: errors, metrics of its conditions, notes and warnings of its report."""
+"""The paper's experiment: errors, metrics, and the notes and warnings of its report."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ AGES = ("p50", "p99", "max")
 """Quantiles of the age of forces in the JSON file."""
 
 LOST_SHARE = 0.01
-"""Fraction of missing samples of a signal, or of late forces, above which the reader is warned."""
+"""Fraction of missing samples of a signal, or of late forces, above which there is a warning."""
 
 LOCKSTEP_NOTE = (
     "Every condition ran in lockstep: no ROS, no clock, same numbers for the same seed."
@@ -58,10 +58,10 @@ RIG_NOTES = {
 """Notes on the virtual rigs, by name."""
 
 BESIDE = "lockstep_nrmse_percent"
-"""Name of the error in lockstep in the JSON file of a live run."""
+"""Name of the lockstep error in a live run's JSON file."""
 
 LOCKSTEP_TITLE = "Error (NRMSE) live and, in brackets, in lockstep, %"
-"""Title of the table of both."""
+"""Title of the table with both."""
 
 NETWORK_NOTE = (
     "A network lay between the arms, with the passive coupling. The handle is compared with the "
@@ -77,7 +77,7 @@ AVERAGE_NOTE = (
 
 
 def trial_error(trial: Trial) -> float:
-    """Return the error of a trial, %; NaN without any desired acceleration."""
+    """Return the error of a trial, %; NaN for a desired acceleration of zero."""
     try:
         return trial.evaluate().nrmse_percent
     except ValueError:
@@ -85,12 +85,12 @@ def trial_error(trial: Trial) -> float:
 
 
 def lockstep_error(arguments: GraphArguments) -> float:
-    """Return the error of a condition in lockstep, %; NaN without any desired acceleration."""
+    """Return the error of a condition in lockstep, %; NaN for a desired acceleration of zero."""
     return trial_error(lockstep_trial(arguments))
 
 
 def channel_setting(channel: ChannelParameters | None) -> dict[str, str]:
-    """Return the description of a network as a setting of a page; empty without one."""
+    """Return the description of a network for the settings of a page; empty without one."""
     if channel is None:
         return {}
     delay, jitter = MILLI * channel.delay, MILLI * channel.jitter
@@ -98,16 +98,16 @@ def channel_setting(channel: ChannelParameters | None) -> dict[str, str]:
 
 
 def experiment_notes(rig: str, *, lockstep: bool, network: bool) -> list[str]:
-    """Return the notes of a report on how its conditions were run.
+    """Return the notes of a report on the execution of its conditions.
 
     Parameters
     ----------
     rig : str
         Virtual rig, by name or file.
     lockstep : bool
-        The conditions ran in lockstep, not live.
+        True for lockstep, False for a live graph.
     network : bool
-        A simulated network lay between the arms.
+        True if the arms were connected by a simulated network.
     """
     return [
         LOCKSTEP_NOTE if lockstep else LIVE_NOTE,
@@ -153,7 +153,7 @@ def trial_metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, 
 def experiment_warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
     """Yield reasons to doubt the metrics: missing samples, late forces.
 
-    What the nodes warned of is among the page's notes on single trials.
+    Warnings of nodes are in the page's notes on single trials.
     """
     too_late = after_tick = False
     for trial in analysis.trials:
@@ -188,6 +188,6 @@ def experiment_warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
 
 
 def _worst(delivery: Delivery, count: str) -> tuple[str, float]:
-    """Return the kind of force of which the largest share was counted, and that share."""
+    """Return the kind of force with the largest fraction of a count, and that fraction."""
     shares = {name: each.get(count, 0) / each["due"] for name, each in delivery.deadlines.items()}
     return max(shares.items(), key=itemgetter(1), default=("", 0.0))

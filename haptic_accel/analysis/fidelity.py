@@ -28,37 +28,37 @@ from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.materials.recordings import read_recording
 
 Row: TypeAlias = dict[str, Any]
-"""Results of one trial, or of the trials of a condition, by name."""
+"""Results of one trial, or of a condition's trials, by name."""
 
 DURATION = 8.0
-"""Length of a trial with one grip, s."""
+"""Duration of a trial with one grip, s."""
 
 CHANGED_AT = 1.0
-"""Time at which another hand takes the handle, s; until then it is held with Table I's grip."""
+"""Time at which another hand takes the handle, s; before, the grip is that of Table I."""
 
 SETTLING = 2.0
-"""Time that is not evaluated after a change of grip, s."""
+"""Time after a change of grip that is not evaluated, s."""
 
 USERS = 3
 """Number of users of the paper's rig."""
 
 CHANGES = 10
-"""Number of trials in which the grip changes once a second."""
+"""Number of trials with a grip change each second."""
 
 WINDOW = 2.0
-"""Length of the parts of a trial whose errors are compared with those of no controller, s."""
+"""Length of the sections of a trial whose errors are compared with those without controller, s."""
 
 SPREAD = {"m_h": (0.7, 1.3), "k_u": (0.5, 2.0), "b_u": (0.5, 2.0)}
-"""Ranges of random hands relative to Table I: mass uniform, the others logarithmically uniform."""
+"""Ranges of random hands relative to Table I: mass uniform, stiffness and damping log-uniform."""
 
 WIDE = {"m_h": (0.4, 3.0), "k_u": (0.2, 8.0), "b_u": (0.2, 6.0)}
 """Ranges of unusual hands, from a light touch to a firm grip."""
 
 GRANTED = (2, 3)
-"""Delays granted besides the default's one, samples."""
+"""Additional granted delays, samples."""
 
 TEXTURE_LOWS = (8.0, 15.0, 30.0, 60.0)
-"""Frequencies from which textures have energy, Hz."""
+"""Lower frequencies of textures, Hz."""
 
 TEXTURE_RMS = (0.5, 1.0, 3.0, 6.0)
 """Root mean squares of textures, m/s^2."""
@@ -67,19 +67,19 @@ TAP_PEAKS = (5.0, 15.0, 45.0)
 """Peaks of taps, m/s^2: up to the range of the paper's accelerometer."""
 
 RECORDING_RMS = (0.6, 3.0)
-"""Root mean squares that recordings are scaled to, m/s^2."""
+"""Root mean squares to which recordings are scaled, m/s^2."""
 
 MODE_FREQUENCIES = (120.0, 180.0, 250.0, 320.0)
-"""Frequencies of a mode that the controllers do not know, Hz."""
+"""Frequencies of a mode that is unknown to the controllers, Hz."""
 
 MODE_DAMPINGS = (0.03, 0.05, 0.1, 0.3)
 """Damping ratios of that mode."""
 
 TOLD = 1.0
-"""Time in which a controller can notice that mode, which is not evaluated, s."""
+"""Time in which a controller can detect that mode, which is not evaluated, s."""
 
 GRANT = "granted_delay"
-"""Parameter of the controllers that a delay can be granted to."""
+"""Parameter of the controllers for the granted delay."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +94,11 @@ class Case:
         Rig, rate, input, controller and seed.
     grips : tuple of GripChange
     start : float
-        Beginning of the evaluated part, s.
+        Start of the evaluated part, s.
     recording : ndarray, optional
-        Tool acceleration in place of the arguments', m/s^2.
+        Tool acceleration that replaces that of the arguments, m/s^2.
     changes : dict
-        Values by node and dotted name that the rig and the controllers have besides.
+        Additional values for rig and controllers, by node and dotted name.
     """
 
     condition: str
@@ -113,7 +113,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Wanted:
-    """The user's choice of inputs, rigs and rates of all conditions, hands and their seed."""
+    """User's choice of inputs, rigs and rates of all conditions, hands and their seed."""
 
     inputs: Sequence[GraphArguments]
     rig: str
@@ -122,12 +122,12 @@ class Wanted:
     seed: int
 
     def on(self, rig: str = "ideal", rate: float = DEFAULT_RATE) -> GraphArguments:
-        """Return the arguments of a condition's rig, unless another one was asked for."""
+        """Return the arguments of a condition's rig, unless the user chose another one."""
         return GraphArguments(rig=self.rig or rig, rate=self.rate or rate)
 
 
 def inputs(recordings: Sequence[str], rates: Sequence[float]) -> list[GraphArguments]:
-    """Return a graph for each acceleration that the tool may measure."""
+    """Return the graph arguments for each acceleration of the tool."""
     if not recordings:
         return [GraphArguments(surface=surface) for surface in SURFACES]
     every = list(rates) or [0.0]
@@ -145,7 +145,7 @@ def inputs(recordings: Sequence[str], rates: Sequence[float]) -> list[GraphArgum
 
 
 def with_controllers(case: Case, controllers: Sequence[str]) -> Iterator[Case]:
-    """Yield a trial under each controller; under those alone that can be granted a delay."""
+    """Yield a trial per controller; with a granted delay, only for those with that parameter."""
     for name in controllers:
         if "compensator" not in case.changes or hasattr(CONTROLLERS[name].Parameters, GRANT):
             yield replace(case, arguments=replace(case.arguments, controller=name))
@@ -157,7 +157,7 @@ def with_controllers(case: Case, controllers: Sequence[str]) -> Iterator[Case]:
 def hand(
     seed: int, number: int, spread: Mapping[str, tuple[float, float]] = SPREAD
 ) -> HandleParameters:
-    """Return a random hand within the ranges of a spread."""
+    """Return a random hand within given ranges."""
     draw = np.random.default_rng((seed, number)).uniform
     factors = {"m_h": draw(*spread["m_h"])}
     factors |= {name: math.exp(draw(*np.log(spread[name]))) for name in ("k_u", "b_u")}
@@ -175,7 +175,7 @@ def texture(low: float, rms: float, rate: float) -> FloatArray:
 
 
 def taps(peak: float, rate: float) -> FloatArray:
-    """Return a tap every 0.3 to 0.7 s: a mode of 60 to 300 Hz that dies in 3 to 20 ms, m/s^2."""
+    """Return taps every 0.3 to 0.7 s: modes of 60 to 300 Hz that decay in 3 to 20 ms, m/s^2."""
     draw = np.random.default_rng(4).uniform
     time = np.arange(round(DURATION * rate)) / rate
     found, begin = np.zeros(len(time)), 0.3
@@ -311,17 +311,17 @@ CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
     "modes": _modes,
     "recordings": _recordings,
 }
-"""Trials of each condition, without their controllers, by name."""
+"""Trials of each condition, without controllers, by name."""
 
 DEFAULT_CONDITIONS = ["surfaces", "hands", "grips"]
-"""Conditions that run where none is named."""
+"""Conditions of a run without named ones."""
 
 
 # Trials
 
 
 def run_case(case: Case) -> Row:
-    """Run one trial and evaluate its part from `start` on."""
+    """Run one trial and evaluate it from `start` on."""
     arguments = replace(case.arguments, duration=DURATION)
     values = graph_parameters(arguments)
     for node, own in case.changes.items():
@@ -359,7 +359,7 @@ def run_case(case: Case) -> Row:
 
 
 def _by_window(trial: Trial, first: int) -> Iterator[float | None]:
-    """Yield the error of each `WINDOW` of a trial, %; None where nothing is desired."""
+    """Yield the error of each `WINDOW` of a trial, %; None for a desired acceleration of zero."""
     length = round(WINDOW * trial.rate)
     for begin in range(first, len(trial.time) - length + 1, length):
         try:
@@ -395,12 +395,12 @@ def summary(rows: Sequence[Row]) -> list[Row]:
 
 
 def _key(row: Row) -> tuple[str, str, str]:
-    """Return what trials of several controllers have in common."""
+    """Return the common properties of trials with different controllers."""
     return row["condition"], row["input"], row["grip"]
 
 
 def _above(rows: Sequence[Row], idle: Mapping[tuple[str, str, str], Row]) -> float | None:
-    """Return by how much any window's error is above that without control, points, at most."""
+    """Return the maximum excess of a window's error over that without control, points."""
     name = "nrmse_by_2_s_percent"
     differences = [
         own - without

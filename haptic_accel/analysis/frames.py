@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Metrics of bags as data frames: the basis of every table, file and page."""
+"""Metrics of bags as data frames, for tables, files and pages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
 from haptic_accel.core.evaluation.statistics import mean_interval
 
 AVERAGE = "average"
-"""The paper's average over its surfaces, as a surface of its table."""
+"""The paper's average over its surfaces, used as a surface of its table."""
 
 PAPER_REGRESSION = {
     "slope_desired_on_actual": {name: slope for name, (slope, _) in REGRESSION.items()},
@@ -35,7 +35,7 @@ ORDER = (
     ("none", "constant", "dynamic", "inverse", "feedback", "adaptive"),
     ("plywood", "text", "vinyl"),
 )
-"""Controllers from the plainest to the best, and the paper's surfaces in its order."""
+"""Order of controllers, from the simplest to the best, and of the paper's surfaces."""
 
 _CONDITION = ["controller", "surface"]
 _FIRST = ["trial", *_CONDITION, "grip", "pair", "contact"]
@@ -47,28 +47,28 @@ def load(*paths: Path | str, shift: str = "granted", perceptual: bool = True) ->
     Parameters
     ----------
     *paths : Path or str
-        Bags, files of bags, or folders in which to look for bags.
+        Bags, files of bags, or folders to search for bags.
     shift : str
         ``granted`` for latency and granted delay, ``paper`` for one sample, ``measured``, or
         milliseconds.
     perceptual : bool
-        Score ST-SIM, which takes longest.
+        Compute ST-SIM, which takes longest.
 
     Returns
     -------
     Analysis
-        Argument of the other functions here; `Analysis.problems` lists what is missing.
+        Argument of the other functions here; `Analysis.problems` lists missing items.
 
     Raises
     ------
     ParameterError
-        A place does not exist or has no bag, or the shift is malformed.
+        A path does not exist or has no bag, or the shift is malformed.
     """
     return analyse([Path(p) for p in paths], Shift.read(shift), perceptual=perceptual)
 
 
 def trials(analysis: Analysis) -> pd.DataFrame:
-    """Return a row for each trial: condition, and all metrics with their unit in the name."""
+    """Return a row for each trial: condition, and all metrics with units in their names."""
     rows = [_row(trial) for trial in analysis.trials]
     return pd.DataFrame(rows, columns=None if rows else _FIRST)
 
@@ -101,7 +101,7 @@ def _row(trial: AnalysedTrial) -> dict[str, Any]:
 
 
 def band_column(band: str) -> str:
-    """Return the column of a band's error, as ``nrmse_30_60_Hz_percent``."""
+    """Return the column name for a band's error, for example ``nrmse_30_60_Hz_percent``."""
     return f"nrmse_{band.replace('-', '_').replace(' ', '_')}_percent"
 
 
@@ -111,7 +111,7 @@ def band_names(analysis: Analysis) -> list[str]:
 
 
 def rank(name: str) -> tuple[int, str]:
-    """Return the sorting key of a controller or surface."""
+    """Return the sort key of a controller or surface."""
     for names in ORDER:
         if name in names:
             return names.index(name), name
@@ -126,15 +126,15 @@ def by_condition(frame: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.Data
 
 
 def ranks(condition: tuple[str, str]) -> tuple[tuple[int, str], ...]:
-    """Return the sorting key of a controller and surface."""
+    """Return the sort key of a controller and surface."""
     return tuple(map(rank, condition))
 
 
 def groups(analysis: Analysis) -> pd.DataFrame:
     """Return a row for each controller and surface, with intervals of 95 % over trials.
 
-    The column ``interval`` names the method of the NRMSE's interval, or says why there is none.
-    Trials without contact are left out.
+    The column ``interval`` contains the method of the NRMSE's interval, or the reason for its
+    absence. Trials without contact are excluded.
     """
     columns = [*METRICS, *map(band_column, band_names(analysis))]
     rows = []
@@ -153,7 +153,7 @@ def groups(analysis: Analysis) -> pd.DataFrame:
 
 
 class Cell(NamedTuple):
-    """An error, percent: the value here, the ends of its interval, and the paper's value."""
+    """Error in percent: the value, the ends of its interval, and the paper's value."""
 
     value: float
     low: float
@@ -163,22 +163,22 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class TableTwo:
-    """The paper's Table II from some bags.
+    """Table II of the paper, computed from bags.
 
     Attributes
     ----------
     columns : list of str
         Surfaces, and the average over `common` if there are several.
     common : list of str
-        Surfaces that have an error of every controller.
+        Surfaces with an error for every controller.
     rows : dict
         A cell for each column, by controller.
     counts : dict
         Number of trials by controller.
     methods : str
-        Methods by which the intervals were found.
+        Methods of the intervals.
     bounds : dict
-        Mean of a bound over a column's trials, by the bound's name; without those not known.
+        Mean of a bound over a column's trials, by the bound's name; without unknown ones.
     """
 
     columns: list[str]
@@ -190,15 +190,14 @@ class TableTwo:
 
 
 BOUNDS = ("limited_bound_percent", "bound_percent")
-"""Bounds of the error among the metrics, from the higher to the lower."""
+"""Metrics that are bounds of the error, from the higher to the lower."""
 
 
 def table_two(found: pd.DataFrame) -> TableTwo:
-    """Return Table II of groups.
+    """Return Table II for groups of trials.
 
-    The average is over those surfaces alone that have an error of every controller, so that
-    controllers compare; the paper's average stands beside it only where these are its own
-    surfaces.
+    The average includes only surfaces with an error for every controller, so that controllers are
+    comparable. The paper's average is given only if these are its own surfaces.
     """
     known = {(row["controller"], row["surface"]): row for row in found.to_dict("records")}
     errors = {key: row["nrmse_percent"] for key, row in known.items()}
@@ -280,20 +279,20 @@ def signals(path: Path | str, number: int = 1) -> pd.DataFrame:
     Parameters
     ----------
     path : Path or str
-        A bag.
+        Path of a bag.
     number : int
         Number of the trial within the bag, from 1.
 
     Returns
     -------
     DataFrame
-        Tool, desired and handle acceleration in m/s^2 and actuator force in N, as far as recorded,
-        by the names of their topics.
+        Tool, desired and handle acceleration in m/s^2 and actuator force in N, if recorded, by
+        topic name.
 
     Raises
     ------
     ParameterError
-        It is no bag, or has no such trial.
+        The path is no bag, or the bag has no such trial.
     """
     return segment_signals(read_segment(Path(path), number))
 

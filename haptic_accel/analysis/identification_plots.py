@@ -25,15 +25,15 @@ from haptic_accel.core.identification.evaluation import GripIdentification, Iden
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 
 MASS_LIKE = 60.0
-"""Frequency between suspension and mount, where a handle is little more than its mass, Hz."""
+"""Frequency between suspension and mount, where the handle behaves like a mass, Hz."""
 
 POINTS = 400
-"""Number of frequencies at which models are drawn."""
+"""Number of frequencies for drawing models."""
 
 DEGREES = 180 / math.pi
-"""Degrees in a radian."""
+"""Degrees per radian."""
 
-# Label, colour, width, order and dashes: lines that lie on each other differ in width and dashes.
+# Label, colour, width, order and dashes; overlapping lines differ in width and dashes.
 _MODELS: Sequence[tuple[str, str, float, float, Any]] = (
     ("full model, as sampled", BLUE, 2.2, 4, "-"),
     ("discrete model", plots.BLACK, 1.2, 5, (0, (4, 2))),
@@ -45,14 +45,14 @@ _MODELS: Sequence[tuple[str, str, float, float, Any]] = (
 Grips = Mapping[str, GripIdentification]
 """Identifications by name of the grip."""
 
-_AVERAGED_POINTS = 28  # drawn of an averaged estimate; more would hide the models
-_MARGIN_DEGREES = 20.0  # beyond what is drawn
-_MARGIN_FACTOR = 1.3  # of magnitude beyond what is drawn
-_MOST_DATA = (1.0, 99.0)  # percentiles of the data that axes reach
+_AVERAGED_POINTS = 28  # drawn for an averaged estimate; more would hide the models
+_MARGIN_DEGREES = 20.0  # beyond the drawn range
+_MARGIN_FACTOR = 1.3  # of magnitude beyond the drawn range
+_MOST_DATA = (1.0, 99.0)  # percentiles of the data within the axes
 
 
 def sweep_plot(trial: sweeps.IdentificationTrial, sweep: sweeps.SweepParameters) -> Figure:
-    """Draw force and acceleration over time, the paper's Fig. 4."""
+    """Draw force and acceleration over time (the paper's Fig. 4)."""
     figure = Figure(figsize=(10, 5.6), layout="constrained", facecolor="white")
     force, acceleration = figure.subplots(2, 1, sharex=True)
     repeat = sweeps.repeat_samples(sweep, trial.rate)
@@ -80,7 +80,7 @@ def sweep_plot(trial: sweeps.IdentificationTrial, sweep: sweeps.SweepParameters)
 
 
 def model_plot(found: Identification) -> Figure:
-    """Draw magnitude and phase of data and models, the paper's Fig. 5."""
+    """Draw magnitude and phase of data and models (the paper's Fig. 5)."""
     figure = Figure(figsize=(11, 8.2), layout="constrained", facecolor="white")
     magnitude, phase = figure.subplots(2, 1, sharex=True)
     low, high = found.band
@@ -114,7 +114,7 @@ def model_plot(found: Identification) -> Figure:
 
 
 def _models(found: Identification, frequency: FloatArray) -> list[ComplexArray]:
-    """Return the responses of `_MODELS`, m/s^2 per N; the first follows the data most surely."""
+    """Return the responses of `_MODELS`, m/s^2 per N, the best fit to the data first."""
     return [
         found.fit.response(frequency, found.discrete.rate),
         found.discrete.response(frequency),
@@ -125,7 +125,7 @@ def _models(found: Identification, frequency: FloatArray) -> list[ComplexArray]:
 
 
 def _data(grips: Grips) -> Iterator[tuple[str, FrequencyResponse, Style]]:
-    """Yield label, estimate and look of all that is drawn: each trial pale, averages dark."""
+    """Yield label, estimate and style of the drawn data: trials pale, averages dark."""
     for name, grip, pale, dark, _ in _looks(grips):
         each: Style = {"color": pale, "linestyle": "", "zorder": 1, "marker": ".", "markersize": 7}
         averaged: Style = {"color": dark, "linestyle": "", "zorder": 2, "markersize": 4.5}
@@ -148,7 +148,7 @@ def _looks(grips: Grips) -> Iterator[tuple[str, GripIdentification, str, str, st
 
 
 def _thinned(response: FrequencyResponse) -> FrequencyResponse:
-    """Return lines evenly spaced on a logarithmic axis, as far as there are such."""
+    """Return lines with logarithmic spacing, as far as available."""
     low, high = response.frequency[0], response.frequency[-1]
     wanted = np.geomspace(low, high, _AVERAGED_POINTS)
     some = np.unique(np.abs(response.frequency - wanted[:, None]).argmin(axis=1))
@@ -157,9 +157,9 @@ def _thinned(response: FrequencyResponse) -> FrequencyResponse:
 
 
 def _unwrapped(frequency: FloatArray, response: ComplexArray) -> FloatArray:
-    """Return a smooth response's phase without jumps, degrees, shape (n,).
+    """Return the phase of a smooth response without jumps, degrees, shape (n,).
 
-    Whole turns carry no information: all models are near zero where the handle is a mass.
+    Whole turns are meaningless: all models are near zero where the handle behaves like a mass.
     """
     phase = np.unwrap(np.angle(response)) * DEGREES
     middle = min(int(np.searchsorted(frequency, MASS_LIKE)), len(phase) - 1)
@@ -167,13 +167,13 @@ def _unwrapped(frequency: FloatArray, response: ComplexArray) -> FloatArray:
 
 
 def _nearest_turn(response: ComplexArray, near: FloatArray) -> FloatArray:
-    """Return a noisy response's phase within half a turn of another one, degrees, shape (n,)."""
+    """Return a noisy phase within half a turn of another response's, degrees, shape (n,)."""
     phase = np.angle(response) * DEGREES
     return np.asarray(phase - 360 * np.round((phase - near) / 360))
 
 
 def _scale_magnitude(panel: Axes, models: FloatArray, found: Identification) -> None:
-    """Scale an axis to models and data but for outliers, which would make all else small."""
+    """Scale an axis to models and data without outliers."""
     data = [response.response for grip in found.grips.values() for response in grip.responses]
     low, high = np.percentile(np.abs(np.concatenate(data)), _MOST_DATA)
     low, high = min(low, models.min()), max(high, models.max())
@@ -184,7 +184,7 @@ def _scale_magnitude(panel: Axes, models: FloatArray, found: Identification) -> 
 
 
 def coherence_plot(found: Identification) -> Figure:
-    """Draw what share of the acceleration's power the force explains, over frequency."""
+    """Draw the coherence over frequency: the fraction of power explained by the force."""
     figure = Figure(figsize=(11, 4.2), layout="constrained", facecolor="white")
     panel = figure.subplots()
     keys, lowest = [], 1.0
@@ -207,10 +207,10 @@ def coherence_plot(found: Identification) -> Figure:
 
 
 def _finish(panel: Axes, found: Identification, keys: Sequence[Line2D]) -> None:
-    """Scale the frequency axis of a panel, and put a legend beside it, where it hides nothing."""
+    """Scale the frequency axis of a panel, and add a legend beside it."""
     frequency_axis(panel, *found.band, ends=True)
     rule(panel)
     look: Style = {"bbox_to_anchor": (1.01, 1.0), "frameon": False, "handlelength": 3.2}
     legend = panel.legend(handles=keys, loc="upper left", borderaxespad=0, **look)
     for text in legend.get_texts():
-        text.set_parse_math(False)  # a grip may be named as it likes
+        text.set_parse_math(False)  # the name of a grip is arbitrary

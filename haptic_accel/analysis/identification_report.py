@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes the report of an identification: a page with its parameters, models and plots."""
+"""Report of an identification: a page with parameters, models and plots."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ POOLED = "all grips"
 """Heading of the fit to all trials of several grips."""
 
 KNOWN = "known"
-"""Placeholder for the standard error of a parameter that was not fitted."""
+"""Text for the standard error of a parameter that was not fitted."""
 
 MICROSECONDS = 1e6
-"""Microseconds in a second."""
+"""Microseconds per second."""
 
 
 @dataclass(frozen=True)
 class ModelError:
-    """Largest differences of a model's response from the true one over a band.
+    """Largest errors of a model's response over a band.
 
     Attributes
     ----------
     magnitude_db : float
-        Largest difference of the magnitude, dB.
+        Largest magnitude error, dB.
     phase_deg : float
-        Largest difference of the phase, degrees.
+        Largest phase error, degrees.
     """
 
     magnitude_db: float
@@ -65,7 +65,7 @@ def write_identification_report(
     band: tuple[float, float],
     notes: Sequence[str] = (),
 ) -> Path:
-    """Write a page with the parameters, models and plots of an identification into a folder.
+    """Write a page with the parameters, models and plots of an identification to a folder.
 
     Parameters
     ----------
@@ -74,23 +74,23 @@ def write_identification_report(
     sweep : SweepParameters
         Excitation of the handle.
     folder : Path
-        Folder, made if it does not exist. The page refers to ``handle.yaml`` there.
+        Folder, created if necessary. The page refers to a file ``handle.yaml`` in it.
     settings : mapping of str to str
         Arguments of the run, shown as a table.
     truth : HandleParameters or None
         Parameters of a simulated handle, if known.
     errors : mapping of str to ModelError
-        Errors by model, ``discrete`` and ``physical``; empty where there is no truth.
+        Errors by model, ``discrete`` and ``physical``; empty if the true response is unknown.
     band : tuple of float
         Band of the errors, Hz.
     notes : sequence of str
-        Paragraphs shown under the heading, warnings first.
+        Paragraphs below the heading, warnings first.
 
     Returns
     -------
     Path
-        The page, ``folder/index.html``, which needs no other file to be shown. Beside it lie
-        its plots ``fig4_sweep.png``, ``fig5_models.png`` and ``coherence.png``.
+        Page ``folder/index.html``, which is self-contained. The plots are also saved beside it as
+        ``fig4_sweep.png``, ``fig5_models.png`` and ``coherence.png``.
     """
     folder.mkdir(parents=True, exist_ok=True)
     identified = next(iter(found.grips.values()))
@@ -121,14 +121,14 @@ def write_identification_report(
 
 
 _DPI = 130  # pixels per inch
-_CSS_DPI = 96  # a page's pixels per inch
-_DIGITS = 5  # that count, of a value whose error is not known
-_MOST_DIGITS = 7  # of one whose error is very small
+_CSS_DPI = 96  # pixels per inch of a page
+_DIGITS = 5  # significant digits of a value with unknown error
+_MOST_DIGITS = 7  # for a very small error
 _ERROR_DIGITS = 2  # of a standard error
 
 
 def _picture(figure: Figure, path: Path) -> dict[str, Any]:
-    """Write a figure, and return its address for a page and its size in pixels."""
+    """Write a figure; return its address for a page and its size in pixels."""
     figure.savefig(path, dpi=_DPI)
     encoded = base64.b64encode(path.read_bytes()).decode("ascii")
     width, height = (round(_CSS_DPI * inches) for inches in figure.get_size_inches())
@@ -140,7 +140,7 @@ def _picture(figure: Figure, path: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table of parameters: true value, and of each fit its value and error."""
+    """Row of the parameter table: true value, and for each fit value and error."""
 
     name: str
     text: str
@@ -150,13 +150,13 @@ class Row:
 
 
 def fits_by_column(found: Identification) -> list[tuple[str, HandleFit]]:
-    """Return the fit of each grip and, where there are several, of all of them."""
+    """Return the fit of each grip and, if there are several, of all together."""
     fits = [(name, grip.fit) for name, grip in found.grips.items()]
     return fits if len(fits) == 1 else [*fits, (POOLED, found.fit)]
 
 
 def _quantities() -> Iterator[tuple[str, str, str, float]]:
-    """Yield name, text, unit, and the factor to that unit, of all that a fit may find."""
+    """Yield name, text, unit, and the factor to that unit, for all possible fitted quantities."""
     for name, (_, given) in own_schema(HandleParameters).items():
         yield name, given.text, given.unit, 1.0
     yield "friction", "dry friction of the actuator's bearing", "N", 1.0
@@ -171,7 +171,7 @@ def _quantities() -> Iterator[tuple[str, str, str, float]]:
 
 
 def parameter_rows(found: Identification, truth: HandleParameters | None) -> list[Row]:
-    """Return the table of the fitted and known parameters.
+    """Return the table of fitted and known parameters.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def parameter_rows(found: Identification, truth: HandleParameters | None) -> lis
 
 
 def _cell(value: float, error: float | None, factor: float) -> tuple[str, str]:
-    """Return a value, to the last digit of its standard error, and that error."""
+    """Return a value, rounded to the last digit of its standard error, and that error."""
     value *= factor
     if error is None:
         return _number(value), KNOWN
@@ -211,19 +211,19 @@ def _cell(value: float, error: float | None, factor: float) -> tuple[str, str]:
 
 
 def _decimals(value: float, digits: int) -> int:
-    """Return the number of decimals with which a value has so many digits that count."""
+    """Return the number of decimals that gives a value a number of significant digits."""
     return max(0, digits - 1 - math.floor(math.log10(abs(value))))
 
 
 def _number(value: float | None) -> str:
-    """Return a number for a reader, a dash where there is none."""
+    """Return a number as text, or a dash if there is none."""
     if value is None or not math.isfinite(value):
         return DASH
     return f"{value:.{_DIGITS}g}".replace("-", "\N{MINUS SIGN}")
 
 
 def explained(found: Identification) -> str:
-    """Explain the residual of the fit in a sentence."""
+    """Return a sentence on the residual of the fit."""
     residual = found.fit.residual
     if len(found.grips) > 1:
         return (
@@ -247,5 +247,5 @@ def explained(found: Identification) -> str:
 
 
 def _order(model: DiscreteModel) -> int:
-    """Return the number of poles: a section of first order has no z^-2 below."""
+    """Return the number of poles; a first-order section has no z^-2 in its denominator."""
     return int(2 * len(model.sections) - np.count_nonzero(model.sections[:, 5] == 0.0))

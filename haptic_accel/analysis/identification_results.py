@@ -26,11 +26,11 @@ from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 
 INTERVAL = 1.96
-"""Half of a 95 % interval, standard errors."""
+"""Half width of a 95 % interval, in standard errors."""
 
 
 def rig_as_held(arguments: IdentifyArguments) -> RigParameters:
-    """Return the simulated rig with its master as one user holds it, for any seed of the noise."""
+    """Return the simulated rig with one user's grip, for any seed of the noise."""
     master = rig_parameters(graph_parameters(arguments)).master
     handle = held(master.handle, master.grip, arguments.seed)
     grip = replace(master.grip, variation=0.0, posture=AVERAGE_GRIP)
@@ -40,21 +40,21 @@ def rig_as_held(arguments: IdentifyArguments) -> RigParameters:
 def parameter_file(
     found: Identification, actuator: ActuatorParameters, age: float = 0.0, doubt: str = ""
 ) -> str:
-    """Return a ROS parameter file for ``params_file:=FILE``: the handle and its controllers.
+    """Return a ROS parameter file for ``params_file:=FILE`` with the handle and its controllers.
 
     Parameters
     ----------
     found : Identification
     actuator : ActuatorParameters
-        Actuator as known without the identification.
+        Actuator as known before the identification.
     age : float
-        Age of forces that took effect on arrival, s. It is part of the delay that a controller
-        compensates, but not of the simulated handle's own delay.
+        Age of forces applied on arrival, s. It is part of the delay that a controller compensates,
+        but not of the simulated handle's own delay.
     doubt : str
-        Reason to doubt the fit, of which the compensator warns.
+        Reason to doubt the fit; the compensator reports it as a warning.
     """
     fit = found.fit
-    # Friction that may be none would only disturb.
+    # Compensation of a friction that may be zero would only disturb.
     certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
     friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
     handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
@@ -117,8 +117,8 @@ def model_errors(
     band : tuple of float
         Lowest and highest frequency compared, Hz.
     on_arrival : bool
-        Forces took effect on arrival: their age adds to the rig's own delay and belongs to the
-        models, so that the identified delay is used as the true one.
+        True if forces took effect on arrival. Their age adds to the rig's own delay and is part of
+        the models, so the identified delay is used as the true one.
 
     Returns
     -------
@@ -163,8 +163,8 @@ def identification_metrics(
     ----------
     found : Identification
     errors : mapping of ModelError
-        Errors by model, as of `model_errors`; empty where the true response is not known. Those
-        without the name of a model in the file are the discrete model's.
+        Errors by model, from `model_errors`; empty if the true response is unknown. Keys without a
+        model's name in the file refer to the discrete model.
     band : tuple of float
         Lowest and highest frequency compared, Hz.
     latency : int

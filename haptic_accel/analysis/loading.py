@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Analyses every trial in some bags, one bag after the other."""
+"""Analysis of all trials in some bags, one bag after the other."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class Analysis:
     ----------
     trials : list of AnalysedTrial
     problems : dict
-        Lines that name what could not be determined, by bag.
+        Lines on quantities that could not be determined, by bag.
     shift : Shift
     bags : int
         Number of bags.
     across : list of Across
-        Comparisons of handles with tools that other hosts recorded.
+        Comparisons of handles with tools recorded by other hosts.
     """
 
     trials: list[AnalysedTrial]
@@ -48,15 +48,15 @@ class Analysis:
 
     @property
     def shifted_by(self) -> str:
-        """Time by which actual accelerations were shifted back, in words."""
+        """Description of the time by which actual accelerations were shifted back."""
         return self.shift.words(trial.segment for trial in self.trials)
 
 
 Spread = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
-"""Applies a function to each item, as `map` does; may end early."""
+"""Function that applies another one to each item, like `map`; may end early."""
 
 Ended = Callable[[int, int, str, Sequence[AnalysedTrial]], None]
-"""Receives number and count of bags, and the name and the trials of the one just analysed."""
+"""Callback with number and count of bags, and name and trials of the bag just analysed."""
 
 
 def analyse(
@@ -69,31 +69,31 @@ def analyse(
     spread: Spread = map,
     ended: Ended | None = None,
 ) -> Analysis:
-    """Read all bags at some places and measure every trial in them.
+    """Read all bags at some paths and measure all their trials.
 
-    A bag that cannot be read is a problem of that bag, not of the others. Of trials of one
-    condition with the same samples at one place, copies or repeated lockstep runs, only the first
+    An unreadable bag is reported as a problem, and does not affect the others. If trials of one
+    condition at one path have the same samples (copies, or repeated lockstep runs), only the first
     counts.
 
     Parameters
     ----------
     paths : sequence of Path
-        Bags, files of bags, or folders in which to look for bags.
+        Bags, files of bags, or folders to search for bags.
     shift : Shift, optional
-        By default, each trial's latency and granted delay.
+        Default: each trial's latency and granted delay.
     perceptual : bool
-        Score ST-SIM, which takes longest.
+        Compute ST-SIM, which takes longest.
     rig, rate
-        Facts of bags that do not describe themselves, see `cut`.
+        Facts for bags without a description, see `cut`.
     spread : callable
-        Applies the analysis to each bag: `map`, or what does so in several processes.
+        Function that applies the analysis to each bag: `map`, or one with several processes.
     ended : callable, optional
         Called after each bag.
 
     Raises
     ------
     ParameterError
-        A place does not exist, or has no bag, or a bag states what rig or rate would replace.
+        A path does not exist, or has no bag, or a bag states itself what rig or rate should give.
     """
     shift = shift or Shift()
     found = {bag.resolve(): (bag, path) for path in paths for bag in find_bags(path)}
@@ -115,7 +115,7 @@ def analyse(
             if first == trial.name:
                 kept.append(trial)
             else:
-                # Taken for another trial it would make every interval too short.
+                # Counting it as another trial would make every interval too short.
                 complaints.append(f"counts once: it has the same samples as {first}")
         if complaints:
             problems[task.name] = complaints
@@ -132,7 +132,7 @@ def analyse(
 
 @dataclass(frozen=True)
 class _Task:
-    """A bag to be analysed; see `analyse`."""
+    """Bag to be analysed; see `analyse`."""
 
     bag: Path
     source: Path
@@ -144,9 +144,9 @@ class _Task:
 
 
 def _measured(task: _Task) -> tuple[list[tuple[AnalysedTrial, bytes]], list[str], Host | None]:
-    """Return a bag's trials with digests of their samples, what could not be determined, and host.
+    """Return a bag's trials with digests of their samples, its problems, and its host.
 
-    A robot's bag has no handle, and so no trial of its own.
+    A robot's bag contains no handle, and thus no trial of its own.
     """
     try:
         recorded = read_bag(task.bag, VECTORS)
@@ -182,7 +182,7 @@ def _name_alone(
 
 
 def _touching(trial: AnalysedTrial, partners: _Partners) -> AnalysedTrial:
-    """Return a trial with the surface that the robot's bag states."""
+    """Return a trial with the surface stated in the robot's bag."""
     segment = trial.segment
     if segment.bag not in partners:
         return trial
@@ -197,7 +197,7 @@ def _across(
     spread: Spread,
     problems: dict[str, list[str]],
 ) -> list[Across]:
-    """Compare handles with the tools of robots; add what is impossible to the problems."""
+    """Compare handles with the tools of robots; add impossible comparisons to the problems."""
     tasks = [(t, *partners[t.segment.bag]) for t in trials if t.segment.bag in partners]
     found = []
     for task, result in zip(tasks, spread(compare_across, tasks), strict=False):
@@ -209,7 +209,7 @@ def _across(
 
 
 def _showing_the_same(trials: Sequence[AnalysedTrial], spread: Spread) -> list[AnalysedTrial]:
-    """Return trials of which those of one surface, grip and seed show the same excerpt."""
+    """Return trials whose excerpts start at the same time for each surface, grip and seed."""
     begins: dict[object, float] = {}
     others: dict[int, tuple[AnalysedTrial, float]] = {}
     for index, trial in enumerate(trials):
@@ -223,7 +223,7 @@ def _showing_the_same(trials: Sequence[AnalysedTrial], spread: Spread) -> list[A
 
 
 def _moved(task: tuple[AnalysedTrial, float]) -> AnalysedTrial:
-    """Return a trial that shows the excerpt from a time in s on."""
+    """Return a trial with an excerpt from a time in s on."""
     trial, begin = task
     segment = read_segment(trial.segment.bag, trial.segment.number)
     shift = Shift("fixed", trial.metrics["shift_ms"] / MILLI)
@@ -232,7 +232,7 @@ def _moved(task: tuple[AnalysedTrial, float]) -> AnalysedTrial:
 
 
 def _digest(segment: Segment) -> bytes:
-    """Return what two segments have in common if all their samples are the same."""
+    """Return a digest of a segment that is equal for equal samples."""
     digest = hashlib.blake2b(digest_size=16)
     for name, values in sorted(segment.signals.items()):
         digest.update(name.encode())
@@ -241,7 +241,7 @@ def _digest(segment: Segment) -> bytes:
 
 
 def _names(bags: Sequence[Path]) -> list[str]:
-    """Return for each bag the shortest name that distinguishes it from all others."""
+    """Return for each bag the shortest name that is unique among the bags."""
     counts = Counter(bag.name for bag in bags)
     common = os.path.commonpath([bag.resolve().parent for bag in bags] or [Path()])
     return [

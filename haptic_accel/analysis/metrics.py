@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Metrics of one trial: error, likeness, delay, force, travel, deadlines."""
+"""Metrics of one trial: error, similarity, delay, force, travel, deadlines."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from haptic_accel.core.model import AccelerometerParameters, FloatArray
 from haptic_accel.core.parameters import ParameterError
 
 PERCENT = 100.0
-"""Percent in a ratio of 1."""
+"""Percent for a ratio of 1."""
 
 MILLI = 1e3
-"""Milliseconds or millimetres in the SI unit."""
+"""Milliseconds or millimetres per SI unit."""
 
 TRAVEL_BEGIN = 0.1
-"""Start of a trial that is left out of the largest travel, s: the estimate begins in the middle,
-wherever the actuator is, and forgets that with the 18 ms of Table I's suspension."""
+"""Time at the start of a trial that is excluded from the largest travel, s. The estimate starts in
+the middle, wherever the actuator is. The error decays with the 18 ms of Table I's suspension."""
 
 CONTACT = 3 * AccelerometerParameters().noise
-"""Smallest RMS of the desired acceleration with which a trial counts as contact, m/s^2: three
-times the noise of the paper's accelerometer, and a tenth of what its vinyl gives."""
+"""Minimum RMS of the desired acceleration for a trial with contact, m/s^2: three times the noise
+of the paper's accelerometer, and a tenth of the value for its vinyl."""
 
 GRANTED_SHIFT, PAPER_SHIFT, MEASURED_SHIFT = "granted", "paper", "measured"
 
@@ -50,7 +50,7 @@ BEYOND_STOPS = "no travel: its estimate, which is made without stops, lies beyon
 """Note on a trial whose estimated travel is impossible."""
 
 MOST_SHIFT = 100.0
-"""Largest shift that is allowed, ms."""
+"""Maximum permitted shift, ms."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Metric:
     Attributes
     ----------
     label, unit : str
-        For a reader.
+        Text for readers.
     digits : int
         Number of decimals.
     """
@@ -97,19 +97,19 @@ METRICS: Mapping[str, Metric] = {
     "age_max_us": Metric("age max", "µs", 0),
     "lost": Metric("lost", "", 0),
 }
-"""Metrics by name with unit, as columns of tables and files have it."""
+"""Metrics by name with unit, as used for columns of tables and files."""
 
 
 @dataclass(frozen=True)
 class Shift:
-    """Time by which the actual acceleration is shifted back before it is compared.
+    """Shift of the actual acceleration before the comparison.
 
     Attributes
     ----------
     kind : str
-        ``granted`` for each trial's latency and its controller's granted delay, ``paper`` for one
-        sample (the paper's 1 ms at its 1 kHz), ``measured`` for each trial's own estimated delay,
-        ``fixed`` for `seconds`.
+        ``granted`` for each trial's latency and granted delay, ``paper`` for one sample (the
+        paper's 1 ms at its 1 kHz), ``measured`` for each trial's estimated delay, ``fixed`` for
+        `seconds`.
     seconds : float
         Shift of the kind ``fixed``, s.
     """
@@ -124,7 +124,7 @@ class Shift:
         Raises
         ------
         ParameterError
-            It is none of these.
+            The text is none of these.
         """
         if text in (GRANTED_SHIFT, PAPER_SHIFT, MEASURED_SHIFT):
             return cls(text)
@@ -140,7 +140,7 @@ class Shift:
         return cls("fixed", milliseconds * 1e-3)
 
     def of(self, segment: Segment, delay: Delay) -> float:
-        """Return the shift of a trial in s; the granted one where its delay is not known."""
+        """Return the shift of a trial in s; the granted one if its delay is unknown."""
         if self.kind == "fixed":
             return self.seconds
         if self.kind == MEASURED_SHIFT and math.isfinite(delay.seconds):
@@ -149,7 +149,7 @@ class Shift:
         return samples / segment.rate
 
     def words(self, segments: Iterable[Segment]) -> str:
-        """Return the shift of some trials in words that complete "shifted back by"."""
+        """Return a description of the shift that completes "shifted back by"."""
         if self.kind == GRANTED_SHIFT:
             found = sorted({(segment.after, segment.rate) for segment in segments})
             return " or ".join(
@@ -171,23 +171,23 @@ class AnalysedTrial:
     name : str
         Name of its bag, with a number if it is not the bag's first trial; unique.
     source : Path
-        Place named by the user in which it was found.
+        Path given by the user under which it was found.
     segment : Segment
-        The part of the bag, without its signals.
+        Segment of the bag, without its signals.
     metrics : dict
         Value of each of `METRICS`; NaN where undefined.
     bands : dict
-        NRMSE in percent by band; empty if desired and actual acceleration cannot be compared.
+        NRMSE in percent by band; empty if the accelerations cannot be compared.
     error : Interval
-        NRMSE in percent with the interval that pieces of the trial give.
+        NRMSE in percent with the interval from pieces of the trial.
     portrait : Portrait or None
-        Parts of the compared accelerations that plots show.
+        Parts of the compared accelerations for plots.
     traces : Traces
         Signals over time.
     notes : tuple of str
-        Assumptions, and what is missing.
+        Assumptions, and missing items.
     contact : bool
-        The tool touched something, or whether it did is not known; without it there is no error.
+        False if the tool touched nothing, so that there is no error; true if this is unknown.
     """
 
     name: str
@@ -230,9 +230,9 @@ def measure(
         See `AnalysedTrial`.
     shift : Shift
     perceptual : bool
-        Score ST-SIM, which takes longest.
+        Compute ST-SIM, which takes longest.
     begin : float, optional
-        Start of the excerpt that another trial shows, s, to show the same.
+        Start of another trial's excerpt, s, to use the same one.
     """
     notes = list(segment.notes)
     desired = segment.signals.get(topics.DESIRED_ACCELERATION.name)
@@ -283,7 +283,7 @@ def measure(
 
 
 COMPENSATOR = "compensator"
-"""Node whose diagnostics say where the handle is not as described."""
+"""Node whose diagnostics report deviations of the handle."""
 
 
 def _deviation(segment: Segment) -> list[str]:
@@ -322,7 +322,7 @@ _NO_ERROR = Interval(math.nan, math.nan, math.nan, 0, "no value")
 
 @dataclass(frozen=True)
 class _Likeness:
-    """Result of comparing two accelerations; by default, that of none."""
+    """Result of comparing two accelerations; the default is that of no comparison."""
 
     metrics: dict[str, float] = field(default_factory=dict)
     shift: float = 0.0
@@ -340,7 +340,7 @@ def _compared(
     notes: list[str],
     begin: float | None,
 ) -> _Likeness:
-    """Compare two accelerations; add the reason to the notes where that is impossible."""
+    """Compare two accelerations; add the reason to the notes if this is impossible."""
     rate = segment.rate
     try:
         delay = estimate_delay(desired, actual, rate)
@@ -371,7 +371,7 @@ def _compared(
 
 
 def _bounds(segment: Segment, shift: float, notes: list[str]) -> dict[str, float]:
-    """Return the bounds of a trial's error after a shift, s, of whole samples at least."""
+    """Return the error bounds of a trial for a shift, s, of at least one sample."""
     tool = segment.signals.get(topics.TOOL_ACCELERATION.name)
     granted = round(shift * segment.rate, 6) - segment.latency
     if tool is None or segment.plant is None or granted < 0 or granted % 1:
@@ -399,5 +399,5 @@ def _travel(segment: Segment) -> FloatArray | None:
     if force is None or handle is None:
         return None
     sample = TravelEstimator(segment.actuator, segment.rate).sample
-    # Arrays are walked as they are: lists of their numbers would take four times the memory.
+    # Iterate over arrays directly: lists of their numbers would take four times the memory.
     return np.fromiter(map(sample, force.data, handle.data), np.float64, len(force))

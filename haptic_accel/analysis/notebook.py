@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lockstep trials for notebooks: run in one line, looked at as data frame, number and plot."""
+"""Lockstep trials for notebooks, with data frames, numbers and plots."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Rig:
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse unknown names."""
+        """Reject unknown names."""
         for node, values in self.changes.items():
             if node not in NODES:
                 raise ParameterError(f"rig: {node}: no such node{suggestion(node, NODES)}")
@@ -61,7 +61,7 @@ class Rig:
 
 @dataclass(frozen=True)
 class NotebookTrial(Trial):
-    """A trial that shows itself in a notebook."""
+    """Trial that displays itself in a notebook."""
 
     def nrmse(self) -> float:
         """Return the error of the handle's acceleration after latency and one sample, percent.
@@ -85,9 +85,9 @@ class NotebookTrial(Trial):
         return pd.DataFrame(columns, index=pd.Index(self.time, name="time_s"))
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Draw desired and actual acceleration, actual shifted back as for the error.
+        """Draw desired and actual acceleration, the latter shifted back as for the error.
 
-        All of the trial is drawn, and shown is where the desired acceleration is most active.
+        The complete trial is drawn; the axes show the part with the largest desired acceleration.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class NotebookTrial(Trial):
             Axes to draw in; default: a new figure.
         """
         if axes is None:
-            from matplotlib import pyplot  # which chooses a backend, and so comes late
+            from matplotlib import pyplot  # imported late, as it selects a backend
 
             size = plots.TEXT, plots.COLUMN
             axes = pyplot.subplots(figsize=size, layout="constrained")[1]
@@ -129,7 +129,7 @@ def run_trial(
     ----------
     controller : str
     rig : str, path or Rig
-        ideal, paper, or a ``.yaml`` file; a `Rig` for one with other parameters.
+        ideal, paper, or a ``.yaml`` file; or a `Rig` for changed parameters.
     surface : str or path
         plywood, text, vinyl, or a ``.yaml`` file.
     duration : float
@@ -144,7 +144,7 @@ def run_trial(
     Raises
     ------
     ParameterError
-        A value is not allowed.
+        A value is invalid.
     """
     rig = rig if isinstance(rig, Rig) else Rig(rig)
     given = {"controller": controller, "rig": rig.name, "surface": surface, **arguments}

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes the page of an analysis: one file that holds its plots and their data."""
+"""Page of an analysis: one file that contains its plots and their data."""
 
 from __future__ import annotations
 
@@ -29,32 +29,33 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.pages import asset, write
 
 POINTS = 100_000
-"""Points of time traces in a page, shared by its trials: about a megabyte with five signals."""
+"""Number of points for the time traces of a page, shared by its trials: about a megabyte for five
+signals."""
 
 FEWEST_POINTS = 500
 """Minimum number of points of each trial."""
 
 CLOUD_POINTS = 1500
-"""Points of a trial's regression."""
+"""Number of points for a trial's regression."""
 
 FULL_SCALE = 32767
-"""Largest of the whole numbers in which signals are stored: finer than any screen."""
+"""Maximum integer for stored signals; finer than the resolution of any screen."""
 
 _OMITTED = "nrmse_percent delay_correlation shift_ms age_p50_us age_max_us"
 PER_TRIAL = tuple(name for name in METRICS if name not in _OMITTED.split())
-"""Columns of the table of trials behind the error."""
+"""Columns of the table of trials after the error."""
 
 _REGRESSION_AND_DELAY = PER_TRIAL[2:6]
 _BESIDE = ("delay_correlation", "st_sim", "deadlines_missed_percent", "late_time_percent")
 PER_GROUP = (*_REGRESSION_AND_DELAY, *_BESIDE)
 """Columns of the table of groups, each with its interval over trials."""
 
-_UNITS = {"travel": MILLI}  # of signals over time, where it is not SI
+_UNITS = {"travel": MILLI}  # of signals over time, if not SI
 
 
 @dataclass(frozen=True)
 class Beside:
-    """Table of errors as the page and a terminal show it: its caption, headings, and rows."""
+    """Additional table of errors for the page and a terminal: caption, headings and rows."""
 
     caption: str
     headings: Sequence[str]
@@ -63,20 +64,20 @@ class Beside:
 
 @dataclass(frozen=True)
 class Setting:
-    """Text of a page besides the metrics.
+    """Text of a page in addition to the metrics.
 
     Attributes
     ----------
     title : str
         Heading of the page.
     notes : sequence of str
-        Paragraphs under Table II.
+        Paragraphs below Table II.
     settings : mapping of str to str
-        Arguments of what was run, shown as a table.
+        Arguments of the run, shown as a table.
     pictures : mapping of str to str
         Captions of picture files beside the page, by file name.
     beside : Beside, optional
-        Errors of the same trials elsewhere.
+        Errors of the same trials from another run.
     """
 
     title: str = "Haptic display of tool contact: analysis"
@@ -94,7 +95,7 @@ def write_page(
     setting: Setting | None = None,
     files: Sequence[str] = (),
 ) -> None:
-    """Write an analysis as a page that needs no script from elsewhere, nor the network.
+    """Write an analysis as a page without external scripts or network access.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def write_page(
     comparison : Comparison, optional
     setting : Setting, optional
     files : sequence of str
-        Names of files beside it, to be linked to.
+        Names of files beside it, for links.
     """
     setting = setting or Setting()
     found = sorted(analysis.trials, key=lambda t: frames.ranks((t.controller, t.surface)))
@@ -145,7 +146,7 @@ def write_page(
 
 
 def _losses(found: Sequence[AnalysedTrial]) -> list[tuple[str, str, int]]:
-    """Return trial, topic, and number of samples of whatever lost one."""
+    """Return trial, topic, and number of lost samples for each loss."""
     rows = []
     for name, delivery in ((trial.name, trial.segment.delivery) for trial in found):
         rows += [(name, topic, lost) for topic, lost in delivery.lost.items()]
@@ -157,7 +158,7 @@ def _losses(found: Sequence[AnalysedTrial]) -> list[tuple[str, str, int]]:
 
 
 def _data(found: Sequence[AnalysedTrial]) -> dict[str, Any]:
-    """Return what the page's script draws; the trial with the least error is shown first."""
+    """Return the data for the page's script; the trial with the least error is shown first."""
     share = max(POINTS // max(len(found), 1), FEWEST_POINTS)
     errors = [t.error.value if math.isfinite(t.error.value) else math.inf for t in found]
     return {
@@ -188,7 +189,7 @@ def _packed_trace(trace: Trace) -> dict[str, Any]:
 
 
 def _packed(values: FloatArray) -> dict[str, Any]:
-    """Return a signal as whole numbers of 16 bits in base 64, and the unit of the last bit."""
+    """Return a signal as base64-encoded 16-bit integers, and the unit of the last bit."""
     scale = (float(np.max(np.abs(values))) if values.size else 0.0) / FULL_SCALE or 1.0
     numbers = np.round(values / scale).astype("<i2")
     return {"scale": scale, "data": base64.b64encode(numbers.tobytes()).decode("ascii")}
@@ -217,6 +218,6 @@ def _spectra(portrait: Portrait) -> dict[str, Any]:
 
 
 def _embedded(data: Mapping[str, Any]) -> str:
-    """Return data as JSON that cannot end the element it stands in."""
+    """Return data as JSON that cannot close its HTML element."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The first sample at which a live trial parts from the same trial in lockstep, and why.
+"""First difference between a live trial and the same trial in lockstep, with its reason.
 
-With simulated devices, or a recorded slave, both give the same bits from engaging on, as long as
-every force comes before it is due and no sample is left out.
+With simulated devices, or a recorded slave, both are bit-identical from engagement on, if every
+force arrives before it is due and no sample is skipped.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from haptic_accel.graph.arguments import (
 from haptic_accel.graph.lockstep import lockstep_trial, replayed_track
 
 COUNTED_BEFORE = "deadlines missed"
-"""End of the name under which older devices counted what `PAST_TICK` counts."""
+"""Suffix of the name under which older devices counted `PAST_TICK`."""
 
 CAUSES = {
     PAST_TICK: "a force came after its due time",
@@ -51,7 +51,7 @@ CAUSES = {
     "actuator force limited by heat": "the safety layer reduced a force",
     "actuator force limited by travel": "the safety layer reduced a force",
 }
-"""Reasons by the ends of the names of counts that nodes report."""
+"""Reasons by the suffixes of counts in the nodes' reports."""
 
 UNKNOWN = "no node reported a reason"
 
@@ -64,9 +64,9 @@ class Parting:
     ----------
     bag : Path
     samples : int
-        Samples compared, from engaging on.
+        Number of samples compared, from engagement on.
     first : int or None
-        First sample that differs, counted from engaging; None if none does.
+        First sample that differs, counted from engagement; None if all are equal.
     rate : float
         Samples per second.
     signals : tuple of str
@@ -84,7 +84,7 @@ class Parting:
 
     @property
     def sentence(self) -> str:
-        """The comparison in words."""
+        """Description of the comparison."""
         seconds = self.samples / self.rate
         if self.first is None:
             compared = f"all {self.samples} samples ({seconds:.3g} s)"
@@ -97,18 +97,17 @@ class Parting:
 
 
 def find_parting(path: Path) -> Parting:
-    """Run the trial of a bag again in lockstep, and compare every signal, bit by bit.
+    """Repeat the trial of a bag in lockstep, and compare all signals bit by bit.
 
     Parameters
     ----------
     path : Path
-        Bag of a graph with a simulated master and slave, or a recorded slave, which describes
-        itself.
+        Bag with facts, of a graph with a simulated master and slave, or a recorded slave.
 
     Raises
     ------
     ParameterError
-        It is no such bag, or its arms were never coupled.
+        The bag is none of these, or its arms were never coupled.
     """
     bag = read_bag(path)
     arguments = _arguments(bag)
@@ -132,14 +131,14 @@ def find_parting(path: Path) -> Parting:
 
 
 def _arguments(bag: Bag) -> GraphArguments:
-    """Return the arguments of the graph that was recorded."""
+    """Return the arguments of the recorded graph."""
     known = bag.facts.get("arguments")
     if not isinstance(known, Mapping) or "latency" not in known:
         raise ParameterError(f"{bag.path}: does not state the arguments of its graph")
     arguments = GraphArguments(**{k: v for k, v in known.items() if k in schema(GraphArguments)})
     with located(bag.path):
         check_lockstep(arguments, "to be compared with lockstep", (SIMULATED, VIRTUAL, REPLAY))
-    if arguments.slave == REPLAY:  # found from another working directory, too
+    if arguments.slave == REPLAY:  # also found from another working directory
         slave = bag.facts["parameters"]["slave_device"]
         arguments = replace(arguments, replay=slave[f"{REPLAY}.file"])
     if arguments.latency == 0:
@@ -148,20 +147,20 @@ def _arguments(bag: Bag) -> GraphArguments:
 
 
 def _coupled(bag: Bag, rate: float) -> tuple[int, int]:
-    """Return the stamp of engaging, and the number of samples until the arms let go."""
+    """Return the stamp of engagement, and the number of samples until disengagement."""
     found = bag.coupled(topics.MASTER)
     if not found:
         raise ParameterError(f"{bag.path}: its arms were never coupled")
     start, end = found[0]
-    # A switch of controller, surface or grip is not in the lockstep trial.
+    # The lockstep trial contains no switch of controller, surface or grip.
     changed = [c.received for c in bag.changes if c.received > start]
     return start, round((min([end, *changed]) - start) * rate / NANOSECONDS) + 1
 
 
 def _first_difference(bag: Bag, name: str, start: int, rate: float, expected: FloatArray) -> int:
-    """Return the first place where a recorded signal differs; the length if nowhere.
+    """Return the first index at which a recorded signal differs, or the length.
 
-    A message that the recorder did not get is no difference.
+    A message that the recorder lost is no difference.
     """
     signal = bag.signals.get(name)
     if signal is None:
@@ -173,7 +172,7 @@ def _first_difference(bag: Bag, name: str, start: int, rate: float, expected: Fl
 
 
 def _reasons(bag: Bag, start: int, moment: int) -> tuple[str, ...]:
-    """Return what the nodes counted in the reports around a moment."""
+    """Return the nodes' counts in the reports around a moment."""
     reasons = []
     for node in dict.fromkeys(report.node for report in bag.diagnostics):
         reports = [report for report in bag.diagnostics if report.node == node]
@@ -185,8 +184,8 @@ def _reasons(bag: Bag, start: int, moment: int) -> tuple[str, ...]:
 
 
 def _grown(before: Mapping[str, str], report: Diagnosis) -> list[str]:
-    """Return reasons for the counts of a node that have grown until a report."""
-    # By the clock a force is late, too, where the simulated world stood still with the process.
+    """Return reasons from the counts of a node that have grown since an earlier report."""
+    # By the clock a force is also late if the simulated world stood still with the process.
     by_clock = any(name.endswith(PAST_TICK) for name in report.values)
     return [
         f"{text} ({report.node}, {name})"

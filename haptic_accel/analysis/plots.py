@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Palette, axes and plots of every report: the paper's Figs. 9 to 11, errors by band.
+"""Palette, axes and plots of all reports: the paper's Figs. 9 to 11, errors by band.
 
-The rest of the package names no colour and draws nothing without this module. What is drawn of a
-trial is kept as a `Portrait`, a few thousand numbers, so that a long recording need not stay in
-memory.
+The package defines colours and plots in this module only. The drawn data of a trial are kept as a
+`Portrait`, a few thousand numbers, so that a long recording need not stay in memory.
 """
 
 from __future__ import annotations
@@ -31,30 +30,30 @@ from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.core.model import FloatArray
 
 LOWEST_FREQUENCY = 10.0
-"""Lower end of the spectra, Hz: below it the 15 Hz high-pass leaves little."""
+"""Lower end of the spectra, Hz: the 15 Hz high-pass leaves little below it."""
 
 MOST_POINTS = 4000
-"""Maximum number of points of a scatter plot; more are drawn over each other."""
+"""Maximum number of points in a scatter plot; more would overlap."""
 
 LEAST_R2 = ALIKE**2
-"""Smallest R^2 of which a regression line is drawn: that of the correlation from which on there is
-a delay. Below it a line would be drawn through samples that have next to nothing in common."""
+"""Minimum R^2 for drawing a regression line, equal to the minimum correlation for a delay. Below
+it the samples have almost nothing in common."""
 
 DASH = "\N{EN DASH}"
-"""Placeholder for a number that is undefined."""
+"""Text for an undefined number."""
 
 DPI = 300
-"""Resolution of PNG plots, pixels per inch: what printers of papers ask for."""
+"""Resolution of PNG plots, pixels per inch, as required for printed papers."""
 
 COLUMN, TEXT = 3.5, 7.16
-"""Width of a column and of the text of an IEEE paper, inches."""
+"""Widths of a column and of the text of an IEEE paper, inches."""
 
 BLUE, ORANGE, GREEN, VERMILION = "#0072b2", "#e69f00", "#009e73", "#d55e00"
 DARK_ORANGE = "#c77d00"
-"""Orange of the actual acceleration in every plot and page, dark enough for lines on white."""
+"""Orange for the actual acceleration in all plots and pages, dark enough for lines on white."""
 
 PURPLE, SKY, GREY = "#cc79a7", "#56b4e9", "#444444"
-"""Palette of Okabe and Ito: distinct in every common colour vision, and in print."""
+"""Palette of Okabe and Ito, distinguishable with any colour vision and in print."""
 
 BARS = (BLUE, ORANGE, GREEN, PURPLE, SKY, GREY)
 HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "--")
@@ -65,18 +64,18 @@ DARK_GRIPS = ("#4d545b", "#a87400", "#1f7fb4", "#99447a")
 """Pale and dark colour of the measurements of each grip."""
 
 SHADE, LINE, BLACK = "#e4e7ea", "#999999", "#000000"
-"""Colours of an area that is left out, of its bounds, and of models that hide no data."""
+"""Colours of excluded areas, of their limits, and of models that must not hide data."""
 
 DASHES = ("-", "--", "-.", ":")
 """Dashes that distinguish lines without colour."""
 
 Style = dict[str, Any]
-"""Look of a line, in matplotlib's words."""
+"""Style of a line, with matplotlib's keys."""
 
 DESIRED: Style = {"color": BLUE, "linewidth": 1.2}
 ACTUAL: Style = {"color": DARK_ORANGE, "linewidth": 0.66}
-"""Lines of desired and actual acceleration; the former is broader, so that it is seen where the
-latter lies on it."""
+"""Lines of desired and actual acceleration; the former is wider, so that it is visible below the
+latter."""
 
 _REGRESSION: Style = {"color": VERMILION, "linewidth": 1.2}
 _EQUAL: Style = {"color": "black", "linewidth": 0.6, "linestyle": "--"}
@@ -86,26 +85,26 @@ _TRACES = (
     Line2D([], [], **ACTUAL, label="actual, shifted back"),
 )
 
-_LABEL, _TICK = 8, 7  # sizes of text, points
+_LABEL, _TICK = 8, 7  # text sizes, points
 _CHARACTER = 0.115 / 12  # width of a bold letter per point of its size, inches
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.7, 0.11, 0.47, 0.36  # margins of a figure of panels, inches
 _ACROSS, _DOWN = 0.2, 0.24  # gaps between panels, inches
 _SUBTITLE: Style = {"fontsize": _TICK, "pad": 2.5}
-_HEADING = 0.23  # from the panels to the middle of the columns' names, inches
-_DECADES = 4.5  # largest range of a spectrum's axis
+_HEADING = 0.23  # from the panels to the centre of the column names, inches
+_DECADES = 4.5  # maximum range of a spectrum's axis
 _TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)  # Hz
-_FEW_TICKS = (10, 30, 100, 300, 1000)  # Hz, where there is little room
+_FEW_TICKS = (10, 30, 100, 300, 1000)  # Hz, for small panels
 _LEGEND: Style = {"loc": "upper left", "frameon": False, "borderaxespad": 0}
 _LEGEND |= {"fontsize": _LABEL, "borderpad": 0, "handlelength": 1.8}
 _KEY: Style = {"loc": "lower left", "frameon": False, "borderaxespad": 0, "columnspacing": 1.0}
 _KEY |= {"fontsize": _TICK, "borderpad": 0.2, "handlelength": 1.6, "bbox_to_anchor": (0, 1.0)}
-# Text of PDF plots as TrueType: publishers refuse matplotlib's own Type 3.
+# Text of PDF plots as TrueType, as publishers reject matplotlib's default Type 3.
 _EMBEDDED: dict[Any, Any] = {"pdf.fonttype": 42, "font.family": "sans-serif"}
 
 
 @dataclass(frozen=True)
 class Portrait:
-    """Parts of a trial that plots show, after the shift.
+    """Drawn parts of a trial, after the shift.
 
     Attributes
     ----------
@@ -116,9 +115,9 @@ class Portrait:
     begin : float
         Start of the excerpt, s.
     desired, actual : ndarray
-        The excerpt, m/s^2.
+        Excerpt, m/s^2.
     cloud_desired, cloud_actual : ndarray
-        Samples drawn from the whole trial, m/s^2.
+        Samples drawn at random from the whole trial, m/s^2.
     mean_desired, mean_actual : float
         m/s^2.
     largest : float
@@ -146,7 +145,7 @@ class Portrait:
         evaluation: Evaluation,
         begin: float | None = None,
     ) -> Portrait:
-        """Take from two accelerations, already aligned, what is drawn of them.
+        """Return the drawn parts of two aligned accelerations.
 
         See `excerpt_of` for `begin`.
         """
@@ -161,7 +160,7 @@ class Portrait:
 
     @property
     def regressed(self) -> bool:
-        """The signals have enough in common for a regression line."""
+        """True if the signals have enough in common for a regression line."""
         return self.evaluation.r2 >= LEAST_R2
 
 
@@ -173,20 +172,20 @@ Portraits = Mapping[tuple[str, str], Portrait]
 
 
 def number(value: float | None, decimals: int = 2, unit: str = "") -> str:
-    """Return a number for a reader, a dash if it is undefined."""
+    """Return a number as text, or a dash if it is undefined."""
     if value is None or not math.isfinite(value):
         return DASH
-    rounded = round(value, decimals) + 0.0  # no minus before a zero
+    rounded = round(value, decimals) + 0.0  # no minus sign before zero
     return f"{rounded:.{decimals}f}{unit}".replace("-", "\N{MINUS SIGN}")
 
 
 def percent(value: float | None) -> str:
-    """Return a percentage for a reader."""
+    """Return a percentage as text."""
     return number(value, 1, " %")
 
 
 def short(name: str, longest: int = 24) -> str:
-    """Return a name on one line, cut to so many characters."""
+    """Return a name on one line, cut to a number of characters."""
     name = " ".join("".join(c if c.isprintable() else " " for c in name).split())
     return name if len(name) <= longest else name[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
 
@@ -195,7 +194,7 @@ def short(name: str, longest: int = 24) -> str:
 
 
 def time_traces(portraits: Portraits) -> Figure:
-    """Draw the paper's Fig. 9: desired and actual acceleration where desired is most active."""
+    """Draw the paper's Fig. 9: both accelerations where the desired one is largest."""
     names = ("time in the excerpt (ms)", "acceleration (m/s²)")
     figure, panels = _panels(portraits, _TRACES, names, 1.9 / 3.5)
     for (controller, surface), panel in panels.items():
@@ -216,7 +215,7 @@ def time_traces(portraits: Portraits) -> Figure:
 
 
 def regressions(portraits: Portraits) -> Figure:
-    """Draw the paper's Fig. 10: desired against actual acceleration with the regression line."""
+    """Draw the paper's Fig. 10: desired over actual acceleration with the regression line."""
     legend = (
         Line2D([], [], **_SAMPLES, markersize=4, label="samples"),
         Line2D(
@@ -236,7 +235,7 @@ def regressions(portraits: Portraits) -> Figure:
             axis.set_major_locator(ticker.MaxNLocator(5, steps=(1, 2, 5, 10)))
         if portrait := portraits.get((controller, surface)):
             cloud = portrait.cloud_actual, portrait.cloud_desired
-            # As a picture within the page: thousands of points make a drawing slow to show.
+            # As an embedded picture, as thousands of points make a drawing slow to display.
             panel.plot(*cloud, **_SAMPLES, markersize=1.2, alpha=0.45, rasterized=True)
             panel.plot([-reach, reach], [-reach, reach], **_EQUAL)
             words = [f"R² {number(portrait.evaluation.r2)}"]
@@ -281,7 +280,7 @@ def amplitude_spectra(portraits: Portraits) -> Figure:
 
 
 def band_errors(errors: Mapping[str, Mapping[str, Interval]]) -> Figure:
-    """Draw the error within bands of frequency, a group of bars to each band.
+    """Draw the error within frequency bands, as a group of bars per band.
 
     Parameters
     ----------
@@ -311,7 +310,7 @@ def band_errors(errors: Mapping[str, Mapping[str, Interval]]) -> Figure:
 
 
 def save(plots: Mapping[str, Figure], folder: Path) -> Iterator[str]:
-    """Write plots by name as PNG and PDF; yield the names of the files."""
+    """Write plots by name as PNG and PDF; yield the file names."""
     with mpl.rc_context(_EMBEDDED):
         for name, figure in plots.items():
             for suffix in ("png", "pdf"):
@@ -325,10 +324,10 @@ def save(plots: Mapping[str, Figure], folder: Path) -> Iterator[str]:
 def frequency_axis(
     panel: Axes, low: float, high: float, ticks: Sequence[float] = _TICKS, ends: bool = False
 ) -> None:
-    """Make x a logarithmic frequency axis, Hz, with ticks at its `ends` too if these are set."""
+    """Make x a logarithmic frequency axis, Hz, optionally with ticks at its `ends`."""
     panel.set_xscale("log")
     if ends:
-        # Marks at the ends are seen whole, and no other tick is written over theirs.
+        # Labels at the ends must be complete, without overlap by other ticks.
         panel.set_xlim(low / 1.03, high * 1.03)
         ticks = [low, *(tick for tick in ticks if low * 1.2 < tick < high / 1.2), high]
     else:
@@ -340,7 +339,7 @@ def frequency_axis(
 
 
 def rule(panel: Axes, grid: Literal["both", "y"] = "both", width: float = 0.6) -> None:
-    """Rule a panel: a pale grid behind the data, no frame at the top and right."""
+    """Style a panel: a pale grid behind the data, no frame at the top and right."""
     panel.set_axisbelow(True)
     panel.grid(axis=grid, color="#dddddd", linewidth=width)
     panel.spines[["top", "right"]].set_visible(False)
@@ -350,7 +349,7 @@ def rule(panel: Axes, grid: Literal["both", "y"] = "both", width: float = 0.6) -
 def _column(
     height: float, x: str, y: str, grid: Literal["both", "y"] = "both"
 ) -> tuple[Figure, Axes]:
-    """Lay out one panel as wide as a column, with named axes."""
+    """Create one panel with the width of a column and named axes."""
     figure = Figure(figsize=(COLUMN, height), facecolor="white")
     panel = figure.add_axes(
         (0.5 / COLUMN, 0.42 / height, (COLUMN - 0.56) / COLUMN, (height - 0.7) / height)
@@ -378,10 +377,10 @@ def _panels(
     more_down: float = 0.0,
     less_above: float = 0.0,
 ) -> tuple[Figure, dict[tuple[str, str], Axes]]:
-    """Lay out a panel for each controller and surface, as wide as the text of a paper.
+    """Create a panel for each controller and surface, with the width of a paper's text.
 
-    Above are the legend and the columns' names. Panels without a portrait are labelled so. The
-    layout is computed here because matplotlib's layout engines draw everything twice.
+    The legend and the column names are at the top. Panels without a portrait are labelled so. The
+    layout is computed here, as matplotlib's layout engines draw everything twice.
 
     Parameters
     ----------
@@ -390,13 +389,13 @@ def _panels(
     names : tuple of str
         Names of the x and y axes.
     shape : float
-        Height over width of a panel.
+        Ratio of a panel's height to its width.
     surfaces_down : bool
-        Give each surface a row, not a column.
+        Use a row per surface instead of a column.
     one_x : bool
-        All rows have one x scale, which is numbered at the bottom only.
+        All rows share one x scale, which is labelled at the bottom only.
     more_down, less_above : float
-        Added to the gap between rows, taken from the height of the columns' names, inches.
+        Addition to the gap between rows, taken from the height of the column names, inches.
     """
     controllers, surfaces = (list(dict.fromkeys(part)) for part in zip(*portraits, strict=True))
     rows, columns = (surfaces, controllers) if surfaces_down else (controllers, surfaces)
@@ -424,7 +423,7 @@ def _panels(
             heading(x + wide / 2, y + high + _HEADING - less_above, column, wide, "horizontal")
         if j == 0:
             heading(0.13, y + high / 2, row, high + down, "vertical")
-        # Panels are smaller than the words are long: they stand once, in the middle.
+        # Panels are shorter than the labels, so these are placed once, in the middle.
         if j == 0 and i == len(rows) // 2:
             panel.set_ylabel(names[1], fontsize=_LABEL)
         if lowest and j == 0:
@@ -439,7 +438,7 @@ def _panels(
 
 
 def _subtitle(panel: Axes, *words: str) -> None:
-    """Set the first of several subtitles that is no wider than a panel; the last if none is."""
+    """Set the first of several subtitles that fits the panel's width, or the last one."""
     room = panel.get_position().width * TEXT / (_CHARACTER * _TICK)
     fitting = (text for text in words if len(text) <= room)
     panel.set_title(next(fitting, words[-1]), **_SUBTITLE)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Origin of a report: version, commit, machine and command line."""
+"""Provenance of a report: version, commit, machine and command line."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _PACKAGE = Path(haptic_accel.__file__).parent
 
 
 def provenance() -> dict[str, str]:
-    """Return version, commit, machine and command line of this process, as settings of a page.
+    """Return version, commit, machine and command line of this process, for a page's settings.
 
-    There is a commit only where the package runs from its own clone.
+    The commit exists only if the package runs from its own clone.
     """
     machine = host()
     found = {
@@ -40,7 +40,7 @@ def version() -> str:
 
 @cache
 def _commit() -> str:
-    """Return the commit of the clone, marked where files differ from it; empty without a clone."""
+    """Return the commit of the clone, marked if files differ from it; empty without a clone."""
     clone = _PACKAGE.parent
     if not (clone / ".git").exists():
         return ""

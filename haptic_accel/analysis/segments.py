@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cuts a bag into segments of one condition, each on its sampling grid."""
+"""Division of a bag into segments of one condition, each on its sampling grid."""
 
 from __future__ import annotations
 
@@ -40,31 +40,33 @@ from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import rig_parameters
 
 RINGING = 0.2
-"""Time that handle and tool ring after a change, s: eight times Table I's 2 m_h / b_u."""
+"""Decay time of handle and tool after a change, s: eight times Table I's 2 m_h / b_u."""
 
 SETTLING = LISTENING + FADING + RINGING
-"""Time left out after a change of controller, surface or grip, s."""
+"""Time excluded after a change of controller, surface or grip, s."""
 
 SHORTEST = 0.9
-"""Shortest segment that is analysed, s: a trial of 1 s less what a live start takes."""
+"""Minimum duration of an analysed segment, s: a trial of 1 s minus the duration of a live
+start."""
 
 _WHOLE = 1e-3
-"""Part of a sample by which the last one may lie behind a segment's end: stamps are whole ns."""
+"""Fraction of a sample by which the last one may lie beyond a segment's end, as stamps are whole
+ns."""
 
 OPERATOR, ROBOT = "master", "slave"
-"""Values of the argument ``side``, by which a bag says that another host has the other arm."""
+"""Values of the argument ``side`` for a bag of one of two hosts."""
 
 IMPLAUSIBLE = 1e9
-"""Magnitude from which on a recorded value is none of a sensor or motor, m/s^2 or N: damage, whose
-square may be beyond all numbers."""
+"""Magnitude above which a value cannot come from a sensor or motor, m/s^2 or N. It indicates
+damage, and its square may overflow."""
 
 UNKNOWN = "unknown"
-"""Name of a controller, surface or grip that a bag does not state."""
+"""Name of a controller, surface or grip that is missing in a bag."""
 
 _NAMES = [topic.name for topic in topics.ANALYSED]
 
 VECTORS = (*_NAMES, topics.MASTER_ARM_FORCE.name)
-"""Names of the topics whose vectors are needed to cut a bag; of others the stamps are enough."""
+"""Names of the topics whose vectors are needed for segments; for others the stamps suffice."""
 
 _NEEDED_FOR = {
     topics.DESIRED_ACCELERATION.name: ": no error, regression, spectra, delay",
@@ -92,7 +94,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Segment:
-    """A part of a bag under one condition: a trial, of which a bag may hold several.
+    """Section of a bag under one condition: a trial. A bag may contain several.
 
     Attributes
     ----------
@@ -105,35 +107,35 @@ class Segment:
     high_pass_frequency : float
         Corner of the compensator's high-pass, Hz.
     seconds : float
-        Length.
+        Number of samples.
     begin : float
-        Start since the bag's first message, s.
+        Start relative to the bag's first message, s.
     signals : dict of ndarray, shape (n,)
-        Samples along the actuator's axis, by topic; as far as the bag has them.
+        Samples along the actuator's axis, by topic, if present in the bag.
     delivery : Delivery
     actuator : ActuatorParameters
         Actuator of the handle, for its travel.
     pair : tuple of str
-        Properties that two trials of a pair share: seed and recording; the bag's name if it does
-        not state them.
+        Common properties of the two trials of a pair: seed and recording, or the bag's name if
+        these are unknown.
     notes : list of str
-        Assumptions, and what is missing.
+        Assumptions, and missing items.
     latency : int
-        Samples from the one that caused a force to the tick at which the force was due.
+        Delay from sample to force, in samples.
     granted_delay : int
-        Samples beside the latency that the controller was granted.
+        Delay granted to the controller beside the latency, in samples.
     plant : Plant or None
-        Handle with everything between a command and a sample, for the bounds of the error.
+        Handle with the complete path from command to sample, for the bounds of the error.
     noise : float
-        Standard deviation of a sample of the handle's accelerometer, m/s^2, as far as known.
+        Standard deviation of a sample of the handle's accelerometer, m/s^2, if known.
     told : Plant or None
-        Handle as the compensator was told of it.
+        Model of the handle used by the compensator.
     start : int
         Stamp of the first sample, ns.
     run : str
-        Way in which the trial was run, in words; empty if the bag does not state it.
+        Description of the run; empty if the bag does not state it.
     simulated : bool
-        The handle was simulated: its world stood still with the process of its node.
+        True for a simulated handle, whose world stood still with its node's process.
     """
 
     bag: Path
@@ -159,7 +161,7 @@ class Segment:
 
     @property
     def after(self) -> int:
-        """Samples from a desired acceleration to the response that it is compared with."""
+        """Delay between a desired acceleration and the compared response, in samples."""
         return self.latency + self.granted_delay
 
 
@@ -169,7 +171,7 @@ def read_segment(path: Path, number: int = 1) -> Segment:
     Raises
     ------
     ParameterError
-        It is no bag, or has no such segment.
+        The path is no bag, or the bag has no such segment.
     """
     segments = cut(read_bag(path, VECTORS)).segments
     if not 1 <= number <= len(segments):
@@ -179,13 +181,13 @@ def read_segment(path: Path, number: int = 1) -> Segment:
 
 @dataclass(frozen=True)
 class Cut:
-    """Result of cutting a bag.
+    """Result of dividing a bag.
 
     Attributes
     ----------
     segments : list of Segment
     problems : list of str
-        Quantities that could not be determined, a line each.
+        Quantities that could not be determined, one line each.
     """
 
     segments: list[Segment]
@@ -193,25 +195,25 @@ class Cut:
 
 
 def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = None) -> Cut:
-    """Cut a bag where the condition changes and where the arms let go.
+    """Divide a bag at changes of the condition and at disengagements.
 
     Parameters
     ----------
     recorded : Bag
     rig : RigParameters, optional
-        Rig whose handle stands for that of a bag that does not describe its own.
+        Rig with the handle, for a bag without a description of its own.
     asked : float, optional
-        Samples per second of a bag that does not state them, where its stamps agree.
+        Sampling rate, Hz, for a bag that does not state it; used if its stamps agree.
 
     Returns
     -------
     Cut
-        Signals that are missing, and segments too short to be looked at, are in its problems.
+        Its problems include missing signals and segments that are too short.
 
     Raises
     ------
     ParameterError
-        The bag states what rig or rate would replace.
+        The bag states itself what rig or rate should give.
     """
     problems = list(recorded.problems)
     rate = _rate(recorded, asked, problems)
@@ -248,14 +250,14 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
 
 
 def _consequence(name: str, missing: Sequence[str]) -> str:
-    """Name the metrics that need a signal."""
+    """Return a description of the metrics that need a signal."""
     if name == topics.DESIRED_ACCELERATION.name and topics.TOOL_ACCELERATION.name not in missing:
         return ": it is made from the tool's acceleration with the high-pass"
     return _NEEDED_FOR.get(name, "")
 
 
 def _rate(recorded: Bag, asked: float | None, problems: list[str]) -> float | None:
-    """Return the samples per second that the stamps have, as stated where they agree with that."""
+    """Return the sampling rate of the stamps; the stated one if it agrees."""
     signals = [recorded.signals.get(topic.name) for topic in (*topics.ANALYSED, *topics.SIGNALS)]
     found = next((signal.stamps for signal in signals if signal and len(signal.stamps) > 1), None)
     if found is None:
@@ -280,18 +282,18 @@ def _rate(recorded: Bag, asked: float | None, problems: list[str]) -> float | No
 
 @dataclass(frozen=True)
 class _Known:
-    """Description of the graph that made a bag, with defaults for what it does not state.
+    """Description of the graph of a bag, with defaults for missing items.
 
     Attributes
     ----------
     condition : Condition
-        Condition at the beginning.
+        Condition at the start.
     slave : dict
-        Parameters of the slave's device at the beginning, by dotted name.
+        Parameters of the slave's device at the start, by dotted name.
     controllers : dict
         Parameters of the controllers by name.
     rig : RigParameters or None
-        Virtual rig that was run, or stands for the handle.
+        Virtual rig that was run, or the one given for the handle.
     seed : int
         Seed of the user's grip on it.
     rate, high_pass_frequency, actuator, pair
@@ -325,16 +327,16 @@ class _Known:
 
 
 def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list[str]) -> _Known:
-    """Read how a bag was made from its facts."""
+    """Return the description of a bag's graph from its facts."""
     arguments, parameters = (
         _mapping(recorded.facts.get(name)) for name in ("arguments", "parameters")
     )
     nodes = {name: _mapping(parameters.get(name)) for name, _ in _CONDITIONS}
     if not recorded.facts:
         problems.append(
-            "does not say how it was made: controller and surface are unknown, and defaults"
-            f" stand for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the actuator; ros2 bag"
-            " convert leaves that out: analyse the original bag"
+            "does not state how it was made: controller and surface are unknown, and defaults"
+            f" are used for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the actuator; ros2 bag"
+            " convert omits the facts: analyse the original bag"
         )
     corner, actuator = HIGH_PASS_FREQUENCY, ActuatorParameters()
     options: dict[str, Any] = {}
@@ -347,7 +349,7 @@ def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list
         if arguments.get("master") in (SIMULATED, POINTER):
             rig = rig_parameters({name: _mapping(parameters.get(name)) for name in _RIG})
     except ParameterError as error:
-        problems.append(f"its parameters are not ours ({error}): defaults stand for them")
+        problems.append(f"its parameters are invalid ({error}): defaults are used")
     stated = {
         field: str(nodes[node].get(name) or arguments.get(field, UNKNOWN))
         for (node, name), field in _CONDITIONS.items()
@@ -365,13 +367,13 @@ def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list
 
 
 _RIG = ("master_device", "slave_device", "coupler")
-"""Nodes whose parameters describe the virtual rig."""
+"""Nodes with parameters of the virtual rig."""
 
 
 def surface_of(recorded: Bag) -> str:
-    """Return the name of the surface, or of what was played in its place, as a bag states it.
+    """Return the name of the surface, or of the played recording, from a bag.
 
-    An operator's host does not know what the robot touches.
+    An operator's host does not know the surface at the robot.
     """
     arguments = _mapping(recorded.facts.get("arguments"))
     slave = _mapping(_mapping(recorded.facts.get("parameters")).get("slave_device"))
@@ -390,9 +392,10 @@ def surface_of(recorded: Bag) -> str:
 
 
 def run_of(recorded: Bag) -> str:
-    """Return how a bag's trials were run, in words; empty if the bag does not state it.
+    """Return a description of the run of a bag's trials; empty if the bag does not state it.
 
-    Live nodes report diagnostics; a bag with arguments but without any report may be of either.
+    Live nodes report diagnostics. A bag with arguments but without any report may be live or
+    lockstep.
     """
     if recorded.facts.get(RUN) == LOCKSTEP:
         return "in lockstep, without ROS"
@@ -410,7 +413,7 @@ def run_of(recorded: Bag) -> str:
 
 
 _SOURCES = ("replay", "recording")
-"""Arguments that name the recording that a slave played."""
+"""Arguments with the name of the recording played by a slave."""
 
 
 def _mapping(value: Any) -> dict[str, Any]:
@@ -420,7 +423,7 @@ def _mapping(value: Any) -> dict[str, Any]:
 def _parts(
     recorded: Bag, known: _Known, span: tuple[int, int], problems: list[str]
 ) -> list[tuple[Condition, int, int]]:
-    """Return condition, start and end of each part that can be analysed, ns."""
+    """Return condition, start and end of each section that can be analysed, ns."""
     coupled = _coupled(recorded, span, problems)
     conditions = [*_conditions(recorded, known), (span[1] + 1, known.condition)]
     parts = []
@@ -434,7 +437,7 @@ def _parts(
 
 
 def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[tuple[int, int]]:
-    """Return start and end of each time in which the arms were coupled, ns."""
+    """Return start and end of each period with coupled arms, ns."""
     if topics.MASTER_ARM_FORCE.name not in recorded.signals:
         problems.append(
             f"has no {topics.MASTER_ARM_FORCE.name}: whether the arms were coupled is not known,"
@@ -453,7 +456,7 @@ def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[
 def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, Condition]]:
     """Return the conditions of a bag and the start of each, ns; the first starts at 0."""
     conditions = [(0, known.condition)]
-    # A node declares the parameters of all its devices, of which the recorder may hear.
+    # A node declares the parameters of all its devices, and the recorder may receive these.
     is_virtual = _mapping(recorded.facts.get("arguments")).get("slave") == VIRTUAL
     unused = _SURFACE if is_virtual else SCENE
     changes = (each for each in recorded.changes if not each.parameter.startswith(unused))
@@ -466,20 +469,20 @@ def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, Condition]]:
 
 
 def _changed(before: Condition, change: Change, known: _Known) -> Condition:
-    """Return the condition after a parameter got a value."""
+    """Return the condition after the change of a parameter."""
     if field := _CONDITIONS.get((change.node, change.parameter)):
         value = str(change.value)
         return replace(before, **{field: Path(value).stem if change.parameter == SCENE else value})
     value = known.slave.get(change.parameter, change.value)
     is_other = change.node == "slave_device" and change.parameter.startswith(_SURFACE)
-    # Where a surface is replaced as a whole, its name is known and the other fields add nothing.
+    # If a surface is replaced completely, its name is known and other fields are redundant.
     if is_other and change.value != value and before.surface == known.condition.surface:
         return replace(before, surface=before.surface + ALTERED)
     return before
 
 
 ALTERED = " (altered)"
-"""Suffix of a surface whose parameters were changed in part while it was touched."""
+"""Suffix of a surface with some parameters changed during contact."""
 
 
 def _segment(
@@ -491,10 +494,10 @@ def _segment(
     high: int,
     problems: list[str],
 ) -> Segment:
-    """Put one segment on its grid; add gaps of the recorder to the problems."""
+    """Arrange one segment on its grid; add gaps of the recorder to the problems."""
     rate = known.rate
     anchor = next(recorded.signals[name] for name in _NAMES if name in recorded.signals)
-    # The grid goes through a stamp: the segment begins where something else happened.
+    # The grid passes through a stamp, although the segment may start between two.
     start = int(anchor.stamps[np.argmax(anchor.stamps >= low)])
     length = math.floor((high - start) * rate / NANOSECONDS + _WHOLE) + 1
     signals: dict[str, FloatArray] = {}
@@ -532,7 +535,7 @@ def _segment(
 
 
 def _gaps(recording: BoolArray, rate: float) -> list[str]:
-    """Return a line on gaps of the recorder: times in which no signal has a message."""
+    """Return a line on gaps of the recorder: times without messages of any signal."""
     seen = np.flatnonzero(recording)
     lengths = (np.diff(seen) - 1) / rate
     long = lengths[lengths > RELEASED]
@@ -546,7 +549,7 @@ def _gaps(recording: BoolArray, rate: float) -> list[str]:
 
 
 def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:
-    """Make the desired acceleration where only the tool's was recorded; drop damaged signals."""
+    """Compute a missing desired acceleration from the tool's; remove damaged signals."""
     notes = []
     for name, values in list(signals.items()):
         if not np.isfinite(values).all():

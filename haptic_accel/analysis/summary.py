@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Summary of some bags in sentences."""
+"""Summary of the analysis of bags, in sentences."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from haptic_accel.core.due_forces import IN_TIME
 
 
 def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[str]:
-    """Return the main results as sentences, one or two to each subject."""
+    """Return the main results as sentences, one or two per subject."""
     if not analysis.trials:
         return [f"Nothing could be determined from {_many(analysis.bags, 'bag')}."]
     frame = trials(analysis)
@@ -60,7 +60,7 @@ def _extent(frame: pd.DataFrame, bags: int) -> str:
 
 
 def _runs(frame: pd.DataFrame) -> list[str]:
-    """Return a sentence on each way in which trials were run."""
+    """Return a sentence on each way of running the trials."""
     counts = {str(run): int(count) for run, count in frame.run.value_counts(sort=False).items()}
     known = [f"{_many(count, 'trial')} ran {run}." for run, count in counts.items() if run]
     silent = counts.get("", 0)
@@ -68,7 +68,7 @@ def _runs(frame: pd.DataFrame) -> list[str]:
 
 
 def _without_contact(frame: pd.DataFrame) -> list[str]:
-    """Return a sentence on the trials that means leave out."""
+    """Return a sentence on the trials excluded from means."""
     count = int((~frame.contact).sum())
     if not count:
         return []
@@ -147,7 +147,7 @@ def _losses(frame: pd.DataFrame, analysis: Analysis) -> str:
 
 
 def _deadlines(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
-    """Return sentences on late forces: as a hand would have felt them, or as counted once."""
+    """Return sentences on late forces: as a hand would have felt them, or from older counts."""
     found = [t.segment for t in analysis.trials if t.segment.delivery.deadlines]
     new = [segment for segment in found if segment.delivery.by_clock]
     old = [segment for segment in found if not segment.delivery.by_clock]
@@ -218,7 +218,7 @@ def _deviations(analysis: Analysis) -> list[str]:
 
 
 def difference(comparison: Comparison) -> str:
-    """Return the difference between two conditions in a sentence."""
+    """Return a sentence on the difference between two conditions."""
     found = comparison.differences["all"]
     if not found.n:
         return f"{comparison.second} and {comparison.first} have no pair of trials in common."

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Signals of a trial over time as a page draws them: thinned, and one part in full."""
+"""Signals of a trial over time for a page: thinned, and one part at full resolution."""
 
 from __future__ import annotations
 
@@ -14,29 +14,30 @@ import numpy as np
 from haptic_accel.core.model import FloatArray
 
 EXCERPT = 0.2
-"""Length of the excerpt shown first, s: some strokes of texture, yet every swing can be seen."""
+"""Length of the excerpt shown first, s: some strokes of texture with visible oscillations."""
 
 ACTIVE = 0.5
-"""Part of a signal's largest RMS in an excerpt that one chosen for another trial must have."""
+"""Minimum RMS of a signal in another trial's excerpt, relative to its largest one, for using that
+excerpt."""
 
 WHOLE_POINTS = 6000
-"""Points of a whole trial: three to each pixel of a wide screen."""
+"""Number of points of a whole trial: three per pixel of a wide screen."""
 
 DETAIL = 2.0
-"""Length of the part that is kept in full, s."""
+"""Length of the part at full resolution, s."""
 
 DETAIL_POINTS = 4000
-"""Maximum number of points of that part: less than `DETAIL` at rates above 2 kHz."""
+"""Maximum number of points in that part: less than `DETAIL` at rates above 2 kHz."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Signals over one span of time, all with the same number of points.
+    """Signals over one period of time, all with the same number of points.
 
     Attributes
     ----------
     begin, step : float
-        Time of the first point, and from one point to the next, s.
+        Time of the first point, and between points, s.
     signals : dict of ndarray
         Values by name.
     """
@@ -51,7 +52,7 @@ class Trace:
         return max(map(len, self.signals.values()), default=0)
 
     def thinned(self, points: int) -> Trace:
-        """Return a trace of at most so many points that loses no peak."""
+        """Return a trace with a maximum number of points that keeps all peaks."""
         found = {name: thinned(values, points) for name, values in self.signals.items()}
         step = next((step for _, step in found.values()), 1.0)
         kept = {name: values for name, (values, _) in found.items()}
@@ -65,16 +66,16 @@ class Trace:
 
 @dataclass(frozen=True)
 class Traces:
-    """A trial over time.
+    """Signals of a trial over time.
 
     Attributes
     ----------
     whole : Trace
-        The trial, thinned so that no peak is lost.
+        Whole trial, thinned with all peaks.
     detail : Trace
-        The samples around the excerpt.
+        Samples around the excerpt.
     excerpt : float
-        Start of the `EXCERPT` in which the desired acceleration has its largest RMS, s.
+        Start of the `EXCERPT` with the largest RMS of the desired acceleration, s.
     """
 
     whole: Trace
@@ -89,9 +90,9 @@ class Traces:
         shift: float,
         begin: float | None = None,
     ) -> Traces:
-        """Thin some signals; the one named ``actual`` is drawn earlier by the shift, in s.
+        """Thin some signals; the one named ``actual`` is shifted back by the shift in s.
 
-        Their ``error`` is added, actual minus desired. See `excerpt_of` for `begin`.
+        The difference ``error``, actual minus desired, is added. See `excerpt_of` for `begin`.
         """
         if not signals:
             nothing = Trace(0.0, 1.0, {})
@@ -101,7 +102,7 @@ class Traces:
             for name, values in signals.items()
         }
         if {"desired", "actual"} <= moved.keys():
-            # Once thinned, points of two signals are not of the same time.
+            # After thinning, points of two signals have different times.
             moved["error"] = moved["actual"] - moved["desired"]
         every = Trace(0.0, 1 / rate, moved)
         leading = moved.get("desired", next(iter(moved.values())))
@@ -111,7 +112,7 @@ class Traces:
         return cls(every.thinned(WHOLE_POINTS), every.part(window), start)
 
     def shrunk(self, points: int) -> tuple[Trace, Trace]:
-        """Return whole and detail with at most so many points together, the excerpt in full."""
+        """Return whole and detail with a maximum total of points, and the excerpt in full."""
         detail = self.detail
         begin = round((self.excerpt - detail.begin) / detail.step)
         excerpt = slice(begin, min(begin + round(EXCERPT / detail.step), detail.size))
@@ -120,13 +121,13 @@ class Traces:
 
 
 def _earlier(values: FloatArray, samples: float) -> FloatArray:
-    """Move a signal to earlier times for the eye: between samples by straight lines."""
+    """Shift a signal to earlier times for display, with linear interpolation."""
     places = np.arange(len(values), dtype=float)
     return np.interp(places + samples, places, values)
 
 
 def thinned(values: FloatArray, points: int) -> tuple[FloatArray, float]:
-    """Return the extremes of a signal, so that a drawing of it loses no peak.
+    """Return the extremes of a signal, so that its drawing keeps all peaks.
 
     Parameters
     ----------
@@ -137,10 +138,10 @@ def thinned(values: FloatArray, points: int) -> tuple[FloatArray, float]:
     Returns
     -------
     kept : ndarray
-        The signal itself where it is short enough; otherwise smallest and largest of each of equal
-        pieces, in the order in which they came.
+        The signal itself if it is short enough; otherwise minimum and maximum of equal pieces, in
+        order of time.
     step : float
-        Samples of the signal from one point to the next.
+        Number of samples per point.
     """
     if len(values) <= points:
         return values, 1.0
@@ -151,7 +152,7 @@ def thinned(values: FloatArray, points: int) -> tuple[FloatArray, float]:
 
 
 def most_active(values: FloatArray, samples: int) -> slice:
-    """Return the first window of so many samples that has the largest RMS."""
+    """Return the first window of a length with the largest RMS."""
     samples = min(max(samples, 1), values.size)
     energy = np.concatenate([[0.0], np.cumsum(values**2)])
     start = int(np.argmax(energy[samples:] - energy[:-samples]))
@@ -159,7 +160,7 @@ def most_active(values: FloatArray, samples: int) -> slice:
 
 
 def excerpt_of(values: FloatArray, rate: float, begin: float | None = None) -> slice:
-    """Return the `EXCERPT` of a signal that is drawn.
+    """Return the drawn `EXCERPT` of a signal.
 
     Parameters
     ----------
@@ -167,8 +168,8 @@ def excerpt_of(values: FloatArray, rate: float, begin: float | None = None) -> s
     rate : float
         Samples per second.
     begin : float, optional
-        Start of another trial's excerpt, s: taken if the signal is `ACTIVE` there, so that trials
-        show the same. Otherwise it is where the RMS is largest.
+        Start of another trial's excerpt, s. It is used if the signal is `ACTIVE` there, so that
+        trials show the same. Otherwise the excerpt is that with the largest RMS.
     """
     found = most_active(values, round(EXCERPT * rate))
     if begin is None:
@@ -182,9 +183,9 @@ def excerpt_of(values: FloatArray, rate: float, begin: float | None = None) -> s
 
 
 def enclosing(inner: slice, size: int, samples: int) -> slice:
-    """Return a window of so many samples, of `size` there are, with another in its middle.
+    """Return a window of a length, among `size` samples, with another at its centre.
 
-    It is moved where it would reach beyond the ends, and never shorter than the other.
+    It is shifted to stay within the ends, and never shorter than the other.
     """
     length = inner.stop - inner.start
     samples = min(max(samples, length), size)
@@ -194,10 +195,9 @@ def enclosing(inner: slice, size: int, samples: int) -> slice:
 
 
 def sampled(size: int, most: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Return the indices of at most so many of a cloud's points.
+    """Return the indices of a limited number of points of a cloud.
 
-    They are drawn at random, from a fixed seed, because every n-th would alias a periodic
-    signal.
+    They are drawn at random from a fixed seed, as every n-th point would alias a periodic signal.
     """
     if size <= most:
         return np.arange(size)

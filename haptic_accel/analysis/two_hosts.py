@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compares a handle with the tool of a robot that another host recorded.
+"""Comparison of a handle with the tool of a robot recorded by another host.
 
-The bags of both hosts of one run are put on one axis of time, the operator's, by the offset of the
-robot's clock that the operator's coupler measured.
+The bags of both hosts of a run use the operator's time axis. The offset of the robot's clock is
+that measured by the operator's coupler.
 """
 
 from __future__ import annotations
@@ -33,31 +33,31 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, places, sampling_rate
 
 OFFSET, BOUND = "clock offset (ms)", "clock offset bound (ms)"
-"""Values that the coupler reports: the peer's clock minus the own one, and its largest error."""
+"""Values reported by the coupler: the peer's clock minus the local one, and its maximum error."""
 
 FEWEST_REPORTS = 10
-"""Reports from which on the drift between the clocks is taken from them: from fewer, what each of
-them is wrong by would count as drift."""
+"""Minimum number of reports for estimating the drift between the clocks; with fewer, their errors
+would appear as drift."""
 
 LONGEST = 2.0
-"""Largest delay from the robot's tool to the handle that is looked for, s: a network that people
-can work over has less than 0.5 s, and the clocks may be wrong by as much as is known of them."""
+"""Maximum delay from the robot's tool to the handle in the search, s. A usable network has less
+than 0.5 s; the clock error adds up to its bound."""
 
 PIECE = 0.5
-"""Length of the pieces of a trial that are compared at a delay of their own, s: playout changes
-its delay by 1 ms/s, and 0.5 ms is a ninth of a period at the 200 Hz where textures are felt."""
+"""Length of the pieces of a trial, s, each compared at its own delay. Playout changes its delay by
+1 ms/s, and 0.5 ms is a tenth of a period at 200 Hz, where textures are felt."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Offset of the peer's clock from the own one.
+    """Offset of the peer's clock from the local one.
 
     Attributes
     ----------
     origin : int
-        Own time at which the peer's clock is `offset` ahead, ns.
+        Local time at which the peer's clock is ahead by `offset`, ns.
     offset, bound : float
-        Offset, and the largest error of it, s.
+        Offset and its maximum error, s.
     drift : float
         Change of the offset, s/s.
     """
@@ -68,14 +68,14 @@ class Clock:
     bound: float
 
     def peer(self, own: int) -> int:
-        """Return the peer's time at an own one, ns."""
+        """Return the peer's time for a local time, ns."""
         ahead = self.offset + self.drift * (own - self.origin) / NANOSECONDS
         return own + round(ahead * NANOSECONDS)
 
 
 @dataclass(frozen=True)
 class Host:
-    """A run as one of two hosts recorded it.
+    """Run as recorded by one of two hosts.
 
     Attributes
     ----------
@@ -83,11 +83,11 @@ class Host:
     side, namespace : str
         Arguments of the graph.
     surface : str
-        Surface that the robot touches, as the bag states it.
+        Surface at the robot, from the bag.
     span : tuple of int
-        First and last stamp of the tool's acceleration, on the own clock, ns.
+        First and last stamp of the tool's acceleration, local time, ns.
     clock : Clock or None
-        The peer's clock, as far as the coupler reported it.
+        Clock of the peer, if reported by the coupler.
     """
 
     bag: Path
@@ -109,16 +109,16 @@ class Across:
     robot : str
         Bag of the robot.
     nrmse_percent : float
-        RMS of the difference over RMS of what the robot's tool makes desired, each piece of the
-        trial at its own delay.
+        RMS of the difference, relative to the RMS of the desired acceleration from the robot's
+        tool, with each piece of the trial at its own delay.
     played_percent : float
-        NRMSE against what was played out at the operator's.
+        NRMSE relative to the acceleration played out on the operator's host.
     delay_ms : float
         Median over the pieces of the delay from the tool's acceleration to the handle's.
     delay_low_ms, delay_high_ms : float
-        Their quantiles of 1 and 99 %.
+        Quantiles of 1 and 99 % of this delay.
     bound_ms : float
-        Largest error of these delays that the clocks can make.
+        Maximum error of these delays due to the clocks.
     """
 
     trial: str
@@ -132,7 +132,7 @@ class Across:
 
     @property
     def sentence(self) -> str:
-        """The comparison in words."""
+        """Description of the comparison."""
         return (
             f"{self.trial}: the handle follows the robot's own tool after {self.delay_ms:.1f} ms"
             f" ({self.delay_low_ms:.1f} to {self.delay_high_ms:.1f} ms; the clocks are known to"
@@ -156,7 +156,7 @@ def host_of(recorded: Bag) -> Host | None:
 
 
 def _clock(recorded: Bag) -> Clock | None:
-    """Return the peer's clock as a line through what the coupler reported."""
+    """Return the peer's clock as a line through the coupler's reports."""
     reports = [
         (report.received, *found)
         for report in recorded.diagnostics
@@ -182,10 +182,10 @@ def _number(values: dict[str, str], name: str) -> float:
 
 
 def pairs(hosts: Sequence[Host]) -> Iterator[tuple[Host, Host]]:
-    """Yield the bags of operators, each with that of the robot of the same run, as far as there.
+    """Yield the bags of operators, each with that of the robot of the same run, if it exists.
 
-    They are of one run if their graphs have the same namespace, and they overlap in time on the
-    operator's clock; of several robots the one that overlaps longest.
+    They belong to one run if their graphs have the same namespace, and they overlap in time on the
+    operator's clock. Of several robots the one with the longest overlap is chosen.
     """
     for operator in hosts:
         if operator.side != OPERATOR or operator.clock is None:
@@ -201,7 +201,7 @@ def pairs(hosts: Sequence[Host]) -> Iterator[tuple[Host, Host]]:
 
 
 def _overlap(operator: Host, robot: Host) -> int:
-    """Return how long two bags overlap, ns; not positive if they do not."""
+    """Return the overlap of two bags, ns; not positive without one."""
     assert operator.clock
     begin, end = map(operator.clock.peer, operator.span)
     return min(end, robot.span[1]) - max(begin, robot.span[0])
@@ -218,7 +218,7 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
     Returns
     -------
     Across or str
-        In one line, why it is impossible.
+        Comparison, or one line on why it is impossible.
     """
     trial, operator, robot = task
     assert operator.clock
@@ -232,7 +232,7 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
         if rate != segment.rate:
             raise ParameterError(f"{robot.bag} has {rate:.5g} samples per second")
         desired = high_passed(_tool(tool, rate), segment.high_pass_frequency, rate)
-        # Place of the trial's first sample among the robot's, and by how much a sample moves it.
+        # Position of the trial's first sample among the robot's, and the change per sample.
         place = (operator.clock.peer(segment.start) - robot.span[0]) * rate / NANOSECONDS
         begin = math.floor(place)
         own = slice(max(0, -begin), min(len(handle), len(desired) - begin))

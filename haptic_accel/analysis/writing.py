@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes an analysis into a folder: page, plots for a paper, tables; its metrics for JSON."""
+"""Output of an analysis to a folder: page, plots and tables; metrics as JSON."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ SIGNAL_COLUMNS = {
 """Columns of a table of signals by topic."""
 
 MOST_CONTROLLERS, MOST_SURFACES = 6, 8
-"""Largest numbers of columns and rows of a plot."""
+"""Maximum numbers of columns and rows in a plot."""
 
 
 def write_analysis(
@@ -61,7 +61,7 @@ def write_analysis(
     setting: Setting | None = None,
     files: Mapping[str, pd.DataFrame] | None = None,
 ) -> Path:
-    """Write page, plots and tables of an analysis into a folder.
+    """Write page, plots and tables of an analysis to a folder.
 
     Parameters
     ----------
@@ -70,15 +70,15 @@ def write_analysis(
         Existing folder.
     comparison : Comparison, optional
     setting : Setting, optional
-        Texts of the page; with them, the page shows the paper's figures as pictures.
+        Texts of the page; with these, the page also shows the paper's figures as pictures.
     files : mapping of str to DataFrame, optional
-        Further tables to write as CSV, with their index if it is named, by file name.
+        Further tables for CSV output by file name; a named index is included.
 
     Returns
     -------
     Path
-        The page, ``folder/index.html``. Beside it lie the plots as PNG and PDF, ``trials.csv``,
-        ``groups.csv`` and, with a comparison, ``comparison.csv``.
+        Page ``folder/index.html``. Beside it are the plots as PNG and PDF, ``trials.csv``,
+        ``groups.csv`` and, for a comparison, ``comparison.csv``.
     """
     tables = {"trials.csv": frames.trials(analysis), "groups.csv": frames.groups(analysis)}
     if comparison:
@@ -134,7 +134,7 @@ def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[st
 
 
 def signal_table(segment: Segment) -> pd.DataFrame:
-    """Read the signals of a trial again, by time in s, under names with units."""
+    """Return the signals of a trial, read again, by time in s, under names with units."""
     whole = read_segment(segment.bag, segment.number)
     frame = frames.segment_signals(whole).rename(columns=SIGNAL_COLUMNS)
     actual = actual_acceleration(whole)
@@ -144,7 +144,7 @@ def signal_table(segment: Segment) -> pd.DataFrame:
 
 
 def _plots(analysis: Analysis) -> dict[str, Figure]:
-    """Return the plots by name, as far as there is something to draw."""
+    """Return the plots by name, as far as there are data."""
     drawn: dict[str, Figure] = {}
     portraits = _typical(analysis)
     if portraits:
@@ -159,8 +159,9 @@ def _plots(analysis: Analysis) -> dict[str, Figure]:
 def _typical(analysis: Analysis) -> dict[tuple[str, str], plots.Portrait]:
     """Return a portrait of each condition, as far as there is room.
 
-    Of a surface it is the pair with the median of the mean error over controllers, so that all of
-    them show the same; without a pair of all, each shows its own trial of median error.
+    For a surface it is the pair with the median of the mean error over controllers, so that all
+    controllers show the same input. Without a pair for all, each shows its trial with the median
+    error.
     """
     known = [trial for trial in analysis.trials if trial.portrait]
     frame = frames.trials(replace(analysis, trials=known))
@@ -183,7 +184,7 @@ def _typical(analysis: Analysis) -> dict[tuple[str, str], plots.Portrait]:
 
 
 def _median(values: pd.Series[float]) -> Any:
-    """Return the label of the median; of two, the lower."""
+    """Return the label of the median; of two, the lower one."""
     return values.sort_values(kind="stable").index[(len(values) - 1) // 2]
 
 

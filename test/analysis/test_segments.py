@@ -155,7 +155,7 @@ def test_a_bag_that_says_nothing_of_itself_is_unknown(tmp_path: Path) -> None:
     (segment,) = found.segments
     assert (segment.condition.controller, segment.condition.surface) == (UNKNOWN, UNKNOWN)
     assert segment.rate == RATE
-    assert any("does not say how it was made" in problem for problem in found.problems)
+    assert any("does not state how it was made" in problem for problem in found.problems)
 
 
 def test_a_rate_that_stamps_do_not_have_is_named(tmp_path: Path) -> None:
