@@ -276,7 +276,9 @@ class McapFile:
                 yield kind, file.read(length)
                 continue
             if kind in _READ_KINDS:
-                self._report(f"a record has {length} bytes and is left out, {LARGEST} are read")
+                self._report(
+                    f"a record has {length} bytes and is left out; at most {LARGEST} are allowed"
+                )
             file.seek(place + length)
 
     def _records_at(
@@ -334,7 +336,7 @@ class McapFile:
             compression = mcap.read_text(stream)
             (length,) = mcap.LENGTH.unpack(stream.read(mcap.LENGTH.size))
             if size > LARGEST:
-                raise ValueError(f"it claims {size} bytes, {LARGEST} are read")
+                raise ValueError(f"it states {size} bytes; at most {LARGEST} are allowed")
             stored = stream.read()
             records = stored[:length]
             if compression:

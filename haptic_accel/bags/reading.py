@@ -300,7 +300,7 @@ def _check_tables(source: Path) -> None:
             is_stored = kind in ("table", "index") and not words.startswith("CREATE VIRTUAL")
             columns = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden != 0"
             if not is_stored or database.execute(columns, (name,)).fetchone():
-                raise ValueError("it has rows that are not stored in it, which are not read")
+                raise ValueError("it has computed rows, which are not allowed")
 
 
 def _decompressed(block: Block, allowance: Allowance) -> Block:

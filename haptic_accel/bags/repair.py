@@ -141,7 +141,7 @@ def _repaired(path: Path, custom: dict[str, str], done: Repair) -> Metadata | No
             try:
                 done.problems += _rebuild(path, rebuilt, custom)
             except ValueError as error:
-                done.problems.append(f"{path.name}: {error}: set aside")
+                done.problems.append(f"{path.name}: {error}: renamed")
                 _set_aside(path)
                 return None
             metadata = inspect(rebuilt)

@@ -189,7 +189,7 @@ class _Elements(ElementTree.TreeBuilder):
 
     def doctype(self, _name: str, _public: str, _system: str) -> None:
         """Reject a document type, as its entities may expand to any amount of text."""
-        raise ValueError("it has a document type, which is not read")
+        raise ValueError("it has a document type, which is not allowed")
 
     def start(self, tag: Any, attributes: Any) -> ElementTree.Element:
         """Start an element."""
@@ -210,4 +210,4 @@ def _too_deep() -> ValueError:
 
 def _check_size(size: int, largest: int) -> None:
     if size > largest:
-        raise OSError(errno.EFBIG, f"has {size} bytes or more, and may have {largest}")
+        raise OSError(errno.EFBIG, f"has {size} bytes or more; at most {largest} are allowed")

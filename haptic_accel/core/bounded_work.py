@@ -83,7 +83,7 @@ def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
     if status in _ENDED:
         raise OutOfBoundsError(f"takes longer than {seconds:g} s")
     if status != DONE:
-        raise OutOfBoundsError("takes more memory than it may, or breaks its reader")
+        raise OutOfBoundsError("takes too much memory, or crashes its reader")
 
 
 def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:

@@ -49,7 +49,7 @@ class EmergencyStop:
     >>> stop.heard(True, now=10.0)
     True
     >>> stop.release(now=11.0, publishers=["/button"])
-    '/button said true on the topic, or may have: let it say false, or end it'
+    '/button published true on the topic, or may have: let it publish false, or end it'
     >>> stop.heard(False, now=12.0), stop.stopped
     (False, True)
     >>> stop.release(now=12.0, publishers=["/button"]), stop.stopped
@@ -110,9 +110,12 @@ class EmergencyStop:
             return "has just started: ask again in a second"
         if self._wanted and publishers:
             names = " and ".join(publishers)
-            return f"{names} said true on the topic, or may have: let it say false, or end it"
+            return (
+                f"{names} published true on the topic, or may have: let it publish false,"
+                " or end it"
+            )
         if now - self._heard < RECENT:
-            return "somebody has just said true on the topic: ask again in a second"
+            return "true was just published on the topic: ask again in a second"
         if self._coupler_stopped and now - self._coupler_heard < COUPLER_SILENCE:
             return "the coupler is stopped: release it by its service estop"
         return ""

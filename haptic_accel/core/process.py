@@ -39,7 +39,7 @@ _SHORTAGES = {
     "cannot allocate memory": "too little memory (ulimit -v)",
     "failed to map segment": "too little memory (ulimit -v)",
     "can't start new thread": "too little memory or too few processes (ulimit -v, -u)",
-    "terminated abruptly": "a process of it was killed, as where memory is short",
+    "terminated abruptly": "one of its processes was killed, possibly for lack of memory",
 }
 """Exhausted resources of the machine, by the messages of Python and the dynamic loader in errors
 of various classes."""

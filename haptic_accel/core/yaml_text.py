@@ -70,7 +70,7 @@ def load_yaml(text: str, *, exponents: bool = False) -> Any:
         amount of data; the message is one line.
     """
     if len(text) > LARGEST_TEXT:
-        raise ValueError(f"it has {len(text)} characters, and may have {LARGEST_TEXT}")
+        raise ValueError(f"{len(text)} characters; at most {LARGEST_TEXT} are allowed")
     try:
         _check(text)
         return yaml.load(text, _ExponentLoader if exponents else _Loader)
@@ -100,7 +100,7 @@ def _check(text: str) -> None:
         if values > MOST_VALUES:
             raise ValueError(f"it has more than {MOST_VALUES} values and names")
         if isinstance(event, yaml.AliasEvent):
-            raise ValueError("it has an alias (*), which is not read")
+            raise ValueError("it has an alias (*), which is not allowed")
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > DEEPEST:

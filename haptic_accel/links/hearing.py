@@ -77,14 +77,14 @@ class Hearing:
         if now - self._last < SILENCE or self._silent:
             return ""
         self._hears, self._silent = False, True
-        return f"{self._peer}: nothing heard for {SILENCE:g} s; {self._advice}"
+        return f"{self._peer}: nothing received for {SILENCE:g} s; {self._advice}"
 
 
 def described(route: Route, side: str, transport: str) -> str:
     """Return a description of the route: addresses and UDP ports."""
     if transport == UDP:
         return (
-            f"{side} at {route.own}, hears on port {route.own_port}/udp, sends to {route.peer}"
+            f"{side} at {route.own}, receives on port {route.own_port}/udp, sends to {route.peer}"
             f" port {route.peer_port}/udp"
         )
     if side == "slave":

@@ -98,7 +98,7 @@ def _arrays(content: bytes) -> dict[str, Array]:
     with zipfile.ZipFile(io.BytesIO(content)) as file:
         members = file.infolist()
         if len(members) > MOST_MEMBERS:
-            raise ValueError(f"it has {len(members)} arrays, and may have {MOST_MEMBERS}")
+            raise ValueError(f"{len(members)} arrays; at most {MOST_MEMBERS} are allowed")
         for member in members:
             if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 raise ValueError("it is compressed as NumPy does not")
@@ -115,22 +115,22 @@ def _array(stream: IO[bytes], most_bytes: int) -> Array:
     header = io.BytesIO(start)
     version = np.lib.format.read_magic(header)
     if version not in ((1, 0), (2, 0)):
-        raise ValueError(f"version {version} of its form is not read")
+        raise ValueError(f"format version {version} is not supported")
     read = getattr(np.lib.format, f"read_array_header_{version[0]}_0")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # from Python 2, or for unusual text in the header
         shape, is_fortran, kind = read(header, max_header_size=LONGEST_HEADER)
     if kind.kind not in KINDS or kind.subdtype:
-        raise ValueError(f"values of type {str(kind)[:40]} are not read")
+        raise ValueError(f"values of type {str(kind)[:40]} are not supported")
     count = math.prod(shape)
     if not (min(shape, default=0) >= 0 and count <= MOST_NUMBERS):
-        raise ValueError(f"it has {shape} values, {MOST_NUMBERS} are read")
+        raise ValueError(f"it has {shape} values; at most {MOST_NUMBERS} are allowed")
     size = count * kind.itemsize
     if size > most_bytes:
-        raise ValueError(f"it has {size} bytes of values or more, {LARGEST} are read in all")
+        raise ValueError(f"its values have {size} bytes or more; at most {LARGEST} are allowed")
     data = bytearray(start[header.tell() :])
     if len(data) < size:
         data += stream.read(size - len(data))
     if len(data) != size or stream.read(1):  # also checks the checksum
-        raise ValueError("it is cut off, or longer than it states")
+        raise ValueError("it is truncated, or longer than it states")
     return np.frombuffer(data, kind, count).reshape(shape, order="F" if is_fortran else "C")

@@ -59,7 +59,7 @@ def baked(path: Path, spacing: float, scale: float) -> tuple[FloatArray, FloatAr
         size = " x ".join(f"{side:g}" for side in high - low)
         raise ParameterError(
             f"spacing = {spacing:g}: must be larger: {path} is {size} m large,"
-            f" and may have {LARGEST_GRID} samples"
+            f" at most {LARGEST_GRID} samples are allowed"
         )
     # Centred: the same on opposite sides.
     counts = sides.astype(int)

@@ -193,7 +193,7 @@ def _read_csv(name: str, file: io.BufferedReader, column: str | None) -> FloatAr
         titles = [title.strip() for title in next(rows)]
         found = _found(name, "column", (column,) if column else COLUMNS, titles)
         if titles.count(found) > 1:
-            raise ParameterError(f"{name}: column = {shown(found)}: is there more than once")
+            raise ParameterError(f"{name}: column = {shown(found)}: exists more than once")
         place = titles.index(found)
         for row in rows:
             if not any(row):

@@ -144,7 +144,7 @@ def test_a_stop_is_released_once_it_is_withdrawn_and_not_by_that(
         observer.wait_for_state(topic, True)
     so_far = len(coupler.lines)
     time.sleep(2 * RECENT)
-    refused = "/observer said true on the topic, or may have: let it say false, or end it"
+    refused = "/observer published true on the topic, or may have: let it publish false, or end it"
     assert released(observer) == (False, refused)
     button.publish(Bool(data=False))
     time.sleep(2 * SETTLING)

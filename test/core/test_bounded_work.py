@@ -54,7 +54,7 @@ def test_a_wrong_file_is_refused_in_the_words_of_the_work() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "says"),
-    [("time", "longer than 1 s"), ("memory", "more memory"), ("abort", "breaks its reader")],
+    [("time", "longer than 1 s"), ("memory", "too much memory"), ("abort", "crashes its reader")],
 )
 def test_work_is_ended_at_its_bounds(kind: str, says: str) -> None:
     with pytest.raises(OutOfBoundsError, match=says):

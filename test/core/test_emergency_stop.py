@@ -76,7 +76,9 @@ def test_a_stop_that_was_said_once_and_never_withdrawn_is_not_released() -> None
     run = Run()
     run.heard(True)
     assert not run.released(BUTTON, LATER)
-    assert run.stop.release(run.now, ["/a", "/b"]).startswith("/a and /b said true on the topic")
+    assert run.stop.release(run.now, ["/a", "/b"]).startswith(
+        "/a and /b published true on the topic"
+    )
     run.heard(False)
     assert run.stop.stopped, "what withdraws a stop releases nothing"
     assert run.released(BUTTON)

@@ -10,14 +10,14 @@ from haptic_accel.links.hearing import REPEAT, SILENCE, Hearing, advice
 def test_the_peer_is_reported_once_when_it_is_heard_and_once_when_it_is_not() -> None:
     hearing = Hearing("peer robot", "check it", "", 0.0)
     assert hearing.lines(SILENCE - 0.1) == []
-    assert hearing.lines(SILENCE) == ["peer robot: nothing heard for 5 s; check it"]
+    assert hearing.lines(SILENCE) == ["peer robot: nothing received for 5 s; check it"]
     assert hearing.lines(3 * SILENCE) == []
     hearing.heard += 1
     assert hearing.lines(20.0) == ["peer robot is heard"]
     hearing.heard += 1
     assert hearing.lines(24.0) == []
     assert hearing.lines(28.9) == []
-    assert hearing.lines(29.0)[0].startswith("peer robot: nothing heard")
+    assert hearing.lines(29.0)[0].startswith("peer robot: nothing received")
 
 
 def test_advice_names_addresses_ports_side_and_transport() -> None:

@@ -170,7 +170,7 @@ def test_missing_column_lists_those_there_are(tmp_path: Path) -> None:
 def test_column_that_is_there_twice_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("accel,accel\n" + "1,2\n" * 100)
-    assert "accel: is there more than once" in refusal(path, 100.0, 100.0)
+    assert "accel: exists more than once" in refusal(path, 100.0, 100.0)
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e7", "", "abc", "1,5", "0x10"])
@@ -384,7 +384,7 @@ def test_empty_file_is_refused(tmp_path: Path) -> None:
 def test_huge_file_is_refused_unread(tmp_path: Path) -> None:
     with (tmp_path / "a.csv").open("wb") as file:
         file.truncate(recording.MOST_BYTES + 1)
-    assert "has 300000001 bytes or more, and may have 300000000" in refusal(
+    assert "has 300000001 bytes or more; at most 300000000 are allowed" in refusal(
         tmp_path / "a.csv", 1000.0, 1000.0
     )
 

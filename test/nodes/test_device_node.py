@@ -353,7 +353,7 @@ def test_what_withdraws_a_stop_releases_nothing(bench: Bench) -> None:
 
 def test_a_stop_is_not_released_while_it_is_asked_for(bench: Bench) -> None:
     bench.stop()
-    refused = "/coupler said true on the topic, or may have: let it say false, or end it"
+    refused = "/coupler published true on the topic, or may have: let it publish false, or end it"
     assert bench.release() == refused
     bench.released()
 

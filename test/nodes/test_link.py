@@ -136,7 +136,7 @@ def test_a_port_of_another_program_is_refused_in_one_line(pair: Pair, tmp_path: 
 
 def test_a_peer_that_is_not_heard_is_said_with_what_to_check(pair: Pair, tmp_path: Path) -> None:
     link = pair.start("slave", tmp_path, peer=free_ports())
-    line = link.wait_for("nothing heard for 5 s")
+    line = link.wait_for("nothing received for 5 s")
     assert "side:=master transport:=udp" in line
     assert "/udp" in line
 
@@ -266,7 +266,7 @@ def test_what_is_not_of_the_pair_is_refused_in_one_line_and_nothing_passes(
         assert "haptic-accel keys" in line
         for end in pair.ends.values():
             end.send(b"not to be passed")
-        link.wait_for("nothing heard for 5 s")
+        link.wait_for("nothing received for 5 s")
         assert len(link.lines) < 10
     assert not pair.received()
 

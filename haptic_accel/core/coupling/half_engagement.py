@@ -25,13 +25,13 @@ STOPPED_THERE = f"{STOPPED} at the peer"
 SILENT = "waiting for the peer's packets"
 """Reason for a free arm while no packets arrive."""
 
-RESTARTED = "the peer has started again"
+RESTARTED = "the peer has restarted"
 """Reason for a release after the peer has restarted."""
 
-LEFT = "the peer let go"
+LEFT = "the peer disengaged"
 """Reason for a release after the peer has disengaged."""
 
-LOST = "the peer was lost: coupler/engage takes the arm again"
+LOST = "the peer was lost: engage again by coupler/engage"
 """Reason for a free arm that engages again only on request after the loss of the peer."""
 
 
@@ -131,5 +131,5 @@ class HalfEngagement(Engagement):
             there = peer.engaged and self._partner == partner
             return "" if there or (self._partner is None and peer.ready) else LEFT
         if peer.engaged and partner == self._former:
-            return "waiting for the peer to let go"
+            return "waiting for the peer to disengage"
         return "" if peer.ready or peer.engaged else "waiting for the peer to be ready"

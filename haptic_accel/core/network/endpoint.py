@@ -195,7 +195,7 @@ class Endpoint:
         if self.peer and packet.shipped < self.peer.shipped:
             # One of the two values is wrong. If the larger one is, later values would never reach
             # it.
-            self.session.refuse("the peer's account of energy contradicts itself", now)
+            self.session.refuse("the peer's energy values are inconsistent", now)
             self.session.renew()
             return None
         self.peer = packet
