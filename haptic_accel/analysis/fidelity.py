@@ -113,7 +113,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Wanted:
-    """User's choice of inputs, rigs and rates of all conditions, hands and their seed."""
+    """User's choice of inputs, hands and seed, and of rig and rate for all conditions."""
 
     inputs: Sequence[GraphArguments]
     rig: str

@@ -38,7 +38,7 @@ MILLI = 1e3
 
 TRAVEL_BEGIN = 0.1
 """Time at the start of a trial that is excluded from the largest travel, s. The estimate starts in
-the middle, wherever the actuator is. The error decays with the 18 ms of Table I's suspension."""
+the middle, wherever the actuator is. Its error decays with the 18 ms of Table I's suspension."""
 
 CONTACT = 3 * AccelerometerParameters().noise
 """Minimum RMS of the desired acceleration for a trial with contact, m/s^2: three times the noise
@@ -289,8 +289,8 @@ COMPENSATOR = "compensator"
 def _deviation(segment: Segment) -> list[str]:
     """Return the bands and times at which the handle differed from the compensator's plant model.
 
-    A compensator that reported has judged that itself, with samples as they came: of a bag with
-    lost samples and late forces more would be said than is true.
+    A compensator that reported has made this comparison online, with the samples as received. For
+    a bag with lost samples and late forces, a new comparison would show too many deviations.
     """
     if COMPENSATOR in segment.delivery.nodes:
         return []

@@ -123,7 +123,7 @@ class Segment:
     latency : int
         Delay from sample to force, in samples.
     granted_delay : int
-        Delay granted to the controller beside the latency, in samples.
+        Delay granted to the controller in addition to the latency, in samples.
     plant : Plant or None
         Handle with the complete path from command to sample, for the bounds of the error.
     noise : float
@@ -201,7 +201,7 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
     ----------
     recorded : Bag
     rig : RigParameters, optional
-        Rig with the handle, for a bag without a description of its own.
+        Rig with the handle, for a bag without its own description.
     asked : float, optional
         Sampling rate, Hz, for a bag that does not state it; used if its stamps agree.
 

@@ -78,7 +78,7 @@ class Document:
 
     @contextmanager
     def located(self, key: str = "") -> Iterator[None]:
-        """Add the location to errors about a nested value, by default the one that they name."""
+        """Add the location to errors about a nested value, by default the one they name."""
         try:
             yield
         except ParameterError as error:

@@ -155,7 +155,7 @@ class Trial:
     latency : int
         Delay from sample to force, in samples.
     granted_delay : int
-        Permitted delay of the handle beside the latency, in samples.
+        Permitted delay of the handle in addition to the latency, in samples.
     warnings : tuple of (float, str)
         Warnings of the compensator with their times, s; an empty text marks their end.
     arms : dict of ndarray, shape (n, 3)

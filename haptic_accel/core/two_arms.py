@@ -111,7 +111,7 @@ class Hand:
 
 
 def wall(stiffness: float = 3000.0, depth: float = -0.005) -> Around:
-    """Return the force of an elastic wall below a depth, m, without damping."""
+    """Return the force function of an elastic wall below a depth, m, without damping."""
 
     def push(position: Vector, _: Vector) -> Vector:
         return 0.0, 0.0, stiffness * max(0.0, depth - position[2])

@@ -127,7 +127,10 @@ def test_a_table_of_a_size_that_no_file_has_is_refused(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.write(header((30_000, 30_000)))
         file.truncate(6_500_000_000)
-    with measured(megabytes=300), pytest.raises(ParameterError, match="at most 67108864 are allowed"):
+    with (
+        measured(megabytes=300),
+        pytest.raises(ParameterError, match="at most 67108864 are allowed"),
+    ):
         read_heights(path, Sampling())
     for shape in ((30_000, 30_000), (MOST_NUMBERS + 1,)):
         path.write_bytes(header(shape) + bytes(1000))

@@ -52,7 +52,7 @@ Force = TypeVar("Force", Vector, float)
 AUTOMATIC, MANUAL = "automatic", "manual"
 
 GONE = "still missing"
-"""Warning for commands that stopped before the last report and have not come back."""
+"""Warning for commands that stopped before the last report and are still missing."""
 
 STOPPED = "emergency stop"
 """Reason for zero force while the emergency stop is not released."""

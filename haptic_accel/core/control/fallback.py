@@ -55,7 +55,7 @@ FADING = 5e-3
 
 LONGEST_PAUSE = 32.0
 """Upper bound of the doubled pause, s of excitation. A trial also fails if a device rejects the
-force briefly, for example because of a second sender. A good controller must then come back."""
+force briefly, for example because of a second sender. A good controller must then return."""
 
 TRIAL = 1.0
 """Duration of the return, s, long enough to detect a wrong force while it is small."""
@@ -121,7 +121,7 @@ class Fallback:
         return ", ".join(filter(None, (self.supervisor.warning, replaced)))
 
     def reset(self, name: str, granted_delay: int) -> None:
-        """Return to the initial state, for a controller and its delay beside the latency."""
+        """Return to the initial state, for a controller and its additional delay."""
         self.supervisor.reset()
         self._share, self._gain = 1.0, 0.0
         self._wanted = self._expected = 0.0
@@ -130,7 +130,7 @@ class Fallback:
         self.follow(name, granted_delay)
 
     def follow(self, name: str, granted_delay: int) -> None:
-        """Evaluate another controller from now on, or the same anew; fade out any substitute."""
+        """Evaluate another controller, or restart for the same; fade out any substitute."""
         self._name, self.substitute = name, ""
         self._pace = self._step
         self._trial = math.inf  # time since the last return, s

@@ -58,7 +58,7 @@ UNRESOLVED = 0.1
 """Incoherence that few evaluations cannot show."""
 
 NEGLIGIBLE = 1e-2
-"""Relative deviation of the plant of which half is accepted even if it is certain."""
+"""Relative deviation of the plant that is half accepted even if it is certain."""
 
 INDEPENDENCE = 0.5
 """Independent evaluations per evaluation: windows overlap by three quarters (Welch 1967)."""

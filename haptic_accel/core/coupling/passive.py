@@ -38,8 +38,8 @@ SPEED_MARGIN = 0.5
 that bounces off a wall at 0.25 m/s."""
 
 RESTART_TRAVEL = 0.01
-"""Distance, m, that identifies a device whose work counter was reset: its work exceeds the largest
-force times this distance."""
+"""Distance, m, in the check for a reset work counter of a device: the work exceeds the largest
+force times the sum of this distance and the arm's motion."""
 
 QUANTILE = 0.99
 """Quantile of the ages of the peer's data that determines the damping."""

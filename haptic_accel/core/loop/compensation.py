@@ -18,8 +18,8 @@ from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.sampling import NANOSECONDS
 
 SENDING_TIME = 0.5
-"""Time reserved for sending a force to its device before it is due, in periods. Until then the
-handle's sample of the previous tick is waited for."""
+"""Time reserved for sending a force to its device before it is due, in periods. The handle's
+sample of the previous tick is awaited until then."""
 
 LONGEST_BRIDGE = 0.02
 """Longest gap in the tool's samples that prediction fills, s. A longer prediction of texture is

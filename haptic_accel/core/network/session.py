@@ -32,8 +32,8 @@ PROBLEM_TIME = 2.0
 """Time for which the reason of a rejection is shown, s."""
 
 WINDOW = 1024
-"""Number of packets before the newest in which duplicates are told from late packets. It is 1 s at
-1 kHz; older samples are of no use to the playout."""
+"""Number of packets before the newest for which duplicates are distinguished from late packets. It
+is 1 s at 1 kHz; older samples are of no use to the playout."""
 
 FASTEST = 2000.0
 """Maximum packet rate of a peer, Hz: twice its sampling rate, as each change of its state also

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hand that follows given points, for example of a pointer."""
+"""Hand that follows a sequence of points."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
 
 
 def granted_delay(controller: str, parameters: Mapping[str, Checked]) -> int:
-    """Return the delay, beside the latency, for evaluating a controller's response, in samples.
+    """Return the delay, in addition to the latency, for evaluating a controller, in samples.
 
     It is the controller's parameter of this name, or the paper's value if there is none.
     """

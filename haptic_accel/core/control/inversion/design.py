@@ -53,7 +53,7 @@ UNEXPECTED_DENSITY = 0.03
 inverse small at frequencies with a small plant response and little expected texture."""
 
 LONGEST_GRANTED_DELAY = 100
-"""Maximum granted delay beside the latency, in samples."""
+"""Maximum granted delay in addition to the latency, in samples."""
 
 MOST_TAPS = 8192
 """Maximum length of the convolution: 0.4 s at 20 kHz."""
