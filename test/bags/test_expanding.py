@@ -85,7 +85,7 @@ def test_rows_that_are_computed_are_not_read(tmp_path: Path, statements: str) ->
     (file,) = bag.glob("*.db3")
     with closing(sqlite3.connect(file)) as database:
         database.executescript(statements)
-    with measured(), pytest.raises(ParameterError, match="rows that are not stored in it"):
+    with measured(), pytest.raises(ParameterError, match="it has computed rows"):
         read_bag(bag)
 
 
