@@ -29,7 +29,7 @@ from haptic_accel.cli.options import (
     workers_options,
 )
 from haptic_accel.cli.output import save
-from haptic_accel.cli.studies import beside, run_study
+from haptic_accel.cli.studies import beside, run_side_by_side
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
@@ -100,13 +100,7 @@ def fidelity(
     cases = [case for trial in trials for case in with_controllers(trial, controllers)]
     for case in trials:
         graph(case.arguments)  # so that a wrong file is named before all trials
-    found, end = run_study(
-        lambda left, stop, _: workers.completed(run_case, left, stop),
-        cases,
-        "trials",
-        _line,
-        beside(json_file),
-    )
+    found, end = run_side_by_side(workers, run_case, cases, "trials", _line, beside(json_file))
     if rows := [*found.values()]:
         means = summary(rows)
         _print(means)

@@ -14,7 +14,7 @@ from pathlib import Path
 from haptic_accel.analysis.perception import perceive
 from haptic_accel.cli.options import json_option, verb, workers_options
 from haptic_accel.cli.output import save
-from haptic_accel.cli.studies import beside, run_study
+from haptic_accel.cli.studies import beside, run_side_by_side
 from haptic_accel.cli.tables import Column, Row, print_results
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.coupling.passive import PassiveParameters
@@ -93,13 +93,7 @@ def network(*, workers: Workers, json_file: Path | None) -> None:
     and walls: the most energy relative to what the coupling is granted.
     """
     items = [*CONDITIONS, *range(TRIALS)]
-    found, end = run_study(
-        lambda left, stop, _: workers.completed(measure, left, stop),
-        items,
-        "conditions",
-        _line,
-        beside(json_file),
-    )
+    found, end = run_side_by_side(workers, measure, items, "conditions", _line, beside(json_file))
     worst = [result for result in found.values() if isinstance(result, float)]
     rows = [result for result in found.values() if not isinstance(result, float)]
     print_results(COLUMNS, rows, title="two arms on two hosts")

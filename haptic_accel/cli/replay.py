@@ -18,7 +18,7 @@ import click
 from haptic_accel.cli import options
 from haptic_accel.cli.output import make_folder, save
 from haptic_accel.cli.running import run_shown
-from haptic_accel.cli.studies import beside, run_study
+from haptic_accel.cli.studies import beside, run_side_by_side
 from haptic_accel.cli.tables import Column, Row, print_results
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
@@ -142,13 +142,8 @@ def _play(
         for asked in plan
         for controller in controllers or [asked.graph.controller]
     ]
-    found, end = run_study(
-        lambda left, stop, _: workers.completed(_played, left, stop),
-        conditions,
-        "conditions",
-        _line,
-        None if out else beside(json_file),
-    )
+    journal = None if out else beside(json_file)
+    found, end = run_side_by_side(workers, _played, conditions, "conditions", _line, journal)
     done = [*found.values()]
     print_results(COLUMNS, done, left=3, title="Replayed in lockstep", show_edge=False)
     for bag, lost in {row["bag"]: row["lost"] for row in done}.items():

@@ -19,7 +19,7 @@ import numpy as np
 from haptic_accel.analysis.provenance import version
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.running import progress_bar, stop_on_signal
-from haptic_accel.cli.workers import Item, Result, Stop
+from haptic_accel.cli.workers import Item, Result, Stop, Workers
 from haptic_accel.core.bounded_files import located, opened
 from haptic_accel.core.process import INTERRUPTED
 
@@ -33,7 +33,7 @@ LARGEST = 1 << 30
 class Journal:
     """File with the results of a study that has not ended, from which it goes on.
 
-    A result counts for the condition, the version and the files that it was computed from.
+    A result is stored under the key of its condition, `key_of`.
 
     Parameters
     ----------
@@ -50,14 +50,14 @@ class Journal:
                 if result.endswith(b"\n"):  # or the study was killed while it was written
                     self._known[digest] = result
 
-    def result(self, condition: Any) -> Any:
-        """Return the result of a condition; None if there is none."""
-        return json.loads(self._known.get(_digest(condition).encode(), b"null"))
+    def result(self, key: str) -> Any:
+        """Return the result under a key; None if there is none."""
+        return json.loads(self._known.get(key.encode(), b"null"))
 
-    def add(self, condition: Any, result: Any) -> None:
-        """Append the result of a condition, which must be JSON and not None."""
+    def add(self, key: str, result: Any) -> None:
+        """Append a result, which must be JSON and not None, under a key."""
         with located(self.file, unreadable=""), self.file.open("a", encoding="utf-8") as end:
-            end.write(f"{_digest(condition)} {json.dumps(result)}\n")
+            end.write(f"{key} {json.dumps(result)}\n")
 
     def remove(self) -> None:
         """Delete the file, once the study has ended."""
@@ -67,6 +67,20 @@ class Journal:
 def beside(json_file: Path | None) -> Journal | None:
     """Return the journal of a study whose results go to a JSON file."""
     return Journal(json_file.with_name(f"{json_file.name}.part")) if json_file else None
+
+
+def run_side_by_side(
+    workers: Workers,
+    run: Callable[[Item], Result],
+    items: Sequence[Item],
+    unit: str,
+    line: Callable[[Result], str],
+    journal: Journal | None = None,
+) -> tuple[dict[int, Result], StoppedError | None]:
+    """Run the conditions of a study by workers; see `run_study`."""
+    return run_study(
+        lambda left, stop, _: workers.completed(run, left, stop), items, unit, line, journal
+    )
 
 
 def run_study(
@@ -100,8 +114,10 @@ def run_study(
         Early end, by a signal or a graph that failed.
     """
     done: dict[int, Result] = {}
+    # Before the runs, which count for the files as they were when they began.
+    keys = [key_of(item) for item in items] if journal else []
     if journal:
-        known = ((index, journal.result(item)) for index, item in enumerate(items))
+        known = ((index, journal.result(key)) for index, key in enumerate(keys))
         done = {index: result for index, result in known if result is not None}
         if done:
             print(f"{len(done)} of {len(items)} {unit} are taken from {journal.file}", flush=True)
@@ -121,7 +137,7 @@ def run_study(
                     index = left[place]
                     done[index] = result
                     if journal:
-                        journal.add(items[index], result)
+                        journal.add(keys[index], result)
                     if text := line(result):
                         print(f"{len(done)} of {len(items)}: {text}", flush=True)
                     progress.update(bar, completed=len(done))
@@ -137,7 +153,7 @@ def run_study(
     return dict(sorted(done.items())), end
 
 
-def _digest(condition: Any) -> str:
+def key_of(condition: Any) -> str:
     """Return a text that differs between conditions, versions, and files that conditions name."""
     digest = hashlib.blake2b(version().encode(), digest_size=16)
     for part in _parts(condition):

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.studies import Journal, run_study
+from haptic_accel.cli.studies import Journal, key_of, run_study
 from haptic_accel.core.parameters import ParameterError
 
 NUMBERS = [0.1, 1 / 3, 1e-300, -2.5e17, 7.0]
@@ -76,7 +76,7 @@ def test_a_file_cut_anywhere_gives_results_of_whole_lines_alone(
     file.write_bytes(whole[:length] + tail.replace(b"\n", b""))
     journal = Journal(file)
     lines = whole[:length].count(b"\n")
-    known = [journal.result(each) for each in conditions()]
+    known = [journal.result(key_of(each)) for each in conditions()]
     assert known == [number / 3 for number in NUMBERS[:lines]] + [None] * (5 - lines)
 
 
@@ -85,15 +85,15 @@ def test_a_result_counts_for_its_condition_alone(tmp_path: Path) -> None:
     measured.write_text("1\n2\n")
     condition = Condition(1.0, np.arange(5000.0), str(measured))
     journal = Journal(tmp_path / "study.part")
-    journal.add(condition, 5.0)
+    journal.add(key_of(condition), 5.0)
     journal = Journal(tmp_path / "study.part")
-    assert journal.result(replace(condition, samples=np.arange(5000.0))) == 5.0
+    assert journal.result(key_of(replace(condition, samples=np.arange(5000.0)))) == 5.0
     other = np.arange(5000.0)
     other[2500] += 1e-12
-    assert journal.result(replace(condition, samples=other)) is None
-    assert journal.result(replace(condition, number=2.0)) is None
+    assert journal.result(key_of(replace(condition, samples=other))) is None
+    assert journal.result(key_of(replace(condition, number=2.0))) is None
     os.utime(measured, (1, 1))
-    assert journal.result(condition) is None
+    assert journal.result(key_of(condition)) is None
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
