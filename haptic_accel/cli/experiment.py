@@ -30,6 +30,7 @@ from haptic_accel.analysis.metrics import MILLI
 from haptic_accel.analysis.page import Setting
 from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.writing import signal_table, write_analysis
+from haptic_accel.bags.folder import free_name
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import results_folder, save
@@ -150,8 +151,6 @@ def experiment(
         conditions = _conditions(plan, folder / "bags", channel, lockstep)
 
         def start(left: Sequence[Condition], stop: Stop, show: Show) -> Iterator[tuple[int, str]]:
-            for condition in left:
-                _set_aside(condition.bag)
             if lockstep:
                 return workers.completed(_run_lockstep, left, stop)
             return _run_live(left, stop, show)
@@ -228,15 +227,16 @@ def _conditions(
 
 
 def _set_aside(bag: Path) -> None:
-    """Rename the bag of a condition that was interrupted."""
+    """Rename the bag of a condition whose run was interrupted, or whose process was lost."""
     if bag.exists():
         folder = bag.parent.parent / "interrupted"
         folder.mkdir(exist_ok=True)
-        bag.rename(folder / f"{bag.name}_{time.time_ns()}")
+        bag.rename(free_name(folder / bag.name))
 
 
 def _run_lockstep(condition: Condition) -> str:
     """Run and record one condition in lockstep; return a line with its error."""
+    _set_aside(condition.bag)
     start = time.time_ns()
     trial = lockstep_trial(condition.arguments, channel=condition.channel)
     record_trial(condition.bag, trial, condition.arguments, start)
@@ -249,6 +249,7 @@ def _run_live(
     """Run one condition after the other through the graph; yield indices, lines with errors."""
     for index, condition in enumerate(conditions):
         bag, arguments = condition.bag, condition.arguments
+        _set_aside(bag)
 
         def asked(index: int = index, started: float = time.monotonic()) -> bool:
             part = (time.monotonic() - started) / (arguments.duration + AROUND)  # noqa: B023

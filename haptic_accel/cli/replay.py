@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import shlex
+import shutil
 import sys
 import time
 from collections import Counter
@@ -162,6 +163,7 @@ def _played(condition: Condition) -> Row:
     trial = replace(trial, surface=condition.touched)
     metrics = _metrics(condition.own.bag, trial, track)
     if condition.out:
+        shutil.rmtree(condition.out, ignore_errors=True)  # that of a lost process
         record_trial(condition.out, trial, condition.graph, start)
     return metrics
 

@@ -101,6 +101,9 @@ class Workers:
 class _Engine(Protocol):
     """Executor of the runs."""
 
+    TOGETHER: bool
+    """True if a lost process takes all runs with it."""
+
     @property
     def LOST(self) -> tuple[type[BaseException], ...]: ...
 
@@ -117,19 +120,20 @@ def _completed(
         while runs and not stop():
             wait(runs.values(), POLL, FIRST_COMPLETED)
             ended = {index: each for index, each in runs.items() if each.done()}
-            failed = [each for each in ended.values() if _error(each, engine.LOST)]
-            for index, each in ended.items():
-                if each not in failed:
-                    lost = 0
-                    yield index, runs.pop(index).result()
+            errors = {index: _error(each, engine.LOST) for index, each in ended.items()}
+            failed = {index: error for index, error in errors.items() if error}
+            for index in ended.keys() - failed.keys():
+                lost = 0
+                yield index, runs.pop(index).result()
             if failed:
                 lost += 1
                 if lost == MOST_LOST:
                     raise StoppedError(
                         f"processes were lost {lost} times without a result:"
-                        f" {_error(failed[0], engine.LOST)}"
+                        f" {next(iter(failed.values()))}"
                     )
-                runs = engine.start({index: items[index] for index in runs})
+                again = runs if engine.TOGETHER else failed
+                runs |= engine.start({index: items[index] for index in again})
     finally:
         engine.close()
 
@@ -155,6 +159,7 @@ def _in_order(found: Iterable[tuple[int, Result]]) -> Iterator[Result]:
 class _Processes:
     """Processes of this machine."""
 
+    TOGETHER = True
     LOST = (BrokenProcessPool,)
 
     def __init__(self, count: int, run: Callable[[Any], Any]) -> None:
@@ -162,7 +167,7 @@ class _Processes:
         self._run = run
 
     def start(self, items: dict[int, Any]) -> Runs:
-        """Start runs in new processes: one that was lost takes the others of its pool with it."""
+        """Start runs in new processes."""
         count = min(self._count, max(len(items), 1))
         self._pool = ProcessPoolExecutor(count, initializer=_leave_signals)
         return {index: self._pool.submit(self._run, item) for index, item in items.items()}
@@ -183,6 +188,8 @@ def _leave_signals() -> None:
 
 class _Cluster:
     """Workers of a scheduler of dask.distributed, which starts the runs of lost workers again."""
+
+    TOGETHER = False
 
     def __init__(self, address: str, run: Callable[[Any], Any]) -> None:
         place = f"executor = {address!r}"

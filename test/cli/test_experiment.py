@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from running import Command
@@ -206,6 +207,16 @@ def test_ctrl_c_reports_what_was_done_and_the_same_command_goes_on(
     assert again.end() == 0, again.text
     assert "of 9 conditions are taken from report/unfinished.part" in again.text
     assert not (tmp_path / "report" / "unfinished.part").exists()
+    assert len(list((tmp_path / "report" / "bags").iterdir())) == 9
+
+
+@pytest.mark.quiet
+def test_a_killed_process_leaves_no_condition_out(haptic_accel: Start, tmp_path: Path) -> None:
+    command = haptic_accel("experiment", "--lockstep", "duration:=8", "--out", "report")
+    command.wait_for("1 of 9")
+    psutil.Process(command.process.pid).children()[0].kill()
+    assert command.end() == 0, command.text
+    assert "9 of 9" in command.text
     assert len(list((tmp_path / "report" / "bags").iterdir())) == 9
 
 
