@@ -150,7 +150,9 @@ def experiment(
             click.echo(arrangement(processes[0]))
         conditions = _conditions(plan, folder / "bags", channel, lockstep)
 
-        def start(left: Sequence[Condition], stop: Stop, show: Show) -> Iterator[tuple[int, str]]:
+        def start(
+            left: Sequence[RecordedCondition], stop: Stop, show: Show
+        ) -> Iterator[tuple[int, str]]:
             if lockstep:
                 return workers.completed(_run_lockstep, left, stop)
             return _run_live(left, stop, show)
@@ -198,7 +200,7 @@ def _channel(
 
 
 @dataclass(frozen=True)
-class Condition:
+class RecordedCondition:
     """A condition, and the bag that it is recorded to."""
 
     bag: Path
@@ -212,11 +214,11 @@ def _conditions(
     folder: Path,
     channel: ChannelParameters | None,
     lockstep: bool,
-) -> list[Condition]:
+) -> list[RecordedCondition]:
     """Return the conditions with bags of their own."""
     several = plan[0].seed != plan[-1].seed
     return [
-        Condition(
+        RecordedCondition(
             folder / f"{Path(each.touched).stem}_{each.controller}{f'_seed{each.seed}' * several}",
             each,
             channel,
@@ -234,7 +236,7 @@ def _set_aside(bag: Path) -> None:
         bag.rename(free_name(folder / bag.name))
 
 
-def _run_lockstep(condition: Condition) -> str:
+def _run_lockstep(condition: RecordedCondition) -> str:
     """Run and record one condition in lockstep; return a line with its error."""
     _set_aside(condition.bag)
     start = time.time_ns()
@@ -244,7 +246,7 @@ def _run_lockstep(condition: Condition) -> str:
 
 
 def _run_live(
-    conditions: Sequence[Condition], stop: Stop, show: Show
+    conditions: Sequence[RecordedCondition], stop: Stop, show: Show
 ) -> Iterator[tuple[int, str]]:
     """Run one condition after the other through the graph; yield indices, lines with errors."""
     for index, condition in enumerate(conditions):

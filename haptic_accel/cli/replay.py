@@ -110,7 +110,7 @@ def replay(
 
 
 @dataclass(frozen=True)
-class Condition:
+class PlayedCondition:
     """A bag, the graph that it is played through, and the bag of the result."""
 
     own: ReplayArguments
@@ -134,7 +134,7 @@ def _play(
             raise ParameterError(f"out: two bags would be called {name}")
         make_folder(out)
     conditions = [
-        Condition(
+        PlayedCondition(
             asked.own,
             replace(asked.graph, controller=controller),
             asked.touched,
@@ -155,7 +155,7 @@ def _play(
         raise end
 
 
-def _played(condition: Condition) -> Row:
+def _played(condition: PlayedCondition) -> Row:
     """Play a bag through a controller; record the result if a bag is given for it."""
     start = time.time_ns()
     track = _track(condition.own, condition.graph)
