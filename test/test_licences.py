@@ -1,5 +1,17 @@
-# SPDX-FileCopyrightText: 2026 haptic_accel maintainers
+# Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 
 """Copyright and licence of every tracked file, as REUSE (https://reuse.software) asks for them."""
 
@@ -15,6 +27,7 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parents[1]
 FIRST_LINES = 5
+COMMENTS = {".py": "#", ".cpp": "//", ".h": "//", ".ino": "//"}
 IDENTIFIER = "License-Identifier"  # apart, as this is no statement
 
 pytestmark = pytest.mark.skipif(
@@ -44,9 +57,22 @@ def test_every_file_states_copyright_and_licence() -> None:
             continue
         head = "\n".join((SOURCE / name).read_text().splitlines()[:FIRST_LINES])
         stated = f"SPDX-{IDENTIFIER}: Apache-2.0" in head
-        if not (stated and re.search(r"SPDX-FileCopyrightText: \d{4} \w", head)):
+        if not (stated and re.search(r"Copyright(Text:)? \d{4} \w", head)):
             silent.append(name)
     assert silent == []
+
+
+def test_every_program_carries_the_header_that_ament_copyright_asks_for() -> None:
+    header = Path(__file__).read_text().split('"""', maxsplit=1)[0].strip()
+    lines = [line.removeprefix("#") for line in header.splitlines()]
+    without = []
+    for name in tracked():
+        if Path(name).suffix in COMMENTS and not covered(name):
+            comment = COMMENTS[Path(name).suffix]
+            expected = "\n".join(comment + line for line in lines)
+            if expected not in (SOURCE / name).read_text():
+                without.append(name)
+    assert without == []
 
 
 def test_a_vendored_library_keeps_its_own_licence() -> None:
