@@ -161,7 +161,7 @@ class _Line:
             found += frames
             self._now = (self._now + rng.choice((100, 1000, 6000))) % (1 << 32)
             self._board.receive(piece, self._now)
-            self._board.sample((rng.randrange(-32768, 32768),) * 3, self._now)
+            self._board.send_sample((rng.randrange(-32768, 32768),) * 3, self._now)
             self._board.tick(self._now)
             self._look()
         self._compare(found)

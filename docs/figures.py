@@ -134,7 +134,7 @@ def run(limited: bool, recording: FloatArray | None) -> Run:
 
 
 def _signals(trial: Trial) -> Run:
-    sample = TravelEstimator(HandleParameters(), trial.rate).sample
+    sample = TravelEstimator(HandleParameters(), trial.rate).observe
     pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
     travel = 1e3 * np.array([sample(*pair) for pair in pairs])
     desired = trial.desired_acceleration[: len(trial.time) - trial.after]

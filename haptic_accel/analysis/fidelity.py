@@ -366,7 +366,7 @@ def run_case(case: Case) -> Row:
         "nrmse_by_2_s_percent": list(_by_window(trial, first)),
         "warnings": [list(warned) for warned in trial.warnings],
         "force_rms_n": float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
-        "travel_peak_mm": 1e3 * max([abs(travel.sample(*pair)) for pair in pairs][first:]),
+        "travel_peak_mm": 1e3 * max([abs(travel.observe(*pair)) for pair in pairs][first:]),
     }
 
 

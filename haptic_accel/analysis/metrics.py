@@ -410,6 +410,6 @@ def _travel(segment: Segment) -> FloatArray | None:
     handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
     if force is None or handle is None:
         return None
-    sample = TravelEstimator(segment.actuator, segment.rate).sample
+    sample = TravelEstimator(segment.actuator, segment.rate).observe
     # Iterate over arrays directly: lists of their numbers would take four times the memory.
     return np.fromiter(map(sample, force.data, handle.data), np.float64, len(force))

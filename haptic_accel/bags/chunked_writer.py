@@ -164,7 +164,7 @@ class ChunkedWriter:
         if place > CHUNK:
             self.close_chunk()
 
-    def take(self, chunk: Chunk) -> None:
+    def add_chunk(self, chunk: Chunk) -> None:
         """Add a chunk of another file."""
         self._pending.records.write(chunk.records)
         for number, rows in chunk.entries.items():

@@ -216,7 +216,7 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     for source in sources:
         try:
             for block in _blocks(source, metadata, bag.problems, custom):
-                collected.take(block)
+                collected.add(block)
         except (OSError, *DAMAGE_ERRORS) as error:
             failures.append(f"{source.name} cannot be read: {error}")
     if len(failures) == len(sources) and not bag.counts:
@@ -344,17 +344,17 @@ class _Collected:
         self._changes: list[tuple[str, Change]] = []
         self._namespace: str | None = None
 
-    def take(self, block: Block) -> None:
+    def add(self, block: Block) -> None:
         """Add a block of messages."""
         topic = block.topic
         self._bag.counts[topic] += len(block.received)
         namespace, name = _split(topic)
         if topic.endswith(f"/{_EVENTS}") and block.type == _EVENTS_TYPE:
-            self._take_changes(block)
+            self._add_changes(block)
         elif topic.endswith(f"/{_REPORTS}") and block.type == DIAGNOSTICS.type:
-            self._take_diagnostics(block)
+            self._add_diagnostics(block)
         elif name and self._is_ours(namespace):
-            self._take_signal(name, block)
+            self._add_signal(name, block)
 
     def diagnostics(self) -> Iterator[Diagnosis]:
         """Yield the reports of the graph's nodes."""
@@ -380,7 +380,7 @@ class _Collected:
             self._once(f"topics below {namespace or '/'} belong to another graph and are not read")
         return namespace == self._namespace
 
-    def _take_signal(self, name: str, block: Block) -> None:
+    def _add_signal(self, name: str, block: Block) -> None:
         if block.type != _SIGNALS[name].type:
             self._once(f"{block.topic} is {block.type}, not {_SIGNALS[name].type}: it is not read")
             return
@@ -396,7 +396,7 @@ class _Collected:
         if self._vectors is None or name in self._vectors:
             columns[2].extend(values.tobytes())
 
-    def _take_diagnostics(self, block: Block) -> None:
+    def _add_diagnostics(self, block: Block) -> None:
         # Before 0.2.0 in the graph's namespace, with the node's name only.
         below = block.topic.removesuffix(f"/{_REPORTS}")
         for received, message in self._decoded(block):
@@ -406,7 +406,7 @@ class _Collected:
                 said = Diagnosis(received, node, status.message, values)
                 self._diagnostics.append((below or namespace, said))
 
-    def _take_changes(self, block: Block) -> None:
+    def _add_changes(self, block: Block) -> None:
         for received, message in self._decoded(block):
             namespace, _, node = message.node.rpartition("/")
             for changed in (*message.new_parameters, *message.changed_parameters):

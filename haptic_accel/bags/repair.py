@@ -183,7 +183,7 @@ def _rebuild(damaged: Path, target: Path, custom: dict[str, str]) -> list[str]:
     rebuilt: ChunkedWriter | None = None
     for chunk in source.chunks(by_index=False):
         rebuilt = rebuilt or ChunkedWriter(target, compressed=bool(chunk.compression))
-        rebuilt.take(chunk)
+        rebuilt.add_chunk(chunk)
     rebuilt = rebuilt or ChunkedWriter(target)
     rebuilt.schemas = list(source.schemas.values())
     names = {schema.name for schema in rebuilt.schemas}

@@ -159,7 +159,7 @@ class BagWriter:
         """Number of messages lost for lack of room in the queue or on the disk."""
         return self._overflow + self.files.lost
 
-    def take_load(self) -> Load:
+    def pop_load(self) -> Load:
         """Return the load since the last call."""
         waiting = len(self._queue)
         highest, self._highest = max(self._highest, waiting), 0

@@ -93,9 +93,9 @@ class Usage:
                         process.cpu_percent()  # counts from here
                     self._processes = processes
             elif line.endswith("is over") and self._processes and not self.cpu_cores:
-                self._take()
+                self._drain()
 
-    def _take(self) -> None:
+    def _drain(self) -> None:
         for name, process in self._processes:
             cores = process.cpu_percent() / 100
             self.cpu_cores[name] = self.cpu_cores.get(name, 0.0) + cores

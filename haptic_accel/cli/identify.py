@@ -322,11 +322,11 @@ def _trials(bag: Bag, arguments: IdentifyArguments) -> list[sweeps.Identificatio
     # The device knows; in which trial it was, nobody does.
     values = last_values(bag, "master_device")
     for trial in found:
-        trial.status.update((key, int(values.get(key, 0))) for key in (STOPS_HIT, *LIMITED))
+        trial.counters.update((key, int(values.get(key, 0))) for key in (STOPS_HIT, *LIMITED))
     most = MOST_MISSING * len(found[0].actuator_force)
-    whole = [trial for trial in found if trial.status[sweeps.SAMPLES_MISSING] <= most]
+    whole = [trial for trial in found if trial.counters[sweeps.SAMPLES_MISSING] <= most]
     if len(whole) < len(found):
-        counts = ", ".join(str(trial.status[sweeps.SAMPLES_MISSING]) for trial in found)
+        counts = ", ".join(str(trial.counters[sweeps.SAMPLES_MISSING]) for trial in found)
         reason = (
             f"{bag.path}: {len(found) - len(whole)} of {len(found)} trials left out, as each lacks"
             f" more than {100 * MOST_MISSING:g} % of its samples (missing by trial: {counts});"

@@ -95,7 +95,7 @@ class Bundle:
         # A clock that is set back must not delay messages.
         return not 0 <= time - self._since < BUNDLE_PERIOD * NANOSECONDS
 
-    def take(self) -> bytes:
+    def flush(self) -> bytes:
         """Return the packed bundle and start another; empty if there is no message."""
         if not self._parts:
             return b""

@@ -76,7 +76,7 @@ class DueForces:
     --------
     >>> forces = DueForces(latency=1, period=1e-3)
     >>> forces.put(7, 7_000_000, (0.0, 0.0, 0.5))
-    >>> forces.take(7), forces.take(8)
+    >>> forces.pop(7), forces.pop(8)
     (None, (7000000, (0.0, 0.0, 0.5)))
     >>> forces.took_effect(12e-3)
     >>> forces.missed, round(forces.longest, 6)
@@ -110,13 +110,13 @@ class DueForces:
             self._taken.append(due)
 
     def pass_on(self, stamp: int, force: Vector) -> None:
-        """Pass an outdated force to the next `take`, so that the safety layer rejects it.
+        """Pass an outdated force to the next `pop`, so that the safety layer rejects it.
 
         If it were stored, a force from the future would be in time later.
         """
         self._out_of_date = stamp, force
 
-    def take(self, tick: int, *, ahead: bool = False) -> Caused | None:
+    def pop(self, tick: int, *, ahead: bool = False) -> Caused | None:
         """Return the newest force that is due at a tick or earlier; None if there is none.
 
         An outdated force is returned only if no other is due. `ahead` means that the tick has not
@@ -151,7 +151,7 @@ class DueForces:
                 self._late_until = now
         self._taken.clear()
 
-    def status(self) -> dict[str, str]:
+    def diagnostics(self) -> dict[str, str]:
         """Return all counts except `missed`, for diagnostics."""
         return {
             "due": str(self.due),

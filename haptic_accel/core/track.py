@@ -297,7 +297,7 @@ class ReplayRig:
     def release(self) -> None:
         """Do nothing, as forces have no effect."""
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return counts of lost or skipped samples, and of ignored forces."""
         return {
             "samples_lost_in_recording": self._lost,

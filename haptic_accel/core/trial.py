@@ -443,7 +443,7 @@ def _samples(
             played = hosts.halves[MASTER].played
             crossings.append(Crossed(played, hosts.position, hosts.energy))
         if time >= looked + LOOK:
-            looked, (now, _) = time, compensation.status()
+            looked, (now, _) = time, compensation.diagnostics()
             if now != words:
                 words = now
                 warnings.append((time, words))
@@ -522,6 +522,6 @@ def _excite(
         side.command(ACTUATOR, tick * NANOSECONDS / rate, along_actuator(exciting))
         side.apply()
         side.watch()
-    values: dict[str, str | int] = {**master.status(), **side.safety.status()}
-    counts = {key: int(values[key]) for key in (*master.status(), *LIMITED)}
+    values: dict[str, str | int] = {**master.counters(), **side.safety.diagnostics()}
+    counts = {key: int(values[key]) for key in (*master.counters(), *LIMITED)}
     return IdentificationTrial(rate, force, acceleration, counts, latency)

@@ -95,7 +95,7 @@ class PointMass:
         """Set the force to zero."""
         self._force = ZERO
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return no counts."""
         return {}
 

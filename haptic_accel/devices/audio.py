@@ -286,11 +286,11 @@ class AudioActuator(Device):
     ) -> None:
         """Apply the arm's force, and have the actuator's applied when it is due."""
         if actuator_force is not None:
-            self._take(time, actuator_force if math.isfinite(actuator_force) else 0.0)
+            self._add(time, actuator_force if math.isfinite(actuator_force) else 0.0)
         if arm_force is not None:
             self._device.write(time, arm_force=arm_force)
 
-    def _take(self, time: float, force: float) -> None:
+    def _add(self, time: float, force: float) -> None:
         felt = isinstance(self._device, SimulatedDevice)
         if time > self._clock():
             self._late += time < self._next
@@ -362,6 +362,6 @@ class AudioActuator(Device):
         """Number of forces that came when the card had their samples already."""
         return self._late
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return the counts of the device, of underruns, and of samples beyond full scale."""
-        return {**self._device.status(), **self._counts}
+        return {**self._device.counters(), **self._counts}

@@ -82,12 +82,12 @@ class CombinedDevice(Device):
             for device in self.parts:
                 closing.callback(device.close)
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return the counts of both, with the part as prefix."""
         return {
             f"{part}_{name}": count
             for part, device in zip(("arm", "handle"), self.parts, strict=True)
-            for name, count in device.status().items()
+            for name, count in device.counters().items()
         }
 
 

@@ -265,7 +265,7 @@ class Device(ABC):
         """
         return sum(part.late for part in self.parts)
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return counts for the diagnostics, by name."""
         return {}
 

@@ -45,9 +45,9 @@ class SimulatedDevice(SampledRig, Device):
         """Remove all forces."""
         self._rig.release()
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return the rig's counts."""
-        return self._rig.status()
+        return self._rig.counters()
 
 
 class SimulatedMaster(SimulatedDevice):
@@ -145,7 +145,7 @@ def textured(surface: SurfaceParameters, rate: float, seed: int) -> Vibrating | 
     """
     if not surface.texture:
         return None
-    return Texture(read_texture(preset_file("texture", surface.texture)), rate, seed).sample
+    return Texture(read_texture(preset_file("texture", surface.texture)), rate, seed).synthesize
 
 
 def played(recording: RecordingParameters, rate: float) -> FloatArray | None:

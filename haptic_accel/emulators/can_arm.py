@@ -195,7 +195,7 @@ class EmulatedArm:
         """Stop the first axis with an error."""
         self.axes[0].fail(MOTOR_ERROR[self._firmware])
 
-    def take(self, frame: Frame, now: float) -> list[Frame]:
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
         """Process a frame and return the answers to it."""
         order = protocol.parse_order(frame)
         axis = next((axis for axis in self.axes if axis.node == frame.node), None)

@@ -53,7 +53,7 @@ class SlcanPort:
 
     def receive(self) -> list[Frame]:
         """Return the frames that the host has sent; never waits."""
-        frames, answer = self._adapter.take(self._terminal.read() or b"")
+        frames, answer = self._adapter.receive(self._terminal.read() or b"")
         if answer:
             self._terminal.write(answer)
         return frames
@@ -169,7 +169,7 @@ class CanLine:
         self._inject(now)
         for frame in self._passed(self._port.receive()):
             for arm in self._arms:
-                self._port.send(self._passed(arm.take(frame, now)))
+                self._port.send(self._passed(arm.receive(frame, now)))
         for arm in self._arms:
             self._port.send(self._passed(arm.due(now)))
         if any(arm.driven for arm in self._arms):

@@ -118,7 +118,7 @@ class Board:
                 self._last_status = now
             self._execute(frame, now)
 
-    def sample(self, values: Sequence[int], now: int) -> None:
+    def send_sample(self, values: Sequence[int], now: int) -> None:
         """Process a tick's sample, counts by axis x, y, z, then apply set-points that are due."""
         configuration = self.configuration
         if not configuration.rate:
@@ -184,7 +184,7 @@ class Board:
             case protocol.DisarmRequest():
                 self._enter(State.DISARMED, now)
             case SetCurrent() | ScheduleCurrent() as set_point:
-                self._take_set_point(set_point, now)
+                self._receive_set_point(set_point, now)
 
     def _refusal(self, frame: Frame) -> ErrorCode | None:
         """Return the reason for rejecting a frame; None to accept it."""
@@ -254,7 +254,7 @@ class Board:
         assert self._last_tick is not None
         return 2 * MICROSECOND * difference(due, self._last_tick) <= self.period
 
-    def _take_set_point(self, set_point: SetCurrent | ScheduleCurrent, now: int) -> None:
+    def _receive_set_point(self, set_point: SetCurrent | ScheduleCurrent, now: int) -> None:
         scheduled = set_point if isinstance(set_point, ScheduleCurrent) else None
         too_early = scheduled and difference(scheduled.due, now) > LONGEST_LEAD
         if too_early or self.state not in (State.ARMED, State.TIMED_OUT):

@@ -140,7 +140,7 @@ class EmulatedBoard:
         tick = self.due
         share = self._measure(tick) / self._identity.full_scale_acceleration
         counts = round(min(1.0, max(-1.0, share)) * FULL_SCALE)
-        self.board.sample((0, 0, counts), self._clock(tick))
+        self.board.send_sample((0, 0, counts), self._clock(tick))
         self._apply_current(tick)
         self.due += self._period
 

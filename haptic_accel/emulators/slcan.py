@@ -72,7 +72,7 @@ class SlcanAdapter:
         self.opened = False
         self._rest = b""
 
-    def take(self, data: bytes) -> tuple[list[Frame], bytes]:
+    def receive(self, data: bytes) -> tuple[list[Frame], bytes]:
         """Process bytes from the host.
 
         Returns

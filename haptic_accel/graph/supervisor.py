@@ -147,7 +147,7 @@ class Lines:
         self._thread.join(LAST_WORDS)
 
     def _show(self) -> None:
-        while lines := self._take():
+        while lines := self._drain():
             try:
                 for name, line in lines:
                     self._on_line(name, line)
@@ -155,7 +155,7 @@ class Lines:
                 self.error = error
                 return
 
-    def _take(self) -> list[tuple[str, str]]:
+    def _drain(self) -> list[tuple[str, str]]:
         """Wait for lines and return them; none at the end."""
         with self._news:
             self._news.wait_for(lambda: self._waiting or self._ended)

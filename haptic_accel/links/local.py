@@ -127,7 +127,7 @@ class LocalEnd:
         with suppress(BlockingIOError, ConnectionRefusedError):
             self._socket.sendto(_NOTE + line.encode(), self._other)
 
-    def take(self) -> list[bytes]:
+    def drain(self) -> list[bytes]:
         """Return the datagrams received since the last call, oldest first."""
         taken = []
         with suppress(BlockingIOError):

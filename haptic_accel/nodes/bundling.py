@@ -100,7 +100,7 @@ class BundleSender:
 
     def flush(self) -> None:
         """Publish what was collected."""
-        if data := self._bundle.take():
+        if data := self._bundle.flush():
             self._publish(data)
 
     def _flush_rest(self) -> None:

@@ -71,11 +71,11 @@ class Compensator(GraphNode):
     def work(self) -> float:
         """Process the samples that arrived."""
         came = False
-        for stamp, acceleration in self._tools.take():
+        for stamp, acceleration in self._tools.drain():
             came = True
             self.part.put_tool(stamp, acceleration[ACTUATOR_AXIS])
         if self.part.waiting:
-            for stamp, acceleration in self._handles.take():
+            for stamp, acceleration in self._handles.drain():
                 self.part.put_handle(stamp, acceleration[ACTUATOR_AXIS])
             self.publish(self.part.forces(time.time_ns()), offset=0)
         return self._arrivals.looked(found=came and not self.part.waiting)
@@ -101,9 +101,9 @@ class Compensator(GraphNode):
         if "controller" in values:
             self._compensation.select(values["controller"])
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return counts of lost, limited and refused samples, and the controller's values."""
-        warning, values = self._compensation.status()
+        warning, values = self._compensation.diagnostics()
         return warning, {
             "samples": str(self.part.samples),
             "lost": str(self.part.lost),

@@ -85,7 +85,7 @@ class Coupler(CouplingNode):
                 if not motions.velocity:
                     motions.join(self.samples(ARM_TOPICS[arm].velocity, self.parameters.rate))
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return whether the arms are coupled, and the energy in the tanks."""
         values = {
             "engaged": str(self.part.engaged).lower(),
@@ -102,7 +102,7 @@ class Coupler(CouplingNode):
         """Send the forces of every complete tick; return True if no tick is incomplete."""
         came = False
         for arm, motions in self._motions.items():
-            for motion in motions.take():
+            for motion in motions.drain():
                 came = True
                 self.part.put(arm, motion, time.monotonic())
         self.publish((), self.part.pulls(), offset=0)

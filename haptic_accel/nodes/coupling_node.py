@@ -65,7 +65,7 @@ class Joined:
 
     def receive(self) -> None:
         """Take the samples that came."""
-        for sample in self._samples.take():
+        for sample in self._samples.drain():
             self._waiting.append(sample)
             self.flowing = True
 
@@ -109,9 +109,9 @@ class Motions:
         """Join velocities once they arrive."""
         self.velocity = Joined(velocities, flowing=False)
 
-    def take(self) -> Iterator[Motion]:
+    def drain(self) -> Iterator[Motion]:
         """Yield the complete samples."""
-        for sample in self._arriving.take():
+        for sample in self._arriving.drain():
             self._positions.append(sample)
         if not self._positions:
             return
@@ -247,7 +247,7 @@ class CouplingNode(GraphNode):
         self._step_aside(self.engagement.aside(time.monotonic()))
         self.prepare()
         if self._first_force:
-            if self._first_force.take_vectors():
+            if self._first_force.drain_vectors():
                 self.engagement.force_received()
             if self.engagement.compensated:
                 self._first_force.leave()

@@ -183,16 +183,16 @@ class Motions:
         inboxes = self.positions, self._holds, self._frees
         self.expected = any(inbox.senders for inbox in inboxes)
 
-    def take(self, position: Vector) -> bool:
+    def receive(self, position: Vector) -> bool:
         """Process commands with the arm at a position, m; return True if one frees it."""
-        for stamp, goal in self.positions.take_vectors():
+        for stamp, goal in self.positions.drain_vectors():
             if self._valid(stamp, goal):
                 self.servo.set_point = goal
             else:
                 self.refused += 1
-        if self._holds.take():
+        if self._holds.drain():
             self.servo.set_point = position
-        freed = bool(self._frees.take())
+        freed = bool(self._frees.drain())
         if freed:
             self.servo.set_point = None
         return freed
@@ -241,7 +241,7 @@ class OperatingState:
         if find_spec(MESSAGES):
             self._state = node.publisher(topic("operating_state", _STATE))
             commands = arm.beside("state_command", _TEXT)
-            node.create_subscription(message_type(commands), commands.name, self._take, 10)
+            node.create_subscription(message_type(commands), commands.name, self._receive, 10)
         else:
             node.get_logger().debug(f"no {MESSAGES}: no operating_state, no state_command")
 
@@ -274,7 +274,7 @@ class OperatingState:
             message.header.stamp = self._node.get_clock().now().to_msg()
             self._state.publish(message)
 
-    def _take(self, command: Any) -> None:
+    def _receive(self, command: Any) -> None:
         """Execute a recent command, or one without a stamp; a recorded one is ignored."""
         sent = command.header.stamp
         stamp = sent.sec * NANOSECONDS + sent.nanosec

@@ -234,7 +234,7 @@ class DeviceNode(ManagedNode):
         if self._settled:
             self._publish_stopped(Bool(data=self.safety.stopped))
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return timing, the commands' ages, the safety layer's values, the device's counts."""
         keeper = self.rate_keeper
         values = {
@@ -245,16 +245,16 @@ class DeviceNode(ManagedNode):
             "missed ticks": str(keeper.missed),
             "ticks without a sample": str(self.side.unread),
             "positions refused": str(self._motions.refused),
-            **keeper.lateness.status("tick lateness"),
-            **self.side.status(),
-            **self.safety.status(),
+            **keeper.lateness.diagnostics("tick lateness"),
+            **self.side.diagnostics(),
+            **self.safety.diagnostics(),
         }
-        counts = {name: str(count) for name, count in self.device.status().items()}
+        counts = {name: str(count) for name, count in self.device.counters().items()}
         return self._warning(), {**values, **counts}
 
     def _warning(self) -> str:
         """Return current problems, and those since the last report."""
-        stall = self.rate_keeper.take_longest_gap(self.arm)
+        stall = self.rate_keeper.pop_longest_gap(self.arm)
         unread = self.side.unread
         new, self._reported_unread = unread - self._reported_unread, unread
         warnings = [
@@ -347,7 +347,7 @@ class DeviceNode(ManagedNode):
             contact = self.device.contact_force
             if contact is not None:
                 self._contact_sender.send(stamp, contact)
-        self._joint_states.take(stamp, sample.position)
+        self._joint_states.add(stamp, sample.position)
         if self._queries.asked:
             self._queries.publish(
                 stamp,
@@ -365,15 +365,15 @@ class DeviceNode(ManagedNode):
     def _receive(self) -> None:
         """Process the commands of other processes."""
         newest = self.side.newest
-        if self._motions.expected and newest and self._motions.take(newest.position):
+        if self._motions.expected and newest and self._motions.receive(newest.position):
             self.side.free()
         if self._points:
-            for _, position in self._points.take_vectors():
+            for _, position in self._points.drain_vectors():
                 self.device.point(position)
         for kind, inbox in self._inboxes.items():
             if inbox.fed:
                 continue
-            taken = inbox.take_vectors()
+            taken = inbox.drain_vectors()
             # After they are taken: who sent any of them is found by now.
             if inbox.senders != self._senders[kind]:
                 self._note_rivals(kind)
@@ -409,7 +409,7 @@ class DeviceNode(ManagedNode):
         if not self._settled:
             self._settle()
         now = steady_now()
-        for word in self._stop_words.take():
+        for word in self._stop_words.drain():
             self._stop.heard(word, now)
             if word:
                 self._take_forces_off()

@@ -161,7 +161,7 @@ class GraphNode(TopicNode):
 
         A recording that is played may stop the graph, but must not release the stop.
         """
-        return [state for state in inbox.take_states() if state or inbox.senders < 2]
+        return [state for state in inbox.drain_states() if state or inbox.senders < 2]
 
     def start_anew(self) -> None:
         """Discard the waiting samples: after a change of the clock, stamps begin anew."""
@@ -183,7 +183,7 @@ class GraphNode(TopicNode):
         for claimed in self._claims:
             claimed.close()
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return a warning, empty if all is well, and values with units for diagnostics."""
         return "", {}
 
@@ -204,7 +204,7 @@ class GraphNode(TopicNode):
             self._gathered = b""
 
     def _gather_diagnostics(self) -> None:
-        warning, values = self.status()
+        warning, values = self.diagnostics()
         contested = (f"{name}: {REFUSED} {who}" for name, who in self._rivals.items() if who)
         refused = self._refusals()
         new = refused - self._refused_before

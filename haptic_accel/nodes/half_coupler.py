@@ -92,13 +92,13 @@ class HalfCoupler(CouplingNode):
         super().close()
         self._local.close()
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return what is wrong with the peer or missing, and the values of network and law."""
         now, system = time.monotonic(), time.time_ns()
         half, playout = self._end.half, self._endpoint.playout
         values = {
             "engaged": str(half.engaged).lower(),
-            **self._endpoint.status(system, now),
+            **self._endpoint.diagnostics(system, now),
             "packets not taken by the link": str(self._local.dropped),
             "stiffness (N/m)": f"{half.stiffness:.1f}",
             "damping (N s/m)": f"{half.damping:.2f}",
@@ -129,7 +129,7 @@ class HalfCoupler(CouplingNode):
     def receive(self, offset: int) -> None:
         """Take the peer's packets that came."""
         self.part.offset = offset
-        self.part.receive(self._local.take(), time.monotonic(), time.time_ns())
+        self.part.receive(self._local.drain(), time.monotonic(), time.time_ns())
 
     def reply(self) -> None:
         """Send the packet that is due for the peer, if one is."""
@@ -156,10 +156,10 @@ class HalfCoupler(CouplingNode):
     def couple(self) -> bool:
         """Send the force of every sample that is complete; return if none waits."""
         if self._tools:
-            for stamp, acceleration in self._tools.take():
+            for stamp, acceleration in self._tools.drain():
                 self.part.put_tool(Tool(stamp, acceleration[ACTUATOR_AXIS]))
         came = False
-        for motion in self._motions.take():
+        for motion in self._motions.drain():
             came = True
             self.part.put(self.parameters.side, motion, time.monotonic())
         self.publish((), self.part.pulls(), offset=0)

@@ -84,7 +84,7 @@ class Identifier(GraphNode):
         for stopped in self.states(self._stops):
             self._follow(stopped)
         came = False
-        for moment, acceleration in self._samples.take():
+        for moment, acceleration in self._samples.drain():
             came = True
             self._excite(moment, acceleration)
         return self._arrivals.looked(found=came)
@@ -103,7 +103,7 @@ class Identifier(GraphNode):
             self.report()
             raise DeviceError(self._failure)
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return the progress, and the largest travel of the actuator."""
         return self._failure, {
             "repeats done": str(max(0, self._done)),
@@ -119,7 +119,7 @@ class Identifier(GraphNode):
             self._fail("handle_acceleration: not a finite number, force taken off")
             return
         # Until now the actuator was driven by the force of the latency and one sample ago.
-        travel = abs(self._travel.sample(self._pending[0], measured))
+        travel = abs(self._travel.observe(self._pending[0], measured))
         self._widest = max(self._widest, travel)
         if travel > self._most_travel:
             self._fail(

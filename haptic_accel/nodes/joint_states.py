@@ -54,7 +54,7 @@ class JointStates:
         self._every = max(1, round(rate / JOINT_STATE_RATE))
         self._passed = 0
 
-    def take(self, stamp: int, position: Vector) -> None:
+    def add(self, stamp: int, position: Vector) -> None:
         """Publish a sample, system time in ns and m, unless it follows too soon."""
         self._passed += 1
         if self._passed < self._every:

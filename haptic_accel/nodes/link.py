@@ -115,7 +115,7 @@ def carry(
     noted = 0.0
     while not (signals.ended() or failures):
         if select.select([local], [], [], LOOK_ROUND)[0]:
-            for datagram in local.take():
+            for datagram in local.drain():
                 carrier.send(datagram)
         for line in hearing.lines(now := time.monotonic()):
             _logger.log(logging.WARNING if line == hearing.problem else logging.INFO, line)

@@ -151,12 +151,12 @@ class Recorder(GraphNode):
         now = time.monotonic()
         if now >= self._taken + TAKING_PERIOD:
             self._taken = now
-            self._take()
+            self._drain()
         return self._taken + TAKING_PERIOD
 
     def close(self) -> None:
         """Finish the bag and print its summary."""
-        self._take_all()
+        self._drain_all()
         done, line = self._session.stop()
         if done:
             print(line, flush=True)
@@ -166,10 +166,10 @@ class Recorder(GraphNode):
     def say_farewell(self) -> None:
         """Publish nothing, as the other nodes have ended."""
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return counts of messages written, waiting and lost, and the state of the disk."""
         writer = self._session.writer
-        files, load = writer.files, writer.take_load()
+        files, load = writer.files, writer.pop_load()
         waiting, free = load.highest, files.free_space
         warnings = (
             (writer.dropped, f"{writer.dropped} messages dropped"),
@@ -223,20 +223,20 @@ class Recorder(GraphNode):
 
         return put_own
 
-    def _take(self) -> None:
+    def _drain(self) -> None:
         """Read the received messages, and write earlier ones in the order of time."""
         taken = [
             (received, (put, data))
             for inbox, put, unpack in self._sources
-            for data, received in inbox.take(unpack)
+            for data, received in inbox.drain(unpack)
         ]
-        taken += [(sent, (self._puts[name], data)) for sent, name, data in self._receiver.take()]
+        taken += [(sent, (self._puts[name], data)) for sent, name, data in self._receiver.drain()]
         for received, (put, data) in self._in_order.round(taken):
             put(data, received)
 
-    def _take_all(self) -> None:
+    def _drain_all(self) -> None:
         """Write all received messages."""
-        self._take()
+        self._drain()
         for received, (put, data) in self._in_order.rest():
             put(data, received)
 
@@ -285,7 +285,7 @@ class Recorder(GraphNode):
         """Offer an action on the recording as a service."""
 
         def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            self._take_all()
+            self._drain_all()
             response.success, response.message = action()
             if action != self._describe:
                 self.get_logger().info(response.message)

@@ -77,7 +77,7 @@ class Restamper(GraphNode):
                 due = min(due, time.monotonic() + (waiting[0][0] - now) / NANOSECONDS)
         return due
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return the waiting time of samples, and the number of shifts measured again."""
         anew = max(0, self._shift.anchored - 1)
         new, self._reported = anew - self._reported, anew
@@ -88,7 +88,7 @@ class Restamper(GraphNode):
         return warning if new else "", {
             "samples": str(self._lead.count),
             "samples after their tick": str(self._past_tick),
-            **self._lead.status("time to their tick"),
+            **self._lead.diagnostics("time to their tick"),
             "stamps moved anew": str(anew),
             "arm forces ignored": str(self._forces),
         }
@@ -109,7 +109,7 @@ class Restamper(GraphNode):
         self._waiting.append((sender, waiting))
         counted = topic is topics.TOOL_ACCELERATION
 
-        def take(stamp: int, vector: Vector) -> None:
+        def receive(stamp: int, vector: Vector) -> None:
             if publishers.senders > 1:
                 return
             now = time.time_ns()
@@ -128,7 +128,7 @@ class Restamper(GraphNode):
                 )
 
         played = replace(topic, name=f"{PLAYED}/{topic.name}")
-        publishers = Publishers(self.listen(played, take))
+        publishers = Publishers(self.listen(played, receive))
         self.watch_senders(played, publishers)
         return sender
 

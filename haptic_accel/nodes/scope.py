@@ -116,16 +116,16 @@ class Scope(GraphNode):
         self._signals: dict[str, tuple[Topic, Callable[[int, float, int], None]]] = {
             "desired": (topics.DESIRED_ACCELERATION, _only(self.windows.desired)),
             "actual": (topics.HANDLE_ACCELERATION, _only(self.windows.handle)),
-            "force": (topics.ACTUATOR_FORCE, self._take_force),
+            "force": (topics.ACTUATOR_FORCE, self._receive_force),
             "arm_force": (topics.SLAVE_ARM_FORCE, _only(self.windows.arm_force)),
             "position": (topics.SLAVE_POSITION, _only(self.windows.position)),
         }
         self._shown: dict[str, Inbox] = {}
         self._reported = (time.monotonic(), 0, 0, 0)
         self._commands = Commands(self, self._stopped) if p.control else None
-        self._follow_messages(topics.DIAGNOSTICS, self._take_diagnostics)
-        self._follow_messages(PARAMETER_EVENTS, self._take_parameters)
-        self.listen_state(topics.COUPLER_STOPPED, self._take_stop)
+        self._follow_messages(topics.DIAGNOSTICS, self._receive_diagnostics)
+        self._follow_messages(PARAMETER_EVENTS, self._receive_parameters)
+        self.listen_state(topics.COUPLER_STOPPED, self._receive_stop)
         for arm, topic in zip(
             topics.ARMS, (topics.MASTER_STOPPED, topics.SLAVE_STOPPED), strict=True
         ):
@@ -135,7 +135,7 @@ class Scope(GraphNode):
         self.create_timer(ASK_PERIOD, self._refresh_parameters)
         # A sample wakes nobody: where they come faster than they are taken, all that the executor
         # has to do would wait behind them, the node's own timers and diagnostics, too.
-        self._looking = self.create_timer(1 / SOUND_RATE, self._take_signals, autostart=False)
+        self._looking = self.create_timer(1 / SOUND_RATE, self._receive_signals, autostart=False)
         try:
             access = Access(p.host, os.environ.get(TOKEN_VARIABLE, ""))
             self._server = ScopeServer(self, access, p.host, p.port, self._commands)
@@ -173,7 +173,7 @@ class Scope(GraphNode):
             stop={"asked": self._stop_asked, **self._stopped},
         )
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return the number of connected pages, and what is sent to them."""
         traffic, (before, frames, sent, failures) = self._server.traffic, self._reported
         now = time.monotonic()
@@ -200,11 +200,11 @@ class Scope(GraphNode):
         elif not self._shown:
             self._looking.cancel()
 
-    def _take_signals(self) -> None:
+    def _receive_signals(self) -> None:
         """Read all waiting samples."""
         for name, inbox in self._shown.items():
             topic, put = self._signals[name]
-            for data, received in inbox.take(unpack_stamped_vector):
+            for data, received in inbox.drain(unpack_stamped_vector):
                 stamp, vector = unpack_stamped_vector(data)
                 value = vector[ACTUATOR_AXIS]
                 if abs(value) <= LARGEST:  # false for NaN
@@ -226,11 +226,11 @@ class Scope(GraphNode):
 
         self.subscribe_raw(topic, read)
 
-    def _take_force(self, stamp: int, force: float, received: int) -> None:
+    def _receive_force(self, stamp: int, force: float, received: int) -> None:
         self.windows.force.put(stamp, force)
         self.windows.age.put(stamp, (received - stamp) / NANOSECONDS)
 
-    def _take_diagnostics(self, array: DiagnosticArray) -> None:
+    def _receive_diagnostics(self, array: DiagnosticArray) -> None:
         now = time.monotonic()
         for status in array.status:
             # rclpy gives a byte as bytes of length one.
@@ -239,13 +239,13 @@ class Scope(GraphNode):
             namespace, node = topics.reporter(status.name)
             if namespace != self.get_namespace().rstrip("/"):
                 continue
-            if not self._reports.take(node, NodeReport(level, status.message, values, now)):
+            if not self._reports.receive(node, NodeReport(level, status.message, values, now)):
                 self.refuse(topics.DIAGNOSTICS, f"more than {MOST_NODES} nodes report")
 
-    def _take_parameters(self, event: ParameterEvent) -> None:
+    def _receive_parameters(self, event: ParameterEvent) -> None:
         for remote in self._remotes.values():
             if remote.path == event.node:
-                remote.take(event)
+                remote.receive(event)
 
     def _refresh_parameters(self) -> None:
         for remote in self._remotes.values():
@@ -265,7 +265,7 @@ class Scope(GraphNode):
                 )
         self.windows.settings = settings
 
-    def _take_stop(self, stop: bool) -> None:
+    def _receive_stop(self, stop: bool) -> None:
         self._stop_asked = stop
 
 

@@ -82,23 +82,23 @@ class RemoteParameters:
         elif not self._asked:
             self._found = self._asked = True
             asked = self._client.call_async(GetParameters.Request(names=list(self._wanted)))
-            asked.add_done_callback(lambda answer: self._take_answer(answer.result()))
+            asked.add_done_callback(lambda answer: self._receive_answer(answer.result()))
 
-    def take(self, event: ParameterEvent) -> None:
+    def receive(self, event: ParameterEvent) -> None:
         """Read the values that the node publishes at its start and after a change."""
         given = [(p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters)]
         known, refused = admitted(self._name, self._wanted, given)
         if known or refused:
             self._asked = False
-            self._take(known, refused)
+            self._apply(known, refused)
 
-    def _take_answer(self, answer: GetParameters.Response) -> None:
+    def _receive_answer(self, answer: GetParameters.Response) -> None:
         given = zip(self._wanted, answer.values, strict=False)
         known, refused = admitted(self._name, self._wanted, given)
         # A node of another version may have values that mean nothing here.
-        self._take({**dict.fromkeys(self._wanted), **known}, refused)
+        self._apply({**dict.fromkeys(self._wanted), **known}, refused)
 
-    def _take(self, known: Mapping[str, Any], refused: list[str]) -> None:
+    def _apply(self, known: Mapping[str, Any], refused: list[str]) -> None:
         for reason in refused:
             self._refuse(reason)
         before, self.values = self.values, {**self.values, **known}

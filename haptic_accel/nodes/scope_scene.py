@@ -111,7 +111,7 @@ class ScopeScene:
 
     def _look(self) -> None:
         for name, inbox in self._inboxes.items():
-            for _, vector in inbox.take_vectors():
+            for _, vector in inbox.drain_vectors():
                 self._places[name] = vector
 
 

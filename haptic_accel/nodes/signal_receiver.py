@@ -112,7 +112,7 @@ class SignalReceiver:
             signal.subscribe(node)
         node.create_timer(LOOK_PERIOD, self.look)
 
-    def take(self) -> list[tuple[int, str, bytes]]:
+    def drain(self) -> list[tuple[int, str, bytes]]:
         """Return system times in ns, full names of topics and messages that have come."""
         taken, self._left = self._left, []
         for signal in self._signals.values():
@@ -148,13 +148,13 @@ class SignalReceiver:
 
     def _by_itself(self, signal: _Signal) -> Iterator[tuple[int, str, bytes]]:
         now = time.monotonic()
-        for data, received in signal.inbox.take(unpack_stamped_vector) if signal.inbox else ():
+        for data, received in signal.inbox.drain(unpack_stamped_vector) if signal.inbox else ():
             if not signal.repeats(data, bundled=False, now=now):
                 yield received, signal.name, data
 
     def _in_bundles(self) -> Iterator[tuple[int, str, bytes]]:
         now = time.monotonic()
-        for data, received in self._bundles.take():
+        for data, received in self._bundles.drain():
             for name, sent, message in self._or_refused(BUNDLES, unpack_bundle, data) or ():
                 signal = self._signals.get(name)
                 if not signal or not self._or_refused(

@@ -190,7 +190,7 @@ class Inbox:
             self._counted, self._senders = now, self._node.count_publishers(self.name)
         return self._senders
 
-    def take(self, unpack: Callable[[bytes], object] = bytes) -> list[tuple[bytes, int]]:
+    def drain(self, unpack: Callable[[bytes], object] = bytes) -> list[tuple[bytes, int]]:
         """Return serialised messages and the times of their reception, system time in ns.
 
         Those that cannot be unpacked are refused.
@@ -200,11 +200,11 @@ class Inbox:
             for data, information, _ in self._unpacked(unpack)
         ]
 
-    def take_vectors(self) -> list[tuple[int, Vector]]:
+    def drain_vectors(self) -> list[tuple[int, Vector]]:
         """Return stamps, system time in ns, and vectors of a signal."""
         return [vector for _, _, vector in self._unpacked(unpack_stamped_vector)]
 
-    def take_states(self) -> list[bool]:
+    def drain_states(self) -> list[bool]:
         """Return the values of a state."""
         return [state for _, _, state in self._unpacked(unpack_state)]
 
@@ -255,7 +255,7 @@ class Requests:
         self._service: Any = service
         self._guard = guard
 
-    def take(self) -> Iterator[tuple[Any, Callable[[Any], None]]]:
+    def drain(self) -> Iterator[tuple[Any, Callable[[Any], None]]]:
         """Yield each request with the function to call with the response."""
         while (taken := self._next())[1] is not None:
             request, header = taken
@@ -299,10 +299,10 @@ class Samples:
         self._first = True
         self.succession = Succession(rate)
 
-    def take(self) -> Iterator[tuple[int, Vector]]:
+    def drain(self) -> Iterator[tuple[int, Vector]]:
         """Yield stamps, system time in ns, and vectors."""
         now, steady = time.time_ns(), time.monotonic_ns()
-        taken = self._inbox.take_vectors()
+        taken = self._inbox.drain_vectors()
         # Counted after they are taken: who sent any of them is found by now.
         if taken and self._inbox.senders > 1:
             self.contested += len(taken)

@@ -53,9 +53,9 @@ class StopWords:
         self._inboxes = [node.inbox(topic) for topic in topics.values()]
         self._names = {name for name, _ in topics}
 
-    def take(self) -> list[bool]:
+    def drain(self) -> list[bool]:
         """Return the words that have come: true stops, false withdraws that."""
-        return [word for inbox in self._inboxes for word in inbox.take_states()]
+        return [word for inbox in self._inboxes for word in inbox.drain_states()]
 
     def publishers(self) -> list[str]:
         """Return the full names of the nodes that publish the topics now."""
@@ -97,9 +97,9 @@ class GraphStop:
     def follow(self) -> bool:
         """Process reports and requests; return whether the stop has changed."""
         told, now = self._told, time.monotonic()
-        for word in self._words.take():
+        for word in self._words.drain():
             self._stop.heard(word, now)
-        for request, answer in self._requests.take():
+        for request, answer in self._requests.drain():
             if request.data:
                 self._stop.stop()
                 answer(SetBool.Response(success=True, message="stopped"))

@@ -141,7 +141,7 @@ class RateKeeper:
         self._next = tick + 1
         return tick
 
-    def take_longest_gap(self, reader: str) -> float:
+    def pop_longest_gap(self, reader: str) -> float:
         """Return the largest lateness of a tick since a reader's last call, s; 0 at the first."""
         gap, self._gaps[reader] = self._gaps[reader], 0.0
         return gap / NANOSECONDS

@@ -160,7 +160,7 @@ class TopicNode(ParameterNode):
     ) -> Subscription:
         """Subscribe to a topic's messages as they are unpacked."""
 
-        def take(data: bytes) -> None:
+        def receive(data: bytes) -> None:
             try:
                 value = unpack(data)
             except ValueError as error:
@@ -168,7 +168,7 @@ class TopicNode(ParameterNode):
             else:
                 callback(value)
 
-        return self.subscribe_raw(topic, take)
+        return self.subscribe_raw(topic, receive)
 
 
 def message_type(topic: Topic) -> Any:

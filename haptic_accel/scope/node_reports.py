@@ -75,7 +75,7 @@ class NodeReports:
     def __init__(self) -> None:
         self._reports: dict[str, NodeReport] = {}
 
-    def take(self, node: str, report: NodeReport) -> bool:
+    def receive(self, node: str, report: NodeReport) -> bool:
         """Store a node's report as far as a page can show it; return false beyond `MOST_NODES`.
 
         Expected nodes always have a place.

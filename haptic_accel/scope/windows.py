@@ -319,7 +319,7 @@ class Derivation:
             self._estimator.reset()
         self._newest = int(stamps[-1])
         actual, self._memory = signal.sosfilt(self._sections, handle, zi=self._memory)
-        sample = self._estimator.sample
+        sample = self._estimator.observe
         travel = [sample(*pair) for pair in zip(forces.tolist(), handle.tolist(), strict=True)]
         return actual, np.array(travel)
 

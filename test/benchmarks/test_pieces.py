@@ -87,8 +87,8 @@ def exploring(device_class: type[Device]) -> Callable[[], Sample]:
 def test_sample_of_the_compensation(benchmark: Benchmark, controller: str, rate: float) -> None:
     compensation = Compensation(CompensationParameters(controller=controller), rate)
     acceleration, handle = tone(), tone()
-    compensation.sample(next(acceleration), next(handle))
-    _, force = benchmark(lambda: compensation.sample(next(acceleration), next(handle)))
+    compensation.process(next(acceleration), next(handle))
+    _, force = benchmark(lambda: compensation.process(next(acceleration), next(handle)))
     assert math.isfinite(force)
     assert (compensation.guard.saturated, compensation.rejected) == (0, 0)
 
@@ -100,7 +100,7 @@ def test_slow_work_of_the_adaptation(benchmark: Benchmark, rate: float) -> None:
     acceleration, handle = tone(), tone()
 
     def taken() -> tuple[tuple[()], dict[str, Any]]:
-        compensation.sample(next(acceleration), next(handle))
+        compensation.process(next(acceleration), next(handle))
         return (), {}
 
     benchmark.pedantic(compensation.adapt, setup=taken, rounds=4000)
@@ -125,7 +125,7 @@ def test_sample_of_a_texture(benchmark: Benchmark, rate: float, tmp_path: Path) 
 
     def slide() -> float:
         angle = next(angles)
-        return texture.sample(0.15 * (1 + math.sin(angle)), 2 + 1.5 * math.cos(3 * angle))
+        return texture.synthesize(0.15 * (1 + math.sin(angle)), 2 + 1.5 * math.cos(3 * angle))
 
     assert math.isfinite(benchmark(slide))
 

@@ -54,7 +54,7 @@ def packed(given: list[tuple[str, int, bytes]]) -> bytes:
     bundle = Bundle()
     for topic, time, message in given:
         bundle.put(bundle.index(topic), time, message)
-    return bundle.take()
+    return bundle.flush()
 
 
 @given(entries)
@@ -107,11 +107,11 @@ def test_a_bundle_is_due_after_twenty_milliseconds_when_large_or_when_the_clock_
     bundle = Bundle()
     index = bundle.index("/slave/measured_cp")
     assert [bundle.put(index, t * MILLISECOND, b"") for t in (100, 119, 120)] == [0, 0, 1]
-    assert bundle.take()
-    assert bundle.take() == b""
+    assert bundle.flush()
+    assert bundle.flush() == b""
     assert not bundle.put(index, 200 * MILLISECOND, b"")
     assert bundle.put(index, 199 * MILLISECOND, b"")
-    bundle.take()
+    bundle.flush()
     assert not bundle.put(index, 0, bytes(LARGEST_BUNDLE - 100))
     assert bundle.put(index, 0, bytes(100))
 

@@ -36,7 +36,7 @@ def test_a_force_in_time_is_applied_at_its_tick_and_neither_earlier_nor_later(
     forces = DueForces(latency, PERIOD)
     applied = {}
     for tick in range(100):
-        if found := forces.take(tick):
+        if found := forces.pop(tick):
             applied[tick] = found
         forces.put(tick, tick * 1000, force(tick))
     assert applied == {
@@ -47,17 +47,17 @@ def test_a_force_in_time_is_applied_at_its_tick_and_neither_earlier_nor_later(
 
 def test_without_latency_a_force_is_applied_on_arrival_and_has_no_due_time() -> None:
     forces = DueForces(0, PERIOD)
-    assert forces.take(5) is None
+    assert forces.pop(5) is None
     forces.put(5, 5000, force(5))
-    assert forces.take(5) == (5000, force(5))
+    assert forces.pop(5) == (5000, force(5))
     assert (forces.due, forces.past_tick) == (0, 0)
 
 
 def test_a_force_that_comes_after_its_tick_is_counted_and_there_at_once() -> None:
     forces = DueForces(1, PERIOD)
-    forces.take(6)
+    forces.pop(6)
     forces.put(5, 5000, force(5))
-    assert forces.take(6) == (5000, force(5))
+    assert forces.pop(6) == (5000, force(5))
     assert (forces.due, forces.past_tick) == (1, 1)
 
 
@@ -74,7 +74,7 @@ def test_no_force_is_early_or_applied_after_a_newer_one(
             if sample + latency + delay - 3 == tick:
                 late += sample + latency < tick
                 forces.put(sample, sample, force(sample))
-        if found := forces.take(tick):
+        if found := forces.pop(tick):
             assert found[0] + latency <= tick
             applied.append(found[0])
     assert applied == sorted(set(applied))
@@ -83,29 +83,29 @@ def test_no_force_is_early_or_applied_after_a_newer_one(
 
 def test_a_force_that_is_out_of_date_is_passed_on_at_once_or_never() -> None:
     forces = DueForces(1, PERIOD)
-    forces.take(6)
+    forces.pop(6)
     forces.put(6, 6000, force(6))
     forces.pass_on(10**18, force(1000))
-    assert forces.take(6) == (10**18, force(1000))
+    assert forces.pop(6) == (10**18, force(1000))
     forces.pass_on(10**18, force(1000))
-    assert forces.take(7) == (6000, force(6))
-    assert forces.take(10**9) is None
+    assert forces.pop(7) == (6000, force(6))
+    assert forces.pop(10**9) is None
     assert (forces.newest, forces.due, forces.past_tick) == (6, 1, 0)
 
 
 def test_a_force_overtaken_by_one_that_was_taken_ahead_of_its_tick_is_not_late() -> None:
     forces = DueForces(2, PERIOD)
     forces.put(10, 10, force(10))
-    assert forces.take(12, ahead=True)
+    assert forces.pop(12, ahead=True)
     forces.put(9, 9, force(9))
-    assert forces.take(11, ahead=True) is None
+    assert forces.pop(11, ahead=True) is None
     assert (forces.due, forces.past_tick) == (2, 0)
 
 
 def loop(forces: DueForces, moments: dict[int, float], ticks: int) -> None:
     """Serve ticks at their times, or at those given, s; each sample's force comes at once."""
     for tick in range(ticks):
-        forces.take(tick)
+        forces.pop(tick)
         forces.took_effect(moments.get(tick, tick * PERIOD))
         forces.put(tick, tick, force(tick))
 
@@ -141,10 +141,10 @@ def test_a_force_may_take_effect_a_quarter_of_a_period_late(share: float, missed
 
 def test_of_forces_that_come_together_all_that_were_due_are_missed() -> None:
     forces = DueForces(1, PERIOD)
-    forces.take(9)
+    forces.pop(9)
     for sample in range(4, 9):
         forces.put(sample, sample, force(sample))
-    assert forces.take(9) == (8, force(8))
+    assert forces.pop(9) == (8, force(8))
     forces.took_effect(9.1e-3)
     assert (forces.due, forces.missed, forces.past_tick) == (5, 4, 5)
     assert forces.longest == pytest.approx(4.1e-3)
@@ -153,10 +153,10 @@ def test_of_forces_that_come_together_all_that_were_due_are_missed() -> None:
 def test_a_straggler_that_never_takes_effect_is_missed() -> None:
     forces = DueForces(1, PERIOD)
     forces.put(8, 8, force(8))
-    assert forces.take(9)
+    assert forces.pop(9)
     forces.took_effect(9e-3)
     forces.put(7, 7, force(7))
-    assert forces.take(9) is None
+    assert forces.pop(9) is None
     forces.took_effect(9.1e-3)
     assert (forces.due, forces.missed) == (2, 1)
 
@@ -167,6 +167,6 @@ def test_a_force_taken_ahead_is_missed_only_if_given_to_the_device_late(
 ) -> None:
     forces = DueForces(2, PERIOD)
     forces.put(10, 10, force(10))
-    assert forces.take(12, ahead=True)
+    assert forces.pop(12, ahead=True)
     forces.took_effect(now)
     assert forces.missed == missed

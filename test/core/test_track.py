@@ -212,7 +212,7 @@ def test_a_tick_that_is_missed_costs_its_sample_and_no_other(missed: set[int]) -
             continue
         rig.advance(index / RATE)
         assert rig.measure().acceleration == index
-    assert rig.status()["samples_skipped"] == len(missed)
+    assert rig.counters()["samples_skipped"] == len(missed)
 
 
 def test_a_loop_never_ends() -> None:
@@ -222,7 +222,7 @@ def test_a_loop_never_ends() -> None:
         rig.advance(index / RATE)
         assert rig.measure().acceleration == index % 300
     assert not rig.ended
-    assert rig.status()["samples_skipped"] == 0
+    assert rig.counters()["samples_skipped"] == 0
 
 
 def test_forces_are_counted_and_change_nothing_and_lost_samples_are_counted_once() -> None:
@@ -236,7 +236,7 @@ def test_forces_are_counted_and_change_nothing_and_lost_samples_are_counted_once
         one.advance(index / RATE)
         for _ in range(2):
             assert one.measure() == (ZERO, ZERO, index)
-    assert one.status() == {
+    assert one.counters() == {
         "samples_lost_in_recording": 3,
         "samples_skipped": 0,
         "arm_forces_ignored": 1,

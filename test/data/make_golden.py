@@ -88,7 +88,7 @@ def samples(arguments: GraphArguments) -> dict[Topic, FloatArray]:
         if not coupling.engaged:
             coupling.engage(handle.position, tool.position)
         on_master, on_slave = coupling.forces(handle.position, tool.position)
-        _, force = compensation.sample(tool.acceleration, before)
+        _, force = compensation.process(tool.acceleration, before)
         master.apply_arm_force(on_master)
         slave.apply_arm_force(on_slave)
         master.apply_actuator_force(force)

@@ -120,7 +120,7 @@ def test_samples_that_arrive_are_the_forces_that_were_due(bench: Bench, channel:
     assert 4.0 * signal == pytest.approx(held(forces, CARD_RATE, len(signal)), abs=1e-4)
     assert not np.delete(received, channel - 1, axis=1).any()
     assert device.late == 0
-    assert device.status()["audio_underruns"] == device.status()["audio_clipped"] == 0
+    assert device.counters()["audio_underruns"] == device.counters()["audio_clipped"] == 0
 
 
 def test_force_that_comes_late_is_counted_and_acts_at_once(bench: Bench) -> None:
@@ -146,7 +146,7 @@ def test_an_underrun_is_counted_once_and_the_due_times_are_kept(bench: Bench) ->
         device.read(START + tick * PERIOD)
     bench.run(device, forces[120:], first=120)
     device.close()
-    assert device.status()["audio_underruns"] == 1
+    assert device.counters()["audio_underruns"] == 1
     signal, expected = 4.0 * bench.received()[:, 0], held(forces, CARD_RATE, 10000)
     # From the due time of the first force thereafter, less the silence that did not sound.
     missed = round((119 - 99) * PERIOD * CARD_RATE - 2 * BLOCK - 44.1)
@@ -178,7 +178,7 @@ def test_forces_beyond_full_scale_are_clipped_and_counted(bench: Bench) -> None:
     bench.run(device, np.zeros(10), first=50)
     device.close()
     assert bench.received()[:, 0].min() == -1.0
-    assert device.status()["audio_clipped"] > 1000
+    assert device.counters()["audio_clipped"] > 1000
 
 
 def test_the_simulated_handle_feels_the_force_when_it_is_due(bench: Bench) -> None:
@@ -267,7 +267,7 @@ def test_the_card_s_clock_is_followed(
     for tick in range(8_000):
         bench.now = START + tick * PERIOD
         device.read(bench.now)
-    assert device.status()["audio_underruns"] == 0
+    assert device.counters()["audio_underruns"] == 0
     # Unfollowed it would be 1.6 ms by then, and by what the card tells half a block, 0.7 ms.
     settled = np.array(card.delays[4_000:]) - card.lead
     assert np.abs(settled).max() < 0.4e-3

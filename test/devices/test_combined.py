@@ -101,7 +101,7 @@ class Noted(Device):
     def late(self) -> int:
         return int(self.parameters.level)
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         return {"count": int(self.parameters.level)}
 
 
@@ -135,7 +135,7 @@ def built(**values: Any) -> CombinedDevice:
 def test_motion_is_the_arm_s_and_acceleration_the_handle_s() -> None:
     device = built(arm__level=1.0, handle__level=2.0)
     assert device.read(5.0) == Sample((1.0, 5.0, 0.0), (0.0, 1.0, 0.0), 2.0)
-    assert device.status() == {"arm_count": 1, "handle_count": 2}
+    assert device.counters() == {"arm_count": 1, "handle_count": 2}
     assert device.late == 3
     assert device.remark == "the arm; the handle"
     assert device.hang_warning == ""

@@ -107,7 +107,7 @@ def test_lost_samples_hold_the_one_before_and_are_counted_and_told(tmp_path: Pat
     played = play(device)
     expected = rows()[topics.TOOL_ACCELERATION][99, 2]
     assert played[100].acceleration == played[101].acceleration == expected
-    assert device.status()["samples_lost_in_recording"] == 3
+    assert device.counters()["samples_lost_in_recording"] == 3
     assert "3 samples are missing" in device.remark
 
 
@@ -146,8 +146,8 @@ def test_forces_do_nothing_and_are_counted(bag: Path) -> None:
     pushed.write(0.0, arm_force=(3.0, 0.0, 0.0), actuator_force=6.0)
     assert play(pushed) == play(quiet)
     pushed.close()
-    assert pushed.status()["arm_forces_ignored"] == 2
-    assert pushed.status()["actuator_forces_ignored"] == 1
+    assert pushed.counters()["arm_forces_ignored"] == 2
+    assert pushed.counters()["actuator_forces_ignored"] == 1
 
 
 @pytest.mark.parametrize(("rate", "speed"), [(500.0, 1.0), (2000.0, 1.0), (1000.0, 2.0)])

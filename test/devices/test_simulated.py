@@ -240,8 +240,8 @@ def test_a_command_that_is_no_number_gives_no_force(device_class: type[Device]) 
 def test_status_counts_what_was_cut() -> None:
     device = opened(SimulatedMaster)
     device.write(0.0, actuator_force=10.0)
-    assert device.status()["actuator_saturated"] == 1
-    assert set(opened(SimulatedSlave).status()) == {"accelerometer_saturated"}
+    assert device.counters()["actuator_saturated"] == 1
+    assert set(opened(SimulatedSlave).counters()) == {"accelerometer_saturated"}
 
 
 # Changing

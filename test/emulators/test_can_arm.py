@@ -163,7 +163,7 @@ def new_master() -> Device:
 def test_no_frame_is_too_strange_for_an_emulated_arm(noise: list[Frame]) -> None:
     arm = EmulatedArm(CanParameters(), new_slave(), rate=RATE, watchdog=0.1)
     for step, frame in enumerate(noise):
-        arm.take(frame, step * PERIOD)
+        arm.receive(frame, step * PERIOD)
         arm.due(step * PERIOD)
 
 
@@ -179,14 +179,14 @@ class Rigged:
 
     def _send(self, frames: Sequence[Frame]) -> bool:
         for frame in frames:
-            for answer in self.emulated.take(frame, self.now):
-                self.arm.take(answer, self.now)
+            for answer in self.emulated.receive(frame, self.now):
+                self.arm.receive(answer, self.now)
         return True
 
     def step(self) -> None:
         self.now += PERIOD
         for frame in self.emulated.due(self.now):
-            self.arm.take(frame, self.now)
+            self.arm.receive(frame, self.now)
         self.arm.update(self.now)
 
 
@@ -241,7 +241,7 @@ def test_coupled_arms_move_together(values: dict[str, object]) -> None:
         assert np.corrcoef(master[:, place], slave[:, place])[0, 1] > 0.97
     if 0 in along:
         assert np.ptp(slave[:, 0]) > 0.05
-    assert all(side.arm.status()["disarmed"] == 0 for side in sides)
+    assert all(side.arm.counters()["disarmed"] == 0 for side in sides)
 
 
 def test_an_arm_that_is_left_alone_is_put_back() -> None:

@@ -94,12 +94,12 @@ class Host:
     def sample(self, number: int) -> None:
         for index in range(number):
             self.now = (self.now + 250) % CLOCKS
-            self.board.sample((index, -index, 100 + index), self.now)
+            self.board.send_sample((index, -index, 100 + index), self.now)
 
     def tick_at(self, time: int) -> int:
         """Take a sample at a time; return the current from then on."""
         self.now = time % CLOCKS
-        self.board.sample((0, 0, 0), self.now)
+        self.board.send_sample((0, 0, 0), self.now)
         return self.board.current
 
     def status(self) -> Status:

@@ -57,20 +57,20 @@ def test_frames_are_found_after_any_bytes_however_cut(
 ) -> None:
     adapter = SlcanAdapter()
     for piece in garbage:
-        adapter.take(piece)
-    adapter.take(b"\rO\r")
+        adapter.receive(piece)
+    adapter.receive(b"\rO\r")
     stream = b"".join(map(frame_line, wanted))
-    found = [frame for byte in stream for frame in adapter.take(bytes([byte]))[0]]
+    found = [frame for byte in stream for frame in adapter.receive(bytes([byte]))[0]]
     assert found == wanted
 
 
 def test_frames_pass_only_while_it_is_open() -> None:
     adapter = SlcanAdapter()
     line = frame_line(Frame(0x21))
-    assert adapter.take(line) == ([], b"\a")
-    assert adapter.take(b"S8\rO\r" + line) == ([Frame(0x21)], b"\r\r\r")
-    assert adapter.take(b"C\r" + line) == ([], b"\r\a")
+    assert adapter.receive(line) == ([], b"\a")
+    assert adapter.receive(b"S8\rO\r" + line) == ([Frame(0x21)], b"\r\r\r")
+    assert adapter.receive(b"C\r" + line) == ([], b"\r\a")
 
 
 def test_it_says_who_it_is() -> None:
-    assert SlcanAdapter().take(b"V\rN\rF\r?\r")[1] == b"V1013\rNHAPT\rF00\r\a"
+    assert SlcanAdapter().receive(b"V\rN\rF\r?\r")[1] == b"V1013\rNHAPT\rF00\r\a"

@@ -149,7 +149,7 @@ class Pair:
 
     def sample(self, values: tuple[int, int, int], now: int) -> None:
         self.script.append(b"s" + struct.pack("<I3h", now, *values))
-        self.board.sample(values, now)
+        self.board.send_sample(values, now)
 
     def tick(self, now: int) -> None:
         self.script.append(b"t" + struct.pack("<I", now))

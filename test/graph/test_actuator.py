@@ -101,8 +101,8 @@ def test_all_that_drives_or_limits_the_coil_uses_it(file: Path) -> None:
     assert layer.actuator_force(0.0, 0.0, 50.0) == COIL.peak_force
 
     compensation = Compensation(own, RATE, options)
-    compensation.sample(0.0, 0.0)  # at rest
-    assert compensation.sample(1000.0, 0.0)[1] == COIL.peak_force
+    compensation.process(0.0, 0.0)  # at rest
+    assert compensation.process(1000.0, 0.0)[1] == COIL.peak_force
     expected = ActuatorGuard(COIL, RATE)
     expected.limited(50.0, 0.0)
     assert (compensation.guard.heat, compensation.guard.travel) == (expected.heat, expected.travel)
@@ -111,9 +111,9 @@ def test_all_that_drives_or_limits_the_coil_uses_it(file: Path) -> None:
     simulated.open()
     simulated.read(0.0)
     simulated.write(0.0, actuator_force=50.0)
-    assert simulated.status()["actuator_saturated"] == 1
+    assert simulated.counters()["actuator_saturated"] == 1
     simulated.write(0.0, actuator_force=COIL.peak_force)
-    assert simulated.status()["actuator_saturated"] == 1
+    assert simulated.counters()["actuator_saturated"] == 1
 
     driver, wire = SerialMaster(master["serial"], RATE, 0), Wire()
     driver._link = wire  # type: ignore[assignment]

@@ -45,8 +45,8 @@ def test_datagrams_pass_both_ways_in_order(ends: tuple[LocalEnd, LocalEnd]) -> N
         sent = [bytes([number]) * LONGEST for number in range(5)]
         assert all(sender.send(datagram) for datagram in sent)
         assert select.select([receiver], [], [], 1.0)[0] == [receiver]
-        assert receiver.take() == sent
-        assert receiver.take() == []
+        assert receiver.drain() == sent
+        assert receiver.drain() == []
 
 
 def test_what_has_no_room_waits_in_order_and_only_the_oldest_is_dropped(
@@ -60,12 +60,12 @@ def test_what_has_no_room_waits_in_order_and_only_the_oldest_is_dropped(
     for _ in range(MOST_WAITING):
         assert not link.send(next(numbers).to_bytes(2, "big"))
     assert link.dropped == 1
-    found = [int.from_bytes(each, "big") for each in coupler.take()]
+    found = [int.from_bytes(each, "big") for each in coupler.drain()]
     last = next(numbers)
     while not link.send(last.to_bytes(2, "big")):
-        found += [int.from_bytes(each, "big") for each in coupler.take()]
+        found += [int.from_bytes(each, "big") for each in coupler.drain()]
         last = next(numbers)
-    found += [int.from_bytes(each, "big") for each in coupler.take()]
+    found += [int.from_bytes(each, "big") for each in coupler.drain()]
     assert found == [number for number in range(last + 1) if number != kept]
 
 
@@ -75,7 +75,7 @@ def test_what_is_sent_to_nobody_is_dropped_and_counted() -> None:
         with closing(LocalEnd(LINK, DOMAIN, "/b")) as link:
             while coupler.send(b"2"):
                 pass
-            assert set(link.take()) == {b"2"}
+            assert set(link.drain()) == {b"2"}
         assert not coupler.send(b"3")
         assert coupler.dropped == 3
 
@@ -85,7 +85,7 @@ def test_an_end_that_comes_back_is_met_again() -> None:
         for text in (b"first", b"second"):
             with closing(LocalEnd(LINK, DOMAIN, "/c")) as link:
                 coupler.send(text)
-                assert link.take() == [text]
+                assert link.drain() == [text]
 
 
 def test_other_namespaces_domains_and_senders_are_not_heard(
@@ -97,7 +97,7 @@ def test_other_namespaces_domains_and_senders_are_not_heard(
     with closing(LocalEnd(COUPLER, DOMAIN + 1, "/a")) as one:
         assert not one.send(b"other domain")
     link.send(b"to the coupler")
-    assert link.take() == []
+    assert link.drain() == []
 
 
 def test_a_second_process_for_one_end_is_refused_in_one_line(
@@ -113,12 +113,12 @@ def test_the_link_tells_the_coupler_about_itself_and_nobody_else_can(
     coupler, link = ends
     link.write_note("datagrams from 10.0.0.5 do not have the key")
     link.send(b"1")
-    assert coupler.take() == [b"1"]
+    assert coupler.drain() == [b"1"]
     note = b"note\0all is well"
     link.send(note)
-    assert (coupler.take(), coupler.note) == ([], "datagrams from 10.0.0.5 do not have the key")
+    assert (coupler.drain(), coupler.note) == ([], "datagrams from 10.0.0.5 do not have the key")
     link.write_note("")
-    coupler.take()
+    coupler.drain()
     assert coupler.note == ""
 
 
@@ -140,15 +140,15 @@ def test_a_note_of_another_thread_changes_nothing_of_what_is_sent(
         try:
             for number in range(20_000):
                 link.send(number.to_bytes(2, "big"))
-                taken += coupler.take()
+                taken += coupler.drain()
         finally:
             over.set()
             sys.setswitchinterval(interval)
         written.result()
-    taken += coupler.take()
+    taken += coupler.drain()
     while not link.send(b"the last"):
-        taken += coupler.take()
-    taken += coupler.take()
+        taken += coupler.drain()
+    taken += coupler.drain()
     assert [int.from_bytes(each, "big") for each in taken[:-1]] == [*range(20_000)]
     assert taken[-1] == b"the last"
     assert link.dropped == 0

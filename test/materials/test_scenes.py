@@ -155,7 +155,7 @@ def test_a_scene_plays_recorded_taps(tmp_path: Path) -> None:
     assert model.provenance.source == "oak.npz"
     tap = Tap(model, 1000.0)
     tap.strike(0.2)
-    assert [tap.sample() for _ in range(3)] == pytest.approx([3.0, -4.0, 0.0])
+    assert [tap.synthesize() for _ in range(3)] == pytest.approx([3.0, -4.0, 0.0])
     (tmp_path / "oak.npz").unlink()
     with pytest.raises(
         ParameterError, match=rf"^{scene}:1: .*oak.npz: must be a readable file: No such file"

@@ -140,7 +140,7 @@ def test_a_polled_service_answers_though_its_response_cannot_be_sent(served: Ser
     future = client.call_async(Trigger.Request())
 
     def answered() -> bool:
-        for _, answer in served.node.polled.take():
+        for _, answer in served.node.polled.drain():
             answer(Trigger.Response(success=True, message="\ud800"))
         return future.done()
 

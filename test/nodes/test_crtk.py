@@ -204,7 +204,7 @@ def test_an_arm_obeys_one_node(client: Client) -> None:
     other.create_publisher(WrenchStamped, "slave/servo_cf", 10)
 
     def refused() -> bool:
-        return "no force while it is sent by /client and /other" in client.arm.status()[0]
+        return "no force while it is sent by /client and /other" in client.arm.diagnostics()[0]
 
     client.until(refused)
     client.until(lambda: client.force == (0.0, 0.0, 0.0), client.move)
@@ -215,7 +215,7 @@ def test_an_arm_obeys_one_node(client: Client) -> None:
 @pytest.mark.parametrize("client", [["safety.arm.zero_stamp:=false"]], indirect=True)
 def test_commands_without_a_stamp_can_be_refused(client: Client) -> None:
     def refused() -> bool:
-        values = client.arm.status()[1]
+        values = client.arm.diagnostics()[1]
         counts = values["positions refused"], values["arm force outdated"]
         return all(int(count) > 0 for count in counts)
 
@@ -231,7 +231,7 @@ def test_commands_without_a_stamp_can_be_refused(client: Client) -> None:
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_a_position_that_is_not_finite_is_refused(client: Client, value: float) -> None:
     def refused() -> bool:
-        return int(client.arm.status()[1]["positions refused"]) > 0
+        return int(client.arm.diagnostics()[1]["positions refused"]) > 0
 
     client.until(refused, lambda: client.move((value, 0.0, 0.0)))
     assert not client.is_held

@@ -146,7 +146,7 @@ class Bench:
 
         def found() -> bool:
             meanwhile()
-            said.append(self.node.status()[0])
+            said.append(self.node.diagnostics()[0])
             return all(any(words in warning for warning in said) for words in of)
 
         self.until(found)
@@ -240,9 +240,9 @@ def test_the_first_command_after_a_stop_is_zero_and_there_is_no_other(bench: Ben
     assert STOP in again, "the second stop writes zero again"
     assert all(forces == STOP for forces in again), "and nothing else"
     assert bench.answers[-1] is True
-    assert bench.node.status()[0].startswith("emergency stop")
+    assert bench.node.diagnostics()[0].startswith("emergency stop")
     bench.released()
-    assert "emergency stop" not in bench.node.status()[0]
+    assert "emergency stop" not in bench.node.diagnostics()[0]
     bench.driven()
 
 
@@ -290,11 +290,11 @@ def test_a_subscriber_gets_the_work_of_the_forces_that_were_applied(bench: Bench
 
 def test_what_was_stopped_is_not_said_to_have_timed_out(bench: Bench) -> None:
     bench.driven()
-    timeouts = bench.node.status()[1]["actuator force timeouts"]
+    timeouts = bench.node.diagnostics()[1]["actuator force timeouts"]
     bench.stop(driven=True)
     over = time.monotonic() + 2 * ARM_TIMEOUT
     bench.until(lambda: time.monotonic() > over)
-    warning, values = bench.node.status()
+    warning, values = bench.node.diagnostics()
     assert "timed out" not in warning
     assert values["actuator force timeouts"] == timeouts
 
@@ -303,7 +303,7 @@ def test_a_force_whose_sender_has_gone_is_taken_off(bench: Bench) -> None:
     bench.driven()
     for name, none in STOP.items():
         bench.until(lambda name=name, none=none: bench.wrote(name, none))
-    assert "actuator force timed out" in bench.node.status()[0]
+    assert "actuator force timed out" in bench.node.diagnostics()[0]
 
 
 def test_subscribers_of_either_reliability_get_the_samples(bench: Bench) -> None:
@@ -488,7 +488,7 @@ def test_states_open_enable_and_close_the_device(bench: Bench) -> None:
     bench.other.listen(topics.HANDLE_ACCELERATION, lambda moment, _: heard.append(moment))
     assert state() == "unconfigured"
     assert possible() == {"configure", "shutdown"}
-    assert "not active" in bench.node.status()[0]
+    assert "not active" in bench.node.diagnostics()[0]
     bench.stop()
     bench.released()
     # What cannot be from here ends nothing.
@@ -554,7 +554,7 @@ def test_a_stall_loses_no_sample_and_each_has_its_own_stamp(bench: Bench) -> Non
     bench.until(lambda: len(stamps) > stalled + 60)
     steps = np.diff(stamps)
     assert steps == pytest.approx(np.full(len(steps), PERIOD), abs=PERIOD / 4)
-    assert bench.node.status()[1]["missed ticks"] == "0"
+    assert bench.node.diagnostics()[1]["missed ticks"] == "0"
 
 
 def test_a_force_is_applied_at_the_tick_after_that_of_its_sample(bench: Bench) -> None:
@@ -567,21 +567,21 @@ def test_a_force_is_applied_at_the_tick_after_that_of_its_sample(bench: Bench) -
     bench.until(lambda: bench.wrote("actuator_force", 0.77))
     place = next(i for i, f in enumerate(bench.written) if f.get("actuator_force") == 0.77)
     assert device.times[place] == pytest.approx((cause + 1) * PERIOD / 1e9, abs=1e-9)
-    assert bench.node.status()[1]["actuator force past their tick"] == "0"
+    assert bench.node.diagnostics()[1]["actuator force past their tick"] == "0"
 
 
 def test_a_force_that_comes_late_is_applied_on_arrival_and_counted(bench: Bench) -> None:
     bench.driven()
     silent = time.monotonic() + 60e-3
     bench.until(lambda: time.monotonic() > silent)
-    known = int(bench.node.status()[1]["actuator force deadlines missed"])
+    known = int(bench.node.diagnostics()[1]["actuator force deadlines missed"])
 
     def late() -> bool:
         bench.send_actuator(time.time_ns() - 30 * PERIOD, 0.66)
         return bench.wrote("actuator_force", 0.66)
 
     bench.until(late)
-    assert int(bench.node.status()[1]["actuator force deadlines missed"]) > known
+    assert int(bench.node.diagnostics()[1]["actuator force deadlines missed"]) > known
 
 
 @pytest.fixture
@@ -597,9 +597,9 @@ def test_forces_that_were_late_at_the_device_are_missed_deadlines(
     late_at_device: list[int], bench: Bench
 ) -> None:
     bench.driven()
-    before = int(bench.node.status()[1]["actuator force deadlines missed"])
+    before = int(bench.node.diagnostics()[1]["actuator force deadlines missed"])
     late_at_device[0] += 1000
-    after = int(bench.node.status()[1]["actuator force deadlines missed"])
+    after = int(bench.node.diagnostics()[1]["actuator force deadlines missed"])
     assert after == before + 1000
     assert before < 1000, "those before the arms engaged do not count"
 
@@ -636,7 +636,7 @@ AUDIO = ("actuator_device:=audio", f"audio.device:={NAME}")
 def test_a_sound_card_plays_the_force_until_the_stop(card: Path, bench: Bench) -> None:
     def applied() -> bool:
         bench.command(ZERO, 0.33)
-        return int(bench.node.status()[1]["actuator force count"]) > 50
+        return int(bench.node.diagnostics()[1]["actuator force count"]) > 50
 
     bench.until(applied)
     bench.stop(driven=True)

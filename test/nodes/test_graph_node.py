@@ -286,7 +286,7 @@ class Listener:
         """Send a sample; return whether any is taken."""
         self._send(time.time_ns(), (1.0, 0.0, 0.0))
         self._executor.spin_once(timeout_sec=0.002)
-        return bool(list(self.samples.take()))
+        return bool(list(self.samples.drain()))
 
     def said(self, *lines: str) -> bool:
         """Return whether these lines, and no others, have been logged about the signal."""
@@ -400,7 +400,7 @@ class Numbering(GraphNode):
     task = "numbering"
     reports = 0
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         self.reports += 1
         return f"report {self.reports}", {}
 

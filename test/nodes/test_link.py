@@ -73,7 +73,7 @@ class Pair:
             for side, end in self.ends.items():
                 end.send(sent[side])
             for side in list(missing):
-                if taken := self.ends[side].take():
+                if taken := self.ends[side].drain():
                     assert set(taken) == {sent[missing.pop(side)]}
             return not missing
 
@@ -81,7 +81,7 @@ class Pair:
 
     def received(self) -> set[bytes]:
         """Return what has come for the couplers since the last look, each datagram once."""
-        return {datagram for end in self.ends.values() for datagram in end.take()}
+        return {datagram for end in self.ends.values() for datagram in end.drain()}
 
 
 @pytest.fixture
@@ -221,7 +221,7 @@ def test_a_host_without_the_key_is_told_so_on_both_and_nothing_passes(
     assert own in pair.links[other].text
     ends = pair.ends.values()
     wait_until(
-        lambda: not [each.take() for each in ends if "do not have" not in each.note],
+        lambda: not [each.drain() for each in ends if "do not have" not in each.note],
         "a note for each coupler",
     )
     assert not pair.received()

@@ -95,9 +95,9 @@ class Followed:
     def client(self) -> Client:
         return self.node.client
 
-    def take(self, **values: ParameterValue) -> None:
+    def receive(self, **values: ParameterValue) -> None:
         given = [Parameter(name=name, value=value) for name, value in values.items()]
-        self.remote.take(ParameterEvent(node=self.remote.path, changed_parameters=given))
+        self.remote.receive(ParameterEvent(node=self.remote.path, changed_parameters=given))
 
 
 def text(value: str) -> ParameterValue:
@@ -124,9 +124,9 @@ def test_a_value_that_a_parameter_cannot_have_is_refused_in_one_line(
 
 def test_a_refused_value_leaves_the_one_that_is_known() -> None:
     followed = Followed()
-    followed.take(controller=text("adaptive"))
+    followed.receive(controller=text("adaptive"))
     for value in (*HOSTILE.values(), text("no such controller"), text("x" * 10_000)):
-        followed.take(controller=value)
+        followed.receive(controller=value)
         assert followed.remote.values["controller"] == "adaptive"
     assert followed.changes == 1
     assert len(followed.refused) == len(HOSTILE) + 2
@@ -137,7 +137,7 @@ def test_the_node_itself_is_asked_after_an_event_in_its_name() -> None:
     answer_of(followed, controller=text("dynamic"))
     followed.remote.refresh()
     assert followed.remote.values["controller"] == "dynamic"
-    followed.take(controller=text("none"))
+    followed.receive(controller=text("none"))
     assert followed.remote.values["controller"] == "none"
     followed.remote.refresh()
     assert followed.remote.values["controller"] == "dynamic"
@@ -158,7 +158,7 @@ def test_a_node_that_is_gone_is_forgotten_and_asked_when_it_is_back() -> None:
     answer_of(followed, controller=text("dynamic"))
     followed.remote.refresh()
     followed.client.ready = False
-    followed.take(controller=text("none"))
+    followed.receive(controller=text("none"))
     followed.remote.refresh()
     assert followed.remote.values == {}
     followed.client.ready = True
@@ -220,11 +220,11 @@ def test_after_any_messages_there_is_a_state_that_a_page_can_read(
     for kind, who, what in messages:
         if kind == "report":
             level, message, pairs = what
-            heard.take(who, NodeReport(level, message, pairs, time.monotonic()))
+            heard.receive(who, NodeReport(level, message, pairs, time.monotonic()))
         elif kind == "event":
             given = [Parameter(name=name, value=value) for name, value in what]
             remote = followed[who].remote
-            remote.take(ParameterEvent(node=remote.path, new_parameters=given))
+            remote.receive(ParameterEvent(node=remote.path, new_parameters=given))
         elif kind == "answer":
             followed[who].client.answer = what
         else:

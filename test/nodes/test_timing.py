@@ -65,7 +65,7 @@ def test_forces_of_a_process_that_stood_still_are_late_though_none_comes_after_i
     for moment in [*range(100), *range(200, 300)]:  # in periods: it stands still for 0.1 s
         clock.now = 18 * PERIOD + moment * PERIOD
         for tick in due(keeper):
-            forces.take(tick)
+            forces.pop(tick)
             forces.took_effect(clock.now / NANOSECONDS)
             forces.put(tick, tick, ZERO)
     # Of tick 100 to 200, the last is served in time, and has the 100 before it made up for it.
@@ -114,13 +114,13 @@ def test_grid_points_of_a_stall_are_served_afterwards_each_in_its_turn(
     clock: FakeClock, keeper: RateKeeper
 ) -> None:
     readers = "master", "slave"
-    assert [keeper.take_longest_gap(each) for each in readers] == [0.0, 0.0]
+    assert [keeper.pop_longest_gap(each) for each in readers] == [0.0, 0.0]
     clock.now = 70 * PERIOD
     assert due(keeper) == list(range(18, 71))
     assert keeper.missed == 0
     for each in readers:
-        assert keeper.take_longest_gap(each) == pytest.approx(0.052)
-        assert keeper.take_longest_gap(each) == 0.0
+        assert keeper.pop_longest_gap(each) == pytest.approx(0.052)
+        assert keeper.pop_longest_gap(each) == 0.0
 
 
 def test_a_longer_stall_leaves_out_the_oldest(clock: FakeClock, keeper: RateKeeper) -> None:

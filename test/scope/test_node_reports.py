@@ -48,13 +48,13 @@ def row(reports: NodeReports, node: str, now: float) -> dict[str, str]:
 )
 def test_a_level_becomes_a_word(level: int, message: str, state: str, shown: str) -> None:
     reports = NodeReports()
-    reports.take("coupler", NodeReport(level, message, {}, 10.0))
+    reports.receive("coupler", NodeReport(level, message, {}, 10.0))
     assert row(reports, "coupler", 10.5) == {"name": "coupler", "state": state, "message": shown}
 
 
 def test_who_is_expected_is_shown_before_it_speaks_and_others_after() -> None:
     reports = NodeReports()
-    reports.take("identifier", NodeReport(0, "OK", {}, 0.0))
+    reports.receive("identifier", NodeReport(0, "OK", {}, 0.0))
     rows = reports.rows(0.0)
     assert [row["name"] for row in rows] == [*EXPECTED, "identifier"]
     assert {row["state"] for row in rows[:-1]} == {"absent"}
@@ -77,24 +77,24 @@ def test_a_peer_host_is_shown_by_delay_loss_clock_and_energy() -> None:
         "energy account (mJ)": "4.800",
     }
     reports = NodeReports()
-    reports.take("coupler", NodeReport(0, "OK", values, 0.0))
+    reports.receive("coupler", NodeReport(0, "OK", values, 0.0))
     shown = "delay 20.10 ms, loss 4.90 %, clock -0.120 ms, energy 4.800 mJ"
     assert row(reports, "coupler", 0.0)["message"] == shown
 
 
 def test_who_falls_silent_is_said_to_be_and_believed_no_more() -> None:
     reports = NodeReports()
-    reports.take("coupler", NodeReport(0, "OK", {"engaged": "true"}, 0.0))
+    reports.receive("coupler", NodeReport(0, "OK", {"engaged": "true"}, 0.0))
     assert reports.values("coupler", SILENCE - 0.1) == {"engaged": "true"}
     assert row(reports, "coupler", SILENCE)["state"] == "silent"
     assert reports.values("coupler", SILENCE) == {}
-    reports.take("coupler", NodeReport(0, "OK", {"engaged": "false"}, 9.0))
+    reports.receive("coupler", NodeReport(0, "OK", {"engaged": "false"}, 9.0))
     assert row(reports, "coupler", 9.0)["state"] == "OK"
 
 
 def test_a_peer_host_that_tells_only_its_delay_is_shown_with_that() -> None:
     reports = NodeReports()
-    reports.take("coupler", NodeReport(0, "OK", {"one-way delay (ms)": "20.10"}, 0.0))
+    reports.receive("coupler", NodeReport(0, "OK", {"one-way delay (ms)": "20.10"}, 0.0))
     shown = "delay 20.10 ms, loss – %, clock – ms, energy – mJ"
     assert row(reports, "coupler", 0.0)["message"] == shown
 
@@ -102,18 +102,18 @@ def test_a_peer_host_that_tells_only_its_delay_is_shown_with_that() -> None:
 def test_of_a_flood_of_nodes_the_first_and_those_of_the_graph_are_shown() -> None:
     reports = NodeReports()
     report = NodeReport(0, "OK", {}, 0.0)
-    taken = [reports.take(f"node {k}", report) for k in range(MOST_NODES + 3)]
+    taken = [reports.receive(f"node {k}", report) for k in range(MOST_NODES + 3)]
     others = MOST_NODES - len(EXPECTED)
     assert taken == [True] * others + [False] * (MOST_NODES + 3 - others)
-    assert all(reports.take(name, report) for name in ("node 0", *EXPECTED))
-    assert not reports.take("one more", report)
+    assert all(reports.receive(name, report) for name in ("node 0", *EXPECTED))
+    assert not reports.receive("one more", report)
     assert len(reports.rows(0.0, ())) == MOST_NODES
 
 
 def test_a_report_that_is_too_long_is_cut() -> None:
     reports = NodeReports()
     values = {f"{k}": "x" * 10_000 for k in range(10 * MOST_VALUES)}
-    reports.take("coupler", NodeReport(1, "m" * 10_000, values, 0.0))
+    reports.receive("coupler", NodeReport(1, "m" * 10_000, values, 0.0))
     assert len(row(reports, "coupler", 0.0)["message"]) == LONGEST_TEXT + 1
     kept = reports.values("coupler", 0.0)
     assert len(kept) == MOST_VALUES

@@ -241,7 +241,7 @@ def test_derived_in_whatever_steps_the_result_is_the_same(steps: list[int]) -> N
     estimator = TravelEstimator(Suspension(), RATE)
     # A force acts from one sample after its cause on, the latency.
     acting = [0.0, *force[: at - 1]]
-    expected = [estimator.sample(*pair) for pair in zip(acting, handle[:at], strict=True)]
+    expected = [estimator.observe(*pair) for pair in zip(acting, handle[:at], strict=True)]
     _, _, travel = made.travel.since(0)
     assert travel == pytest.approx(np.array(expected), abs=1e-12)
 

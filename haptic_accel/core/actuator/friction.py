@@ -72,7 +72,7 @@ class FrictionCompensation:
         before = self._slip.velocity
         self._desired.append(desired_acceleration)
         earlier, later = self._desired[0], self._desired[1]
-        self._slip.sample(actuator_force, later + self._share * (earlier - later))
+        self._slip.observe(actuator_force, later + self._share * (earlier - later))
         # Mean over the sample, as the force is held over it.
         slip = (before + self._slip.velocity) / 2
         return -self._friction * math.tanh(slip / SLIP_VELOCITY)

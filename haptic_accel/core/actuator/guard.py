@@ -184,7 +184,7 @@ class ActuatorGuard:
         warming = self._warming if samples == 1 else -math.expm1(samples * self._staying)
         self._heat += warming * (heat - self._heat)
         for _ in range(min(samples, self._settling)):
-            self._estimator.sample(force, handle_acceleration)
+            self._estimator.observe(force, handle_acceleration)
 
     def reset(self) -> None:
         """Return to a cold actuator at rest in the middle of its travel."""

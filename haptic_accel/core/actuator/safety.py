@@ -584,7 +584,7 @@ class SafetyLayer:
             found += new
         return found
 
-    def status(self) -> dict[str, str]:
+    def diagnostics(self) -> dict[str, str]:
         """Return counts and the state of the actuator's limits for diagnostics."""
         return {
             "forces allowed": str(not (self.refusal or self.disarmed or self.contested)).lower(),

@@ -66,7 +66,7 @@ class TravelEstimator:
         self._transition: list[list[float]] = transition[:2].tolist()
         self.travel = self.velocity = 0.0
 
-    def sample(self, actuator_force: float, handle_acceleration: float) -> float:
+    def observe(self, actuator_force: float, handle_acceleration: float) -> float:
         """Advance by one sample; return the displacement at its end, m.
 
         Parameters

@@ -206,7 +206,7 @@ class Compensation:
         else:
             self._listen(self._built[name])
 
-    def sample(
+    def process(
         self, tool_acceleration: float, handle_acceleration: float | None
     ) -> tuple[float, float]:
         """Process one sample of tool and handle acceleration along the actuator's axis.
@@ -244,7 +244,7 @@ class Compensation:
         self._active.controller.applied(force)
         if self._follower:
             self._follower.controller.applied(force)
-        self._fallback.sample(desired, measured, force)
+        self._fallback.observe(desired, measured, force)
         return desired, force
 
     def adapt(self) -> None:
@@ -252,7 +252,7 @@ class Compensation:
         if self._asleep:
             return
         channels = [self._active, self._follower] if self._follower else [self._active]
-        judged = self._fallback.step()
+        judged = self._fallback.update()
         for channel in channels:
             channel.controller.adapt()
             if judged:
@@ -274,7 +274,7 @@ class Compensation:
         self._start_judging()
         self._fall_asleep()
 
-    def status(self) -> tuple[str, dict[str, str]]:
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return a warning, or an empty string, and values with units for diagnostics."""
         guard = self.guard
         controller = self._active.controller
@@ -288,7 +288,7 @@ class Compensation:
             "travel (mm)": f"{1e3 * guard.travel:.2f}",
             "rejected": str(self.rejected),
             "handle not trusted": str(self.untrusted),
-            **controller.status(),
+            **controller.diagnostics(),
         }
 
     def _build(self, name: str) -> None:
@@ -317,13 +317,13 @@ class Compensation:
 
     def _wanted(self, tool: float, measured: float) -> tuple[float, float]:
         """Return desired acceleration and force, crossfaded during a change of controller."""
-        desired, force = self._active.sample(tool, measured)
+        desired, force = self._active.process(tool, measured)
         self._rest += self._resting * (tool - self._rest)
         if self._follower is None:
             return desired, force
         if not self._listened:
             self._follower.begin(self._rest)
-        following = self._follower.sample(tool, measured)
+        following = self._follower.process(tool, measured)
         self._listened += 1
         share = (self._listened - self._listening) / self._fading
         if share >= 1.0:
@@ -348,7 +348,7 @@ class Compensation:
 
     def _start_judging(self) -> None:
         name = self._active.name
-        self._fallback.reset(name, granted_delay(name, self._options))
+        self._fallback.start(name, granted_delay(name, self._options))
 
     def _judge_anew(self) -> None:
         name = self._active.name
@@ -392,9 +392,9 @@ class _Channel:
         """Initialize with the tool's acceleration at rest, mostly gravity."""
         self._rest = tool_acceleration
 
-    def sample(self, tool_acceleration: float, measured: float) -> tuple[float, float]:
+    def process(self, tool_acceleration: float, measured: float) -> tuple[float, float]:
         """Return the desired acceleration and the controller's force."""
-        desired = self._high_pass.sample(tool_acceleration - self._rest)
+        desired = self._high_pass.process(tool_acceleration - self._rest)
         return desired, self.controller.force(desired, measured)
 
     def reset(self) -> None:

@@ -119,7 +119,7 @@ class Fallback:
         self._tracked = self._dynamic_response(loop)
         self._step = 1.0 / max(1, round(FADING * loop.rate))
         self._settling = round(SETTLING * loop.rate)
-        self.reset(NONE, 1)
+        self.start(NONE, 1)
 
     @property
     def warning(self) -> str:
@@ -132,7 +132,7 @@ class Fallback:
             replaced = f"{self._name} was worse than no compensation: it is tried again"
         return ", ".join(filter(None, (self.supervisor.warning, replaced)))
 
-    def reset(self, name: str, granted_delay: int) -> None:
+    def start(self, name: str, granted_delay: int) -> None:
         """Return to the initial state, for a controller and its additional delay."""
         self.supervisor.reset()
         self._share, self._gain = 1.0, 0.0
@@ -169,7 +169,7 @@ class Fallback:
         self._gain = self._faded(self._gain, float(settled and self.substitute == DYNAMIC))
         return self._share * wanted + self._gain * substituted
 
-    def sample(self, desired: float, measured: float, force: float) -> None:
+    def observe(self, desired: float, measured: float, force: float) -> None:
         """Process one sample.
 
         Parameters
@@ -181,25 +181,25 @@ class Fallback:
         force : float
             Force sent at this sample, N.
         """
-        self.supervisor.sample(measured, force)
+        self.supervisor.observe(measured, force)
         if self._name == NONE:
             return
         self._desired.append(desired)
         # `dynamic` lags by one sample, independent of the controller's granted delay.
         later = max(0, self._granted - 1) if self.substitute == DYNAMIC else 0
-        self._tracking.sample(self._desired[later], measured)
+        self._tracking.observe(self._desired[later], measured)
         if self.substitute:
-            self._prospect.sample(self._expected, self._desired[0])
-            self._expected = self._model.sample(self._wanted)
+            self._prospect.observe(self._expected, self._desired[0])
+            self._expected = self._model.process(self._wanted)
 
-    def step(self) -> bool:
+    def update(self) -> bool:
         """Execute a part of slow computations; return True after a new result."""
         self._turn = (self._turn + 1) % 3
         if self._turn == 0:
-            return self.supervisor.step()
-        if self._turn == 1 and self._tracking.step():
+            return self.supervisor.update()
+        if self._turn == 1 and self._tracking.update():
             self._judge()
-        if self._turn == 2 and self.substitute and self._prospect.step():
+        if self._turn == 2 and self.substitute and self._prospect.update():
             self._reconsider()
         return False
 

@@ -57,7 +57,7 @@ class SampleFilter:
             [*map(float, (b0, b1, b2, a1, a2)), 0.0, 0.0] for b0, b1, b2, _, a1, a2 in sections
         ]
 
-    def sample(self, value: float) -> float:
+    def process(self, value: float) -> float:
         """Filter one sample."""
         for section in self._sections:
             b0, b1, b2, a1, a2, first, second = section

@@ -120,7 +120,7 @@ class GripEstimator:
     grip, which fits no grip, thus has little weight. If the present grip has a much larger error
     than the best one, the hand has changed, and the past is discarded.
 
-    `sample` only stores two values; `step` does all computations in parts.
+    `observe` only stores two values; `update` does all computations in parts.
 
     Parameters
     ----------
@@ -165,12 +165,12 @@ class GripEstimator:
             if abs(count) >= PERSISTENT
         }
 
-    def sample(self, actuator_force: float, handle_acceleration: float) -> None:
+    def observe(self, actuator_force: float, handle_acceleration: float) -> None:
         """Store force (N) and handle acceleration (m/s^2; NaN if unknown) of one sample."""
         if self._window.push(actuator_force, handle_acceleration):
             self._work = self._look()
 
-    def step(self) -> bool:
+    def update(self) -> bool:
         """Execute a part of pending computations; return True when the grip has changed."""
         return next(self._work, False)
 

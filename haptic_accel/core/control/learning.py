@@ -90,7 +90,7 @@ class Learner:
 
     The normal equations differ from the expected ones by the learnt part, which is smooth and
     needs few lines. A few steps from the last solution solve them for all members of the bank
-    together. `sample` only stores values; `step` does all computations in parts.
+    together. `observe` only stores values; `update` does all computations in parts.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class Learner:
         self._work: Iterator[bool] = iter(())
         self.reset()
 
-    def sample(self, desired: float, actuator_force: float, measured: float) -> None:
+    def observe(self, desired: float, actuator_force: float, measured: float) -> None:
         """Store one sample.
 
         Parameters
@@ -144,10 +144,10 @@ class Learner:
         measured : float
             Handle acceleration measured when that force took effect, m/s^2; NaN if unknown.
         """
-        self._tool.sample(desired, desired)
-        self._ratio.sample(actuator_force, measured)
+        self._tool.observe(desired, desired)
+        self._ratio.observe(actuator_force, measured)
 
-    def step(self, grip: FloatArray) -> bool:
+    def update(self, grip: FloatArray) -> bool:
         """Execute a part of pending computations; return True after a new correction.
 
         Parameters
@@ -158,8 +158,8 @@ class Learner:
         done = next(self._work, None)
         if done is not None:
             return done
-        self._tool.step()
-        if self._ratio.step() and self._tool.weight:
+        self._tool.update()
+        if self._ratio.update() and self._tool.weight:
             self._work = self._redesign(grip)
         return False
 

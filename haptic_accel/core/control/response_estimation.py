@@ -41,7 +41,7 @@ class ResponseEstimator:
     response is then the ratio of plant to model, with a small error due to the window's length.
     While the input is zero, the response remains and the excitation decays.
 
-    `sample` only stores two values; `step` does all computations in parts.
+    `observe` only stores two values; `update` does all computations in parts.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class ResponseEstimator:
         power = np.maximum(self.excitation * self.output, np.finfo(float).tiny)
         return np.asarray(np.abs(self.cross) ** 2 / power)
 
-    def sample(self, force: float, acceleration: float) -> None:
+    def observe(self, force: float, acceleration: float) -> None:
         """Store one sample of input and output (NaN if unknown).
 
         Parameters
@@ -116,7 +116,7 @@ class ResponseEstimator:
         if self._window.push(force, acceleration):
             self._work = self._look()
 
-    def step(self) -> bool:
+    def update(self) -> bool:
         """Execute a part of pending computations; return True after a new estimate."""
         return next(self._work, False)
 

@@ -144,7 +144,7 @@ class ResponseSupervisor:
         where = f"between {low:g} and {high:g} Hz" if fits_above else f"above {low:g} Hz"
         return f"{DEVIATES} {where}: run identify"
 
-    def sample(self, measured_acceleration: float, actuator_force: float) -> None:
+    def observe(self, measured_acceleration: float, actuator_force: float) -> None:
         """Process one sample.
 
         Parameters
@@ -157,12 +157,12 @@ class ResponseSupervisor:
         """
         if math.isinf(measured_acceleration):
             self.fitting = 0.0
-        self._estimator.sample(self._expected, measured_acceleration)
-        self._expected = self._model.sample(actuator_force)
+        self._estimator.observe(self._expected, measured_acceleration)
+        self._expected = self._model.process(actuator_force)
 
-    def step(self) -> bool:
+    def update(self) -> bool:
         """Execute a part of pending computations; return True after a new result."""
-        done = self._estimator.step()
+        done = self._estimator.update()
         if done:
             self._judge()
         return done
@@ -233,8 +233,8 @@ def supervise(
     last, first = "", math.nan
     before = [math.nan, *acceleration.tolist()]
     for index, sent in enumerate(force.tolist()):
-        supervisor.sample(before[index], sent)
-        if supervisor.step() and supervisor.warning:
+        supervisor.observe(before[index], sent)
+        if supervisor.update() and supervisor.warning:
             last = supervisor.warning
             first = index / rate if math.isnan(first) else first
     return last, first

@@ -166,7 +166,7 @@ class Engagement:
         return bool(self._freed) and not self.engaged and now - self._released >= FREE_TIME
 
     def due(self, now: float) -> bool:
-        """Return whether the next `step` is due."""
+        """Return whether the next `decide` is due."""
         return now >= self._step_due
 
     def missing(self, now: float, listeners: int) -> str:
@@ -201,7 +201,7 @@ class Engagement:
             )
         return ""
 
-    def step(self, now: float, listeners: int) -> Decision:
+    def decide(self, now: float, listeners: int) -> Decision:
         """Return the actions that are due; arguments as for `missing`."""
         self._step_due = now + STEP_PERIOD
         differing = self._stop_all(now)

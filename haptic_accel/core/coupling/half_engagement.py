@@ -104,10 +104,10 @@ class HalfEngagement(Engagement):
         """Return the reason that prevents engagement, or ends it; empty if there is none."""
         return super().missing(now, listeners) or self._missing_there(now)
 
-    def step(self, now: float, listeners: int) -> Decision:
+    def decide(self, now: float, listeners: int) -> Decision:
         """Return the actions that are due; arguments as for `missing`."""
         lost = self._lost(now)
-        decision = super().step(now, listeners)
+        decision = super().decide(now, listeners)
         if decision.engage and self._peer:
             self.count += 1
             self._session = self._peer.session
@@ -120,7 +120,7 @@ class HalfEngagement(Engagement):
         return decision
 
     def due(self, now: float) -> bool:
-        """Return whether the next `step` is due; it is due at once after the loss of the peer."""
+        """Return whether `decide` is due; it is due at once after the loss of the peer."""
         if super().due(now):
             return True
         return self.engaged and (self.stop.stopped or bool(self._missing_there(now)))

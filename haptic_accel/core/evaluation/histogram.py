@@ -98,7 +98,7 @@ class DurationHistogram:
         found = {label: self._quantile(reached, q) for label, q in QUANTILES.items()}
         return {**found, "max": self.maximum}
 
-    def status(self, name: str) -> dict[str, str]:
+    def diagnostics(self, name: str) -> dict[str, str]:
         """Return the summary for diagnostics, in us; empty without durations."""
         if not self.count:
             return {}

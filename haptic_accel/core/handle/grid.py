@@ -47,10 +47,10 @@ class Grid:
     @property
     def frequency(self) -> FloatArray:
         """Frequencies, Hz, shape (points,)."""
-        return np.asarray((np.arange(self.points) + 0.5) * self.step, dtype=np.float64)
+        return np.asarray((np.arange(self.points) + 0.5) * self.spacing, dtype=np.float64)
 
     @property
-    def step(self) -> float:
+    def spacing(self) -> float:
         """Distance between two frequencies, Hz."""
         return self.rate / (2 * self.points)
 

@@ -28,7 +28,7 @@ STOPS_HIT = "travel_stops_hit"
 """Status entry of a trial: number of contacts with a stop, if known."""
 
 LIMITED = tuple(f"actuator force limited{by}" for by in ("", " by heat", " by travel"))
-"""Entries in a trial's status and a device's diagnostics: number of forces reduced by the safety
+"""Entries in a trial's counters and a device's diagnostics: number of forces reduced by the safety
 layer. The applied force then differs from the commanded one."""
 
 DOUBTFUL, REFUSED = 0.95, 1.1
@@ -49,7 +49,7 @@ def check_stops(recorded: Recorded) -> None:
     """
     for name, trials in recorded.items():
         for key in (STOPS_HIT, *LIMITED):
-            if count := max(trial.status.get(key, 0) for trial in trials):
+            if count := max(trial.counters.get(key, 0) for trial in trials):
                 raise RecordingError(
                     f"{key} = {count} ({name}): must be 0; use a smaller amplitude"
                 )
@@ -78,7 +78,7 @@ def check_travel(
     """
     estimator = TravelEstimator(suspension, trial.rate)
     pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
-    travel = max(abs(estimator.sample(*pair)) for pair in pairs)
+    travel = max(abs(estimator.observe(*pair)) for pair in pairs)
     found = f"travel = {1e3 * travel:.2f} mm ({name}), as estimated"
     allowed = f"must be at most {1e3 * most:.2f} mm; use a smaller amplitude"
     if travel > REFUSED * most:

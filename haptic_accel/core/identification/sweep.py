@@ -210,7 +210,7 @@ class IdentificationTrial:
         Force commanded immediately after each sample was measured, N.
     handle_acceleration : ndarray
         Measured acceleration, m/s^2.
-    status : dict
+    counters : dict
         Counts of out-of-range values and losses by name; all zero in a good trial.
     latency : int
         Delay from sample to force, in samples. If it is unknown, it becomes part of the identified
@@ -220,7 +220,7 @@ class IdentificationTrial:
     rate: float
     actuator_force: FloatArray
     handle_acceleration: FloatArray
-    status: dict[str, int]
+    counters: dict[str, int]
     latency: int = 0
 
     @property
@@ -261,7 +261,7 @@ def find_trials(
     Returns
     -------
     list of IdentificationTrial
-        Trials in recorded order; the status of each contains its number of missing samples.
+        Trials in recorded order; the counters of each contain its number of missing samples.
 
     Raises
     ------

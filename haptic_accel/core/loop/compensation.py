@@ -119,7 +119,7 @@ class CompensationPart:
             self.without += handle is None and self.samples > 0  # no sample precedes the first
             self.samples += 1
             self._bridge.put(tool)
-            yield Caused(stamp, *self._compensation.sample(tool, handle))
+            yield Caused(stamp, *self._compensation.process(tool, handle))
             self._compensation.adapt()
 
     def _before(self, stamp: int) -> tuple[bool, float | None]:
@@ -140,4 +140,4 @@ class CompensationPart:
         if 0 < lost <= self._longest_bridge:
             self.bridged += lost
             for predicted in self._bridge.predict(lost):
-                self._compensation.sample(predicted, None)
+                self._compensation.process(predicted, None)

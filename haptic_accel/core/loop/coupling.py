@@ -95,7 +95,7 @@ class CouplingPart:
 
         Arguments as for `Engagement.missing`.
         """
-        decision = self.engagement.step(now, listeners)
+        decision = self.engagement.decide(now, listeners)
         if decision.release:
             self._engaging = False
             self._coupling.disengage()

@@ -285,16 +285,16 @@ class DeviceSide:
         """Maximum delay of a force beyond its due time, s."""
         return max(each.forces.longest for each in self.commands.values())
 
-    def status(self) -> dict[str, str]:
+    def diagnostics(self) -> dict[str, str]:
         """Return counts and ages of the commands for diagnostics."""
         values = dict[str, str]()
         for kind, each in self.commands.items():
             name = kind.replace("_", " ")
             values |= {
                 f"{name} count": str(each.age.count),
-                **{f"{name} {key}": value for key, value in each.forces.status().items()},
+                **{f"{name} {key}": value for key, value in each.forces.diagnostics().items()},
                 f"{name} deadlines missed": str(self._missed(kind)),
-                **each.age.status(f"{name} age"),
+                **each.age.diagnostics(f"{name} age"),
             }
         return values
 
@@ -326,7 +326,7 @@ class DeviceSide:
         moments: dict[str, int] = {}
         for kind in kinds:
             commands = self.commands[kind]
-            if caused := commands.forces.take(tick, ahead=commands.ahead):
+            if caused := commands.forces.pop(tick, ahead=commands.ahead):
                 moment, force = caused
                 allowed = self._allowed[kind](now, begun - moment / NANOSECONDS, force)
                 if allowed is not None:

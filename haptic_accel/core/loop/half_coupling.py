@@ -82,7 +82,7 @@ class HalfCouplingPart:
         playout = self.end.endpoint.playout
         if not self.end.endpoint.fresh(now, self._timeout):
             playout.clear()
-        self.played = playout.take(now)
+        self.played = playout.play(now)
         if self.played.kind != WAITING:
             self._tools.append(Tool(stamp, self.played.value))
 
@@ -112,7 +112,7 @@ class HalfCouplingPart:
 
     def look(self, now: float, listeners: int) -> Decision:
         """Engage or release the arm if this is due; arguments as for `Engagement.missing`."""
-        decision = self.engagement.step(now, listeners)
+        decision = self.engagement.decide(now, listeners)
         if decision.release:
             self._pulls.clear()
             self.end.half.disengage()

@@ -257,7 +257,7 @@ class Endpoint:
             )
         return found
 
-    def status(self, system: int, now: float) -> dict[str, str]:
+    def diagnostics(self, system: int, now: float) -> dict[str, str]:
         """Return values for diagnostics."""
         session, known = self.session, math.isfinite(self.clock.bound)
         age = self.round_trip_age(now)

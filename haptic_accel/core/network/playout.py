@@ -112,7 +112,7 @@ class Playout:
     --------
     >>> playout = Playout(rate=1000.0)
     >>> playout.put(7, [0.5, 0.25], now=3.0)
-    >>> playout.take(now=3.0)
+    >>> playout.play(now=3.0)
     Played(value=0.25, kind='true')
     """
 
@@ -184,7 +184,7 @@ class Playout:
                 self.counts["late"] += number <= due
         self._aim(now)
 
-    def take(self, now: float) -> Played:
+    def play(self, now: float) -> Played:
         """Return the sample of a tick; call it once per tick.
 
         Parameters

@@ -102,7 +102,7 @@ class ArmParameters(Checked):
         resolution = self.position_resolution
         return round(position / resolution) * resolution if resolution else position
 
-    def sample(self, x: float, z: float, v_x: float, v_z: float, acceleration: float) -> Sample:
+    def reading(self, x: float, z: float, v_x: float, v_z: float, acceleration: float) -> Sample:
         """Return the readings of an arm that moves along x and z."""
         position = (self.encoded(x), 0.0, self.encoded(z))
         return Sample(position, (v_x, 0.0, v_z), acceleration)

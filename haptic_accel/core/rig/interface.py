@@ -67,7 +67,7 @@ class Rig(Protocol):
     def release(self) -> None:
         """Set all forces to zero."""
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return counts of out-of-range values by name."""
 
 

@@ -190,7 +190,7 @@ class MasterRig:
         while due > 0:
             due -= self._advance(due)
         if self._commands:
-            self._take_commands()
+            self._apply_commands()
         if let_go:
             self._put_back()
 
@@ -200,7 +200,7 @@ class MasterRig:
         # The sensor is held against gravity, which it measures as an upward acceleration.
         low_passed = state[MEASURED] + self._p.grip.gravity
         acceleration = self._accelerometer.measure(low_passed, noisy=self._started)
-        return self._p.arm.sample(state[X_H], state[Y_H], state[VX_H], state[V_H], acceleration)
+        return self._p.arm.reading(state[X_H], state[Y_H], state[VX_H], state[V_H], acceleration)
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis limited to their maximum."""
@@ -220,7 +220,7 @@ class MasterRig:
         converted = self._converter.convert(0.0 if math.isnan(force) else force)
         self._started = self._started or converted != 0.0
         self._commands.append((self._now + self._delay, converted))
-        self._take_commands()
+        self._apply_commands()
 
     def change_grip(self, handle: HandleParameters) -> None:
         """Change the parameters of the handle from now on, without a jump of the motion."""
@@ -243,7 +243,7 @@ class MasterRig:
         self._system.inputs[[F_A, F_X, F_Z]] = 0.0
         self._holding.command(free=True)
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return counts of saturated samples and commands, and of contacts with travel stops."""
         return {
             "accelerometer_saturated": self._accelerometer.saturated,
@@ -295,7 +295,7 @@ class MasterRig:
     def _advance(self, due: int) -> int:
         """Advance by at most `due` steps, until an input may change; return their number."""
         if self._commands:
-            self._take_commands()
+            self._apply_commands()
         if self._now >= self._hand_until:
             self._lead_hand()
         y_a, v_a, y_h, v_h = self._ends.tolist()
@@ -318,7 +318,7 @@ class MasterRig:
         reach = abs(offset) + 2 * abs(slip) * steps * self._step
         return min(steps, STOP_STEPS) if reach > self._travel / 2 else steps
 
-    def _take_commands(self) -> None:
+    def _apply_commands(self) -> None:
         """Apply the commands whose delay has passed."""
         while self._commands and self._commands[0][0] <= self._now:
             self._system.inputs[F_A] = self._commands.popleft()[1]

@@ -157,7 +157,7 @@ class SlaveRig:
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
         acceleration = self._tool_acceleration()
-        return self._p.arm.sample(self._x, self._z, self._v_x, self._v_z, acceleration)
+        return self._p.arm.reading(self._x, self._z, self._v_x, self._v_z, acceleration)
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis limited to their maximum."""
@@ -197,7 +197,7 @@ class SlaveRig:
         self._force_x = self._force_z = 0.0
         self._holding.command(free=True)
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return the count of out-of-range samples of the accelerometer."""
         return {"accelerometer_saturated": self._accelerometer.saturated}
 

@@ -181,7 +181,7 @@ class Tap:
         self._age = max(self._refractory, self._fade)  # samples since the last tap
 
     def strike(self, speed: float) -> None:
-        """Start a tap; its first acceleration is the next result of `sample`.
+        """Start a tap; its first acceleration is the next result of `synthesize`.
 
         Parameters
         ----------
@@ -202,7 +202,7 @@ class Tap:
         wave[: len(rest)] += rest
         self._wave, self._age = wave, 0
 
-    def sample(self) -> float:
+    def synthesize(self) -> float:
         """Return the acceleration of one sample, m/s^2; 0 after the end of all taps."""
         self._age += 1
         return float(self._wave[self._age - 1]) if self._age <= len(self._wave) else 0.0

@@ -386,7 +386,7 @@ class Texture:
         self._forward = self._cells.forward[cell].tolist()
         self._feedback = self._cells.feedback[cell].tolist()
 
-    def sample(self, speed: float, force: float) -> float:
+    def synthesize(self, speed: float, force: float) -> float:
         """Return the next acceleration, m/s^2.
 
         Parameters
@@ -396,7 +396,7 @@ class Texture:
         force : float
             Normal force, N; 0 without contact, when the texture decays.
         """
-        speed = min(max(self._speed.sample(speed), 0.0), self._top_speed)
+        speed = min(max(self._speed.process(speed), 0.0), self._top_speed)
         innovation = 0.0
         if force > 0:
             force = min(force, self._top_force)
@@ -418,8 +418,8 @@ class Texture:
         return output
 
     def block(self, speeds: FloatArray, forces: FloatArray) -> FloatArray:
-        """Return the accelerations that successive calls of `sample` would give."""
-        return np.array(list(map(self.sample, speeds.tolist(), forces.tolist())))
+        """Return the accelerations that successive calls of `synthesize` would give."""
+        return np.array(list(map(self.synthesize, speeds.tolist(), forces.tolist())))
 
 
 def _white_noise(seed: int) -> Iterator[float]:

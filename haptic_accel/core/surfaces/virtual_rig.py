@@ -76,7 +76,7 @@ class Vibration:
         """True if the tool has left the material, and the vibration has decayed."""
         return not self._left
 
-    def sample(self, contact: Contact | None) -> float:
+    def synthesize(self, contact: Contact | None) -> float:
         """Return the acceleration of one sample, m/s^2; without a contact it decays."""
         if contact:
             self._left = self._ringing
@@ -87,10 +87,10 @@ class Vibration:
         else:
             self._left -= 1
         speed, force = (contact.speed, contact.normal_force) if contact else (0.0, 0.0)
-        texture = self._texture.sample(speed, force) if self._texture else 0.0
+        texture = self._texture.synthesize(speed, force) if self._texture else 0.0
         if not self._tap:
             return texture
-        return self._tap.sample() + self._tap.texture_share * texture
+        return self._tap.synthesize() + self._tap.texture_share * texture
 
 
 class VirtualRig:
@@ -186,7 +186,7 @@ class VirtualRig:
         self._force = ZERO
         self._holding.command(free=True)
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return the count of samples at the limit of a texture."""
         return {"texture_saturated": sum(each.saturated for each in self._vibrations.values())}
 
@@ -195,6 +195,6 @@ class VirtualRig:
         contact = self.contact = self._tool.advance(self._force)
         touched = contact.object.material if contact else None
         self._acceleration = sum(
-            vibration.sample(contact if material is touched else None)
+            vibration.synthesize(contact if material is touched else None)
             for material, vibration in self._vibrations.items()
         )

@@ -148,13 +148,13 @@ class DrivenArm:
         self.fault = ""
         self._counts = dict.fromkeys(COUNTED, 0)
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return counts by name."""
         return {"armed": int(self.state is State.ARMED), **self._counts}
 
     # Called by the thread that reads the bus
 
-    def take(self, frame: Frame, now: float) -> None:
+    def receive(self, frame: Frame, now: float) -> None:
         """Process a frame received at a time."""
         report = protocol.parse_report(frame)
         axis = self._by_node.get(frame.node)

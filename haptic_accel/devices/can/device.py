@@ -122,7 +122,7 @@ class CanArm(Device):
             self._p.estimates == REQUESTED,
         )
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return counts, and the load of the bus since the last call in percent."""
         now, link = monotonic(), self._link
         seconds = max(now - self._measured_since, POLL_PERIOD)
@@ -130,7 +130,7 @@ class CanArm(Device):
         self._measured_since, self._measured_bits = now, link.bits
         return {
             "connected": int(link.connected),
-            **self._arm.status(),
+            **self._arm.counters(),
             "bus_load_percent": round(100 * load),
             **link.counts,
             "bus_losses": link.losses,

@@ -105,7 +105,7 @@ class ArmLink(Connection):
             if message is None:
                 break
             timeout = 0.0
-            self._take(message)
+            self._accept(message)
         self.arm.update(time.monotonic())
 
     def _release(self) -> None:
@@ -137,11 +137,11 @@ class ArmLink(Connection):
                 return False
         return True
 
-    def _take(self, message: can.Message) -> None:
+    def _accept(self, message: can.Message) -> None:
         frame = frame_of(message)
         if frame is None:
             self.counts["frames_garbled"] += 1
             return
         self.counts["frames_received"] += 1
         self.bits += frame_bits(len(frame.data))
-        self.arm.take(frame, time.monotonic())
+        self.arm.receive(frame, time.monotonic())

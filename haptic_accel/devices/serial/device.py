@@ -257,9 +257,9 @@ class SerialDevice(Device):
         """Number of set-points that came to the board after the tick at which they were due."""
         return self._link.late
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return counts of the link, and of samples that no tick got and ticks that got none."""
-        return {**self._counts, **self._link.status()}
+        return {**self._counts, **self._link.counters()}
 
     def _take(self, times: Sequence[float], samples: Samples) -> None:
         if not self._gain:

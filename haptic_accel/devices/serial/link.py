@@ -210,7 +210,7 @@ class BoardLink(Connection):
             return self.problem
         return f"{self._path}: {REFUSALS[board.state]}"
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return counts of both sides, by name."""
         decoder, board = self._decoder, self._board
         counts = {

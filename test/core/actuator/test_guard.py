@@ -225,7 +225,7 @@ def driven(
 
 
 def hits(master: MasterRig) -> int:
-    return master.status()["travel_stops_hit"]
+    return master.counters()["travel_stops_hit"]
 
 
 @pytest.mark.parametrize("rate", RATES)

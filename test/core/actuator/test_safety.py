@@ -92,7 +92,7 @@ class Bench:
         return applied
 
     def value(self, name: str) -> float:
-        return float(self.layer.status()[name])
+        return float(self.layer.diagnostics()[name])
 
 
 numbers = st.one_of(
@@ -144,7 +144,7 @@ def test_whatever_comes_only_less_of_it_is_applied(
             layer.enable(bench.now, what == "on")
         layer.news(bench.now)
     assert all(
-        math.isfinite(float(value)) for name, value in layer.status().items() if "." in value
+        math.isfinite(float(value)) for name, value in layer.diagnostics().items() if "." in value
     )
 
 
@@ -293,12 +293,12 @@ def test_where_recovery_is_manual_only_arming_gives_forces_again(stale: bool) ->
     bench.push(1.0)
     bench.pull((1.0, 0.0, 0.0))
     assert (bench.actuator, bench.arm) == (0.0, (1.0, 0.0, 0.0)), "each for itself"
-    assert bench.layer.status()["forces allowed"] == "false"
+    assert bench.layer.diagnostics()["forces allowed"] == "false"
     assert bench.layer.warnings()[0].startswith("not armed: actuator force: ")
     assert bench.layer.arm() == ""
     bench.push(1.0)
     assert bench.actuator == 1.0
-    assert bench.layer.status()["forces allowed"] == "true"
+    assert bench.layer.diagnostics()["forces allowed"] == "true"
 
 
 def test_no_force_while_stopped_or_not_active() -> None:
@@ -359,7 +359,7 @@ def test_a_device_without_an_actuator_gets_no_force_for_one() -> None:
     layer.enable(0.0, True)
     assert layer.actuator_force(0.0, FRESH, 1.0) is None
     assert layer.tick(1.0, 0.0) == (None, None)
-    assert not [name for name in layer.status() if "actuator" in name]
+    assert not [name for name in layer.diagnostics() if "actuator" in name]
 
 
 def alternating(force: float, count: int) -> list[float]:

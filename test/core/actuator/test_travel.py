@@ -31,7 +31,7 @@ from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 def test_a_constant_force_stretches_the_spring() -> None:
     estimator = TravelEstimator(Suspension(k_s=200.0), 1000.0)
     for _ in range(2000):
-        travel = estimator.sample(0.3, 0.0)
+        travel = estimator.observe(0.3, 0.0)
     assert travel == pytest.approx(-0.3 / 200.0)
     estimator.reset()
     assert estimator.travel == 0.0
@@ -41,7 +41,7 @@ def test_gravity_that_the_accelerometer_feels_makes_it_sag() -> None:
     suspension = Suspension()
     estimator = TravelEstimator(suspension, 1000.0)
     for _ in range(2000):
-        estimator.sample(0.0, 9.81)
+        estimator.observe(0.0, 9.81)
     assert estimator.travel == pytest.approx(-suspension.m_a * 9.81 / suspension.k_s)
 
 
@@ -51,8 +51,8 @@ def test_a_free_mass_rings_at_its_frequency_and_fades_with_its_damping(rate: flo
     m_a, k_s, b_s = suspension.m_a, suspension.k_s, suspension.b_s
     estimator = TravelEstimator(suspension, rate)
     # After a blow of one sample: d(t) = v / w * exp(-b t / 2 m) * sin(w t).
-    estimator.sample(-1.0, 0.0)
-    found = np.array([estimator.sample(0.0, 0.0) for _ in range(round(0.3 * rate))])
+    estimator.observe(-1.0, 0.0)
+    found = np.array([estimator.observe(0.0, 0.0) for _ in range(round(0.3 * rate))])
     damped = math.sqrt(k_s / m_a - (b_s / (2 * m_a)) ** 2)
     crossings = np.flatnonzero(np.diff(np.sign(found)))
     assert len(crossings) == pytest.approx(0.3 * damped / math.pi, abs=1)
@@ -76,7 +76,7 @@ def test_it_follows_the_simulated_actuator_through_the_sweep() -> None:
     applied = 0.0
     for index, force in enumerate(excitation(SweepParameters(), rate).tolist()):
         master.advance(index / rate)
-        found.append(estimator.sample(applied, master.measure().acceleration))
+        found.append(estimator.observe(applied, master.measure().acceleration))
         true.append(master.travel)
         master.apply_actuator_force(force)
         applied = force

@@ -88,8 +88,8 @@ def compensation(controller: str, rate: float = RATE, *, soon: bool = False) -> 
 
 def woken(stream: Compensation) -> Compensation:
     """Return a compensation that was at rest at zero, after the least motion of the handle."""
-    stream.sample(0.0, 0.0)
-    stream.sample(0.0, 5e-324)
+    stream.process(0.0, 0.0)
+    stream.process(0.0, 5e-324)
     return stream
 
 
@@ -105,7 +105,7 @@ def unlimited(controller: str, **limits: float) -> Compensation:
 
 
 def forces(of: Compensation, tool_acceleration: list[float]) -> list[float]:
-    return [of.sample(value, 0.0)[1] for value in tool_acceleration]
+    return [of.process(value, 0.0)[1] for value in tool_acceleration]
 
 
 def texture(seconds: float) -> FloatArray:
@@ -132,7 +132,7 @@ def test_samples_give_what_the_whole_signal_gives(
         "dynamic": signal.sosfilt(inverse_of(ApproximateModel(), rate), desired),
     }[controller]
     stream = woken(Compensation(CompensationParameters(controller), rate, {"actuator": UNLIMITED}))
-    output = np.array([stream.sample(value, 0.0) for value in values.tolist()])
+    output = np.array([stream.process(value, 0.0) for value in values.tolist()])
     assert output[:, 0] == pytest.approx(desired, abs=1e-9)
     assert output[:, 1] == pytest.approx(
         np.clip(force, -COIL.peak_force, COIL.peak_force), abs=1e-9
@@ -144,17 +144,17 @@ def test_its_corner_can_be_chosen() -> None:
     stream = Compensation(CompensationParameters("constant", high_pass_frequency=100.0), RATE)
     stream = woken(stream)
     # At the corner a Butterworth high-pass lets 1/sqrt(2) through.
-    output = [stream.sample(math.sin(2 * math.pi * 0.1 * index), 0.0)[0] for index in range(1000)]
+    output = [stream.process(math.sin(2 * math.pi * 0.1 * index), 0.0)[0] for index in range(1000)]
     assert np.std(output[500:]) == pytest.approx(0.5, rel=1e-3)
 
 
 def test_parameters_reach_the_controller_they_are_for() -> None:
     heavy: dict[str, Checked] = {"constant": ConstantParameters(1.0)}
     stream = woken(Compensation(CompensationParameters("constant"), RATE, heavy))
-    desired, force = stream.sample(1.0, 0.0)
+    desired, force = stream.process(1.0, 0.0)
     assert force == desired
     stream = woken(Compensation(CompensationParameters("none"), RATE, heavy))
-    assert stream.sample(1.0, 0.0)[1] == 0.0
+    assert stream.process(1.0, 0.0)[1] == 0.0
 
 
 def test_reset_forgets_the_past() -> None:
@@ -182,18 +182,18 @@ def test_how_long_it_waited_at_rest_changes_no_bit(
     random = np.random.default_rng(waiting)
     waited, started = (copy.deepcopy(built(controller, RATE, soon=False)) for _ in range(2))
     for stream, samples in ((waited, waiting), (started, 0)):
-        assert stream.sample(tool, handle) == (0.0, 0.0)
+        assert stream.process(tool, handle) == (0.0, 0.0)
         for _ in range(samples):
             absent = random.random() < missing
-            assert stream.sample(tool, None if absent else handle) == (0.0, 0.0)
+            assert stream.process(tool, None if absent else handle) == (0.0, 0.0)
             stream.adapt()
     moving = (texture(1.0) - GRAVITY + tool).tolist()
     for index, value in enumerate(moving):
         felt = None if index % 50 == 7 else handle + 0.8 * moving[index - 1]
-        assert waited.sample(value, felt) == started.sample(value, felt)
+        assert waited.process(value, felt) == started.process(value, felt)
         waited.adapt()
         started.adapt()
-    assert waited.status() == started.status()
+    assert waited.diagnostics() == started.diagnostics()
 
 
 @pytest.mark.parametrize("controller", NAMES)
@@ -201,12 +201,12 @@ def test_gravity_is_no_blow_to_who_wakes(controller: str) -> None:
     stream = copy.deepcopy(built(controller, RATE, soon=False))
     noise = np.random.default_rng(0).normal(0.0, 1e-6, (2, 2000)).tolist()
     for tool, handle in zip(*noise, strict=True):
-        assert abs(stream.sample(GRAVITY + tool, 6.9 + handle)[1]) < 1e-3
+        assert abs(stream.process(GRAVITY + tool, 6.9 + handle)[1]) < 1e-3
 
 
 def test_who_is_selected_before_anything_moves_is_there_from_the_beginning() -> None:
     stream, begun = (copy.deepcopy(built(name, RATE, soon=False)) for name in ("none", "constant"))
-    stream.sample(0.0, 0.0)
+    stream.process(0.0, 0.0)
     stream.select("constant")
     values = texture(0.1).tolist()
     assert forces(stream, values) == forces(begun, [0.0, *values])[1:]
@@ -218,16 +218,16 @@ def test_who_is_selected_before_anything_moves_is_there_from_the_beginning() -> 
 def test_a_force_beyond_the_peak_is_cut_and_counted() -> None:
     stream = unlimited("constant")
     # 6.6 N / 0.128 kg = 51.6 m/s^2, of which the first sample passes 88 %.
-    assert [stream.sample(50.0, 0.0)[1] < COIL.peak_force, stream.guard.saturated] == [
+    assert [stream.process(50.0, 0.0)[1] < COIL.peak_force, stream.guard.saturated] == [
         True,
         0,
     ]
     stream.reset()
     woken(stream)
-    assert [stream.sample(100.0, 0.0)[1], stream.guard.saturated] == [6.6, 1]
+    assert [stream.process(100.0, 0.0)[1], stream.guard.saturated] == [6.6, 1]
     stream.reset()
     woken(stream)
-    assert [stream.sample(-100.0, 0.0)[1], stream.guard.saturated] == [-6.6, 2]
+    assert [stream.process(-100.0, 0.0)[1], stream.guard.saturated] == [-6.6, 2]
 
 
 @untimed
@@ -262,11 +262,11 @@ def test_whatever_comes_in_the_force_is_finite_and_limited(
     for tool, handle, selected in data.draw(st.lists(moment, max_size=60)):
         if selected:
             stream.select(selected)
-        desired, force = stream.sample(tool, handle)
+        desired, force = stream.process(tool, handle)
         stream.adapt()
         assert math.isfinite(desired)
         assert abs(force) <= COIL.peak_force
-    warning, values = stream.status()
+    warning, values = stream.diagnostics()
     assert isinstance(warning, str)
     assert all(isinstance(value, str) for value in values.values())
 
@@ -285,13 +285,13 @@ def test_nor_does_any_long_stream_that_changes_controllers_all_the_time(controll
     for index, (tool, handle) in enumerate(zip(tools.tolist(), handles.tolist(), strict=True)):
         if random.random() < 1 / 300:
             stream.select(NAMES[random.integers(len(NAMES))])
-        desired, force = stream.sample(tool, None if index % 1000 < 50 else handle)
+        desired, force = stream.process(tool, None if index % 1000 < 50 else handle)
         stream.adapt()
         assert math.isfinite(desired)
         assert abs(force) <= COIL.peak_force
         heat += weight * (force**2 - heat)
     assert heat < 2.2**2 * 1.001
-    _, values = stream.status()
+    _, values = stream.diagnostics()
     assert not any("nan" in value or "inf" in value for value in values.values())
 
 
@@ -299,7 +299,7 @@ def test_nor_does_any_long_stream_that_changes_controllers_all_the_time(controll
 def test_silence_stays_silent_with_or_without_a_handle(controller: str) -> None:
     for handle in (None, 0.0):
         stream = compensation(controller)
-        assert {stream.sample(0.0, handle) for _ in range(500)} == {(0.0, 0.0)}
+        assert {stream.process(0.0, handle) for _ in range(500)} == {(0.0, 0.0)}
 
 
 @pytest.mark.parametrize("controller", NAMES)
@@ -308,7 +308,7 @@ def test_a_handle_that_is_missing_or_at_its_sensors_range_is_not_believed(contro
     absent = (None, 5 * GRAVITY, -6 * GRAVITY)
     values = texture(0.3).tolist()
     outputs = [
-        [stream.sample(value, handle) for value in values]
+        [stream.process(value, handle) for value in values]
         for stream, handle in zip(streams, absent, strict=True)
     ]
     assert outputs[0] == outputs[1] == outputs[2]
@@ -323,14 +323,14 @@ def test_a_handle_that_is_missing_or_at_its_sensors_range_is_not_believed(contro
 def test_a_sample_that_is_not_finite_counts_as_zero(controller: str, values: list[float]) -> None:
     stream, clean = compensation(controller), compensation(controller)
     replaced = [value if math.isfinite(value) else 0.0 for value in values]
-    assert [stream.sample(v, 0.0) for v in values] == [clean.sample(v, 0.0) for v in replaced]
+    assert [stream.process(v, 0.0) for v in values] == [clean.process(v, 0.0) for v in replaced]
     assert stream.rejected == sum(not math.isfinite(value) for value in values)
 
 
 def test_a_handle_acceleration_that_is_not_finite_is_counted_too() -> None:
     stream = compensation("dynamic")
-    stream.sample(1.0, math.nan)
-    stream.sample(math.inf, -math.inf)
+    stream.process(1.0, math.nan)
+    stream.process(math.inf, -math.inf)
     assert stream.rejected == 3
 
 
@@ -344,7 +344,7 @@ def test_even_numbers_that_overflow_are_forgotten(controller: str, absurd: list[
     # The slowest pole, 12 Hz with damping 0.3, takes 31 s from 1e308 down to 1.
     forces(stream, [0.0] * 40_000)
     for value in (1.0, -5.0, 10.0):
-        assert stream.sample(value, 0.0) == pytest.approx(fresh.sample(value, 0.0), abs=1e-6)
+        assert stream.process(value, 0.0) == pytest.approx(fresh.process(value, 0.0), abs=1e-6)
 
 
 # What is refused
@@ -362,7 +362,7 @@ def test_a_rate_too_low_for_the_high_pass_is_refused(rate: float) -> None:
 
 def test_a_rate_just_above_is_not() -> None:
     check_corner(31.0, CompensationParameters().high_pass_frequency)
-    assert compensation("dynamic", 31.0).sample(0.0, 0.0) == (0.0, 0.0)
+    assert compensation("dynamic", 31.0).process(0.0, 0.0) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -397,9 +397,9 @@ def test_an_unknown_controller_is_refused_with_the_names_there_are() -> None:
 
 def test_an_absurd_sample_does_not_hold_the_actuator_at_its_limit() -> None:
     stream = compensation("dynamic")
-    assert stream.sample(1e30, 0.0) == (0.0, 0.0)
+    assert stream.process(1e30, 0.0) == (0.0, 0.0)
     assert stream.rejected == 1
-    assert stream.sample(0.0, 0.0) == (0.0, 0.0)
+    assert stream.process(0.0, 0.0) == (0.0, 0.0)
 
 
 # Another controller takes over
@@ -469,7 +469,7 @@ BEGUN = 3000
 def alone(controller: str) -> FloatArray:
     """Return what a controller that was always there gives."""
     stream = compensation(controller)
-    return np.array([stream.sample(value, 0.0) for value in texture(5.0).tolist()])
+    return np.array([stream.process(value, 0.0) for value in texture(5.0).tolist()])
 
 
 @pytest.mark.parametrize(("one", "other"), PAIRS)
@@ -478,7 +478,7 @@ def test_afterwards_it_is_as_if_the_other_had_always_been_there(one: str, other:
     values = texture(5.0).tolist()
     forces(stream, values[:BEGUN])
     stream.select(other)
-    found = np.array([stream.sample(value, 0.0) for value in values[BEGUN:]])
+    found = np.array([stream.process(value, 0.0) for value in values[BEGUN:]])
     expected = alone(other)[BEGUN:]
     difference = np.abs(found - expected)[LISTENED + FADED :]
     assert difference[:, 0].max() < 1e-3
@@ -558,7 +558,7 @@ def test_a_name_that_is_none_cannot_be_selected_and_changes_nothing() -> None:
     ):
         stream.select("magic")
     assert stream.controller == "constant"
-    assert stream.sample(1.0, 0.0)[1] > 0.0
+    assert stream.process(1.0, 0.0)[1] > 0.0
 
 
 def test_gravity_is_no_blow_to_who_begins_to_listen() -> None:
@@ -574,7 +574,7 @@ def test_gravity_is_no_blow_to_who_begins_to_listen() -> None:
 
 def test_the_status_says_who_is_in_use_and_what_was_limited() -> None:
     stream = compensation("constant")
-    warning, values = stream.status()
+    warning, values = stream.diagnostics()
     assert warning == ""
     assert values["controller"] == "constant"
     assert set(values) >= {
@@ -587,14 +587,14 @@ def test_the_status_says_who_is_in_use_and_what_was_limited() -> None:
         "rejected",
         "handle not trusted",
     }
-    stream.sample(100.0, None)
-    stream.sample(math.nan, 0.0)
-    values = stream.status()[1]
+    stream.process(100.0, None)
+    stream.process(math.nan, 0.0)
+    values = stream.diagnostics()[1]
     assert [values[name] for name in ("saturated", "rejected", "handle not trusted")] == ["1"] * 3
     assert float(values["travel (mm)"]) < 0.0
     assert values["heat (%)"] == "0.1"
     stream.select("dynamic")
-    assert stream.status()[1]["controller"] == "dynamic"
+    assert stream.diagnostics()[1]["controller"] == "dynamic"
 
 
 def test_a_reset_does_not_cool_the_coil() -> None:

@@ -86,14 +86,14 @@ class Loop:
     def run(self, tool: FloatArray) -> Loop:
         """Give the tool's acceleration."""
         for value in tool.tolist():
-            desired, force = self.stream.sample(value, self.moved[-2])
+            desired, force = self.stream.process(value, self.moved[-2])
             self.stream.adapt()
             self._past = np.append(force, self._past[:-1])
             # The force of this tick acts from the next sample on.
             self.moved.append(float(self._taps[1:] @ self._past[:-1]))
             self.desired.append(desired)
             self.forces.append(force)
-            self.warnings.append(self.stream.status()[0])
+            self.warnings.append(self.stream.diagnostics()[0])
         return self
 
     def error(self, first: int, last: int | None = None) -> float:
@@ -117,14 +117,14 @@ def test_on_the_handle_as_described_nothing_takes_over() -> None:
     for controller in CONTROLLERS:
         loop = Loop(compensation(controller), PLANT).run(texture(3.0))
         assert not any(loop.warnings)
-        assert loop.stream.status()[1]["replaced by"] == "-"
+        assert loop.stream.diagnostics()[1]["replaced by"] == "-"
 
 
 def test_the_better_of_dynamic_and_none_takes_over() -> None:
     heavy = ConstantParameters(0.5)  # four times the handle
     loop = Loop(compensation("constant", constant=heavy), PLANT).run(texture(4.0))
     assert loop.warnings[-1] == "constant is worse than no compensation: dynamic took over"
-    assert loop.stream.status()[1]["replaced by"] == "dynamic"
+    assert loop.stream.diagnostics()[1]["replaced by"] == "dynamic"
     assert loop.error(1500) < 0.5
 
 

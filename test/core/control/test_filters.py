@@ -42,7 +42,7 @@ def response(sections: FloatArray, frequency: FloatArray, rate: float) -> Comple
     seconds = 2.0  # every pole here has decayed by 1e-19 by then
     stream = SampleFilter(sections)
     count = int(seconds * rate)
-    impulse = np.array([stream.sample(float(index == 0)) for index in range(count)])
+    impulse = np.array([stream.process(float(index == 0)) for index in range(count)])
     turn = np.exp(-2j * np.pi * np.outer(frequency, np.arange(count)) / rate)
     return np.asarray(turn @ impulse)
 
@@ -68,7 +68,7 @@ def test_it_is_3_db_down_at_15_hz(rate: float) -> None:
 
 def test_a_constant_leaves_nothing() -> None:
     stream = SampleFilter(high_pass(15.0, 1000.0))
-    output = [stream.sample(9.81) for _ in range(2000)]
+    output = [stream.process(9.81) for _ in range(2000)]
     assert abs(output[0]) > 1.0
     assert max(map(abs, output[-100:])) < 1e-9
 
@@ -105,7 +105,7 @@ def test_a_stream_equals_the_whole_signal(
 ) -> None:
     sections = np.asarray(signal.butter(order, frequency, fs=1000.0, output="sos"))
     stream = SampleFilter(sections)
-    output = [stream.sample(value) for value in values.tolist()]
+    output = [stream.process(value) for value in values.tolist()]
     assert np.array(output) == pytest.approx(signal.sosfilt(sections, values), abs=1e-9)
 
 
@@ -114,9 +114,11 @@ def test_reset_forgets_the_past(past: FloatArray, values: FloatArray) -> None:
     sections = high_pass(15.0, 1000.0)
     fresh, used = SampleFilter(sections), SampleFilter(sections)
     for value in past.tolist():
-        used.sample(value)
+        used.process(value)
     used.reset()
-    assert [used.sample(v) for v in values.tolist()] == [fresh.sample(v) for v in values.tolist()]
+    assert [used.process(v) for v in values.tolist()] == [
+        fresh.process(v) for v in values.tolist()
+    ]
 
 
 # The inverse of the approximate model

@@ -69,11 +69,11 @@ def drive(
     measured = 0.0
     for index in range(first, first + round(seconds * rate)):
         master.advance(index / rate)
-        of.sample(applied, measured)  # both of the sample before
+        of.observe(applied, measured)  # both of the sample before
         measured = master.measure().acceleration
         applied = float(random.normal(0.0, force)) if force else 0.0
         master.apply_actuator_force(applied)
-        of.step()
+        of.update()
 
 
 def grip_of(handle: HandleParameters) -> np.ndarray:
@@ -200,11 +200,11 @@ def test_a_single_frequency_leaves_no_nonsense() -> None:
     applied = measured = 0.0
     for index in range(3000):
         master.advance(index / RATE)
-        found.sample(applied, measured)
+        found.observe(applied, measured)
         measured = master.measure().acceleration
         applied = 0.5 * math.sin(2 * math.pi * 90.0 * index / RATE)
         master.apply_actuator_force(applied)
-        found.step()
+        found.update()
     factors = found.grip / grip_of(TABLE_I)
     assert np.all(factors > 0.3)
     assert np.all(factors < 3.0)
@@ -218,11 +218,11 @@ def test_some_missing_samples_do_no_harm_many_stop_it() -> None:
         applied = measured = 0.0
         for index in range(3000):
             master.advance(index / RATE)
-            found.sample(applied, math.nan if index % every == 0 else measured)
+            found.observe(applied, math.nan if index % every == 0 else measured)
             measured = master.measure().acceleration
             applied = float(random.normal(0.0, 0.5))
             master.apply_actuator_force(applied)
-            found.step()
+            found.update()
         assert (found.looks > 0) == looks
         if looks:
             assert found.grip[0] == pytest.approx(SOFT.m_h, rel=0.1)
@@ -243,8 +243,8 @@ def test_whatever_it_sees_the_grip_stays_in_the_safe_set(
     for f, a in zip(
         random.normal(0, force, 1500), random.normal(0, acceleration, 1500), strict=True
     ):
-        found.sample(float(f), float(a))
-        found.step()
+        found.observe(float(f), float(a))
+        found.update()
     assert np.isfinite(found.grip).all()
     factors = found.grip / grip_of(TABLE_I)
     assert np.all(factors >= np.array(SMALLEST) * (1 - 1e-9))
@@ -254,8 +254,8 @@ def test_whatever_it_sees_the_grip_stays_in_the_safe_set(
 def test_an_accelerometer_that_is_dead_changes_nothing() -> None:
     found = estimator()
     for force in np.random.default_rng(0).normal(0.0, 0.5, 1000).tolist():
-        found.sample(force, 0.0)
-        found.step()
+        found.observe(force, 0.0)
+        found.update()
     assert found.grip == pytest.approx(grip_of(TABLE_I))
     assert found.at_end == {}
 

@@ -411,19 +411,19 @@ def test_samples_are_convolved(taps: list[float], values: list[float]) -> None:
     stream, window = SampleConvolution(np.array(taps)), SampleWindow(len(taps))
     for value in values:
         pushed = window.push(value)
-    found = [stream.sample(value) for value in values]
+    found = [stream.process(value) for value in values]
     assert found == pytest.approx(np.convolve(values, taps)[: len(values)], abs=1e-9)
     latest = np.concatenate([np.zeros(len(taps)), values])[: -len(taps) - 1 : -1]
     assert pushed == pytest.approx(latest)
     stream.reset()
-    assert [stream.sample(0.0) for _ in taps] == [0.0] * len(taps)
+    assert [stream.process(0.0) for _ in taps] == [0.0] * len(taps)
 
 
 def test_taps_may_change_between_samples() -> None:
     stream = SampleConvolution(np.array([1.0, 2.0]))
-    stream.sample(3.0)
+    stream.process(3.0)
     stream.taps = np.array([10.0, 20.0])
-    assert stream.sample(1.0) == 10.0 + 60.0
+    assert stream.process(1.0) == 10.0 + 60.0
 
 
 # Spectra

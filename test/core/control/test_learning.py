@@ -75,8 +75,8 @@ def learn(plant: Plant, spectrum: TexturePrior, seconds: float = 6.0) -> Learner
     force = texture(seconds, TexturePrior(), seed=2)
     learner = Learner(family(), PLANT, RATE, GOAL)
     for values in zip(desired.tolist(), force.tolist(), answer(plant, force), strict=True):
-        learner.sample(*values)
-        learner.step(GRIP)
+        learner.observe(*values)
+        learner.update(GRIP)
     return learner
 
 
@@ -127,8 +127,8 @@ def test_noise_that_no_force_explains_is_no_plant() -> None:
     learner = Learner(family(), PLANT, RATE, GOAL)
     measured = answer(PLANT, force) + texture(4.0, TexturePrior(), seed=3)
     for values in zip(desired.tolist(), force.tolist(), measured.tolist(), strict=True):
-        learner.sample(*values)
-        learner.step(GRIP)
+        learner.observe(*values)
+        learner.update(GRIP)
     taps = family().taps(GRIP)[0]
     assert error(taps + learner.correction[0], PLANT, TexturePrior()) < 5.0
 
@@ -137,8 +137,8 @@ def test_noise_that_no_force_explains_is_no_plant() -> None:
 def test_silence_teaches_nothing(scale: float) -> None:
     learner = Learner(family(), PLANT, RATE, GOAL)
     for value in (scale * texture(2.0, TexturePrior())).tolist():
-        learner.sample(value, value, -value)
-        assert not learner.step(GRIP)
+        learner.observe(value, value, -value)
+        assert not learner.update(GRIP)
     assert not learner.looks
     assert not learner.correction.any()
 
@@ -147,8 +147,8 @@ def test_missing_and_huge_samples_leave_it_finite() -> None:
     learner = Learner(family(), PLANT, RATE, GOAL)
     for index, value in enumerate(texture(2.0, TexturePrior()).tolist()):
         measured = np.nan if index % 100 == 0 else 1e4 * value
-        learner.sample(value, value, measured)
-        learner.step(GRIP)
+        learner.observe(value, value, measured)
+        learner.update(GRIP)
     assert learner.looks
     assert np.isfinite(learner.correction).all()
 
@@ -168,7 +168,7 @@ def test_it_fits_every_rate_and_memory(rate: float, memory: float) -> None:
     learner = Learner(design_family(plant, rate, goal), plant, rate, goal)
     white = np.random.default_rng(1).standard_normal(round(2.5 * rate))
     for value in white.tolist():
-        learner.sample(value, 0.1 * value, value)
-        learner.step(GRIP)
+        learner.observe(value, 0.1 * value, value)
+        learner.update(GRIP)
     assert learner.looks
     assert np.isfinite(learner.correction).all()

@@ -33,8 +33,8 @@ def noise(samples: int, seed: int = 1) -> FloatArray:
 
 def feed(estimator: ResponseEstimator, cause: FloatArray, effect: FloatArray) -> None:
     for given, shown in zip(cause.tolist(), effect.tolist(), strict=True):
-        estimator.sample(given, shown)
-        estimator.step()
+        estimator.observe(given, shown)
+        estimator.update()
 
 
 def within(estimator: ResponseEstimator, low: float, high: float) -> FloatArray:

@@ -58,8 +58,8 @@ def feed(supervisor: ResponseSupervisor, sent: FloatArray, measured: FloatArray)
     before = np.append(0.0, measured[:-1])
     warnings = []
     for known, now in zip(before.tolist(), sent.tolist(), strict=True):
-        supervisor.sample(known, now)
-        supervisor.step()
+        supervisor.observe(known, now)
+        supervisor.update()
         warnings.append(supervisor.warning)
     return warnings
 
@@ -144,7 +144,7 @@ def test_a_sensor_at_its_range_ends_the_time_of_fitting() -> None:
     watching = supervisor()
     feed(watching, sent, response(PLANT, sent))
     assert watching.fitting > 0.0
-    watching.sample(math.inf, 0.0)
+    watching.observe(math.inf, 0.0)
     assert watching.fitting == 0.0
     assert watching.described
 

@@ -57,7 +57,7 @@ class Run:
         self.now += seconds
         for arm in arms:
             self.engagement.position_received(arm, self.now)
-        return self.engagement.step(self.now, self.listeners)
+        return self.engagement.decide(self.now, self.listeners)
 
     @property
     def missing(self) -> str:
@@ -84,12 +84,12 @@ def test_engaging_waits_for_the_word_of_both_devices_that_they_are_not_stopped()
     engagement = Engagement(EngagementParameters(), 0.0)
     for arm in ARMS:
         engagement.position_received(arm, 1.0)
-    assert engagement.step(1.0, 1) == NOTHING
+    assert engagement.decide(1.0, 1) == NOTHING
     assert engagement.missing(1.0, 1) == "waiting for master/stopped and slave/stopped"
     engagement.arm_stopped("slave", False)
     assert engagement.missing(1.0, 1) == "waiting for master/stopped"
     engagement.arm_stopped("master", False)
-    assert engagement.step(1.0, 1) == ENGAGE
+    assert engagement.decide(1.0, 1) == ENGAGE
 
 
 def test_engaging_waits_for_the_compensator() -> None:
@@ -285,7 +285,7 @@ def test_whatever_happens_the_arms_are_coupled_only_while_nothing_is_missing(
     for name in events:
         EVENTS[name](run)
         stopped = {"stop": True, "released": False}.get(name, stopped)
-        decision = run.engagement.step(run.now, run.listeners)
+        decision = run.engagement.decide(run.now, run.listeners)
         engaged = run.engagement.engaged
         assert engaged == (not run.missing)
         assert not (engaged and (stopped or not run.engagement.compensated))

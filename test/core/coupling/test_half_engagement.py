@@ -202,7 +202,7 @@ def test_a_peer_that_starts_again_unnoticed_is_not_taken_for_the_one_before() ->
     packet = run.host(MASTER).end.peer
     assert packet
     master.peer_heard(packet._replace(session=99), run.now)
-    assert master.step(run.now, 0).warning == f"let go: {RESTARTED}"
+    assert master.decide(run.now, 0).warning == f"let go: {RESTARTED}"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.5])

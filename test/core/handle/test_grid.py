@@ -35,5 +35,5 @@ def test_a_grids_sequences_are_those_of_its_spectra(rate: float) -> None:
 
 
 def test_a_grid_is_fine_enough_and_long_enough() -> None:
-    assert grid_for(1000.0).step <= 0.2
+    assert grid_for(1000.0).spacing <= 0.2
     assert grid_for(50.0, taps=4000).points >= 16000

@@ -46,8 +46,8 @@ def test_stops_that_were_hit_are_refused_and_estimated() -> None:
     with pytest.raises(RecordingError, match=r"travel_stops_hit = \d+ \(hook\): must be 0"):
         check_stops({"pinch": [gentle], "hook": [gentle, hard]})
     # A real device does not count them.
-    unknown = replace(hard, status={})
-    assert STOPS_HIT in hard.status
+    unknown = replace(hard, counters={})
+    assert STOPS_HIT in hard.counters
     check_stops({"hook": [unknown]})
     with pytest.raises(RecordingError, match=r"travel = .* mm \(hook\), as estimated: must be"):
         check_travel("hook", unknown, RIG.handle, TRAVEL)

@@ -68,7 +68,7 @@ class Rig:
     def release(self) -> None:
         self.arm.append(ZERO)
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         return {}
 
 
@@ -223,7 +223,7 @@ def test_an_old_force_reaches_no_device() -> None:
         part.begin(1)
         part.apply()
     assert device.written == []
-    assert part.safety.status()["arm force outdated"] == "2"
+    assert part.safety.diagnostics()["arm force outdated"] == "2"
 
 
 def test_a_device_with_a_clock_gets_forces_before_they_are_due() -> None:

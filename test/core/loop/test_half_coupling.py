@@ -58,7 +58,7 @@ class Puppet:
     def release(self) -> None:
         """Stay."""
 
-    def status(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Return no counts."""
         return {}
 

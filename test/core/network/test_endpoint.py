@@ -140,7 +140,7 @@ def test_samples_of_packets_that_were_overtaken_are_played() -> None:
     playout = hosts.ends["master"].playout
     for _ in range(3000):
         list(hosts.run(1 / RATE))
-        playout.take(hosts.now)
+        playout.play(hosts.now)
     assert hosts.ends["master"].session.out_of_order > 1000
     assert playout.counts["concealed"] < 0.03 * 3000
 
@@ -253,7 +253,7 @@ def test_no_single_packet_ends_or_spoils_a_session_for_good(name: str) -> None:
     concealed = 0
     for tick in range(round(6.0 * RATE)):
         list(hosts.run(1 / RATE))
-        late = playout.take(hosts.now).kind not in ("true", "repaired")
+        late = playout.play(hosts.now).kind not in ("true", "repaired")
         concealed += late and tick > 4 * RATE
     assert concealed < 0.02 * RATE
     for end, other in ((master, slave), (slave, master)):
@@ -271,7 +271,7 @@ def test_a_clock_ahead_by_an_hour_that_drifts_costs_nothing() -> None:
     for tick in range(round(20 * RATE)):
         hosts.ahead["slave"] += (tick % 2) * 1000  # 500 ppm
         list(hosts.run(1 / RATE))
-        playout.take(hosts.now)
+        playout.play(hosts.now)
     heard = sum(playout.counts[kind] for kind in ("true", "repaired"))
     assert heard > 0.97 * 20 * RATE
     for end in hosts.ends.values():

@@ -67,7 +67,7 @@ def ticks(
         clock = BOOTED + now * (1.0 + drift)
         for first, samples in channel.arrived(now):
             playout.put(first, samples, clock)
-        played = playout.take(clock)
+        played = playout.play(clock)
         yield Tick(played, playout.position - START, playout.delay)
 
 
@@ -89,11 +89,11 @@ def test_with_a_constant_delay_every_sample_is_played_bit_for_bit(period: int) -
 
 def test_it_waits_until_something_came_and_starts_with_it() -> None:
     playout = Playout(RATE)
-    assert playout.take(1.0) == (0.0, "waiting")
+    assert playout.play(1.0) == (0.0, "waiting")
     playout.put(START, [3.0, 4.0], 1.001)
-    assert playout.take(1.001) == (4.0, "true")
+    assert playout.play(1.001) == (4.0, "true")
     playout.clear()
-    assert playout.take(1.002) == (4.0, "waiting")  # no step in what is felt
+    assert playout.play(1.002) == (4.0, "waiting")  # no step in what is felt
     assert playout.counts == {"waiting": 2, "true": 1, "late": 0}
 
 
@@ -176,16 +176,16 @@ def test_samples_that_come_after_they_were_due_are_dropped_and_counted() -> None
     playout = Playout(RATE)
     for tick in range(500):
         playout.put(START + tick, [float(tick)], BOOTED + tick / RATE)
-        playout.take(BOOTED + tick / RATE)
-    assert playout.take(BOOTED + 0.5).kind == "concealed"
+        playout.play(BOOTED + tick / RATE)
+    assert playout.play(BOOTED + 0.5).kind == "concealed"
     playout.put(START + 501, [501.0], BOOTED + 0.501)
-    assert playout.take(BOOTED + 0.501) == (501.0, "true")
+    assert playout.play(BOOTED + 0.501) == (501.0, "true")
     assert playout.counts["late"] == 0
     for _ in range(2):  # the second time it is no news
         playout.put(START + 500, [500.0, 501.0], BOOTED + 0.5015)
         assert playout.counts["late"] == 1
     playout.put(START + 502, [502.0], BOOTED + 0.502)
-    assert playout.take(BOOTED + 0.502) == (502.0, "true")
+    assert playout.play(BOOTED + 0.502) == (502.0, "true")
 
 
 @pytest.mark.parametrize("step", [-(10**7), 10**7])
@@ -194,7 +194,7 @@ def test_a_step_of_the_senders_clock_is_a_new_start(step: int) -> None:
     for tick in range(2000):
         moved = START + tick + step * (tick >= 1000)
         playout.put(moved, [float(tick)], BOOTED + tick / RATE)
-        assert playout.take(BOOTED + tick / RATE) == (float(tick), "true")
+        assert playout.play(BOOTED + tick / RATE) == (float(tick), "true")
 
 
 def test_ticks_that_are_served_late_keep_the_pace() -> None:
@@ -202,7 +202,7 @@ def test_ticks_that_are_served_late_keep_the_pace() -> None:
     for tick in range(3000):
         playout.put(START + tick, [float(tick)], BOOTED + tick / RATE)
         if tick % 8 == 7:  # eight in a row, each with its own time
-            played += [playout.take(BOOTED + each / RATE) for each in range(tick - 7, tick + 1)]
+            played += [playout.play(BOOTED + each / RATE) for each in range(tick - 7, tick + 1)]
     later = [found.value for found in played[100:]]
     assert later == list(range(int(later[0]), int(later[0]) + len(later)))
 
@@ -213,7 +213,7 @@ def test_missed_ticks_are_left_out() -> None:
     for tick in range(2000):
         playout.put(START + tick, [float(tick)], BOOTED + tick / RATE)
         if tick not in missed:
-            assert playout.take(BOOTED + tick / RATE).value == tick
+            assert playout.play(BOOTED + tick / RATE).value == tick
 
 
 @settings(deadline=None)
@@ -236,7 +236,7 @@ def test_whatever_arrives_what_is_played_is_finite(
         now += wait
         playout.put(START + round((now - BOOTED) * RATE) + shift, samples, now)
         largest = max([largest, *(abs(s) for s in samples if np.isfinite(s))])
-        played = playout.take(now)
+        played = playout.play(now)
         assert np.isfinite(played.value)
         if played.kind in ("true", "repaired"):
             assert abs(played.value) <= largest * (1 + 1e-9)

@@ -65,7 +65,7 @@ class CoupledRigs:
         handle, tool = self.master.measure(), self.slave.measure()
         for arm in ARMS:
             self.engagement.position_received(arm, now)
-        decision = self.engagement.step(now, 0)
+        decision = self.engagement.decide(now, 0)
         if decision.release:
             self._coupling.disengage()
             self._apply(ZERO, ZERO)

@@ -134,7 +134,7 @@ def test_the_handle_follows_eq_3_behind_hold_and_low_pass(
     for frequency in frequencies:
         expected = sampled(frequency, rate, mode, delay)
         assert abs(gain[frequency] / expected - 1) < 0.01
-    assert rig.status() == {
+    assert rig.counters() == {
         "accelerometer_saturated": 0,
         "actuator_saturated": 0,
         "travel_stops_hit": 0,
@@ -220,7 +220,7 @@ def test_energy_never_grows_in_the_travel_stops_either(
     rig = MasterRig(STILL, RATE)
     rig.disturb(handle_velocity, handle_velocity + side * relative_velocity)
     energies = [rig.energy(), *run(rig, 1, 300)]
-    assert rig.status()["travel_stops_hit"] > 0
+    assert rig.counters()["travel_stops_hit"] > 0
     assert (np.diff(energies) <= 0).all()
 
 
@@ -235,7 +235,7 @@ def test_undamped_stops_give_back_what_they_took() -> None:
     rig = MasterRig(undamped, RATE)
     rig.disturb(0.0, 3.0)
     energies = [rig.energy(), *run(rig, 1, 300)]
-    assert rig.status()["travel_stops_hit"] > 10
+    assert rig.counters()["travel_stops_hit"] > 10
     assert max(energies) < 1.15 * energies[0]
 
 
@@ -269,7 +269,7 @@ def test_full_force_overruns_the_stops_by_little(
     # In the end the stop holds what the centring spring does not.
     held = (6.6 - 266.0 * 3.8e-3) / (3e4 + 266.0)
     assert rig.travel == pytest.approx(-math.copysign(3.8e-3 + held, force), rel=1e-3)
-    assert rig.status()["travel_stops_hit"] >= 1
+    assert rig.counters()["travel_stops_hit"] >= 1
 
 
 @pytest.mark.parametrize("frequency", [5.0, 19.0, 40.0])
@@ -295,7 +295,7 @@ def test_a_stop_counts_once_a_visit(ideal_master: MasterRigParameters) -> None:
         rig.apply_actuator_force(3.0)
         rig.advance(visit - 1 + 0.1)
         run(rig, 1000 * visit - 850, 1000 * visit - 500)
-        assert rig.status()["travel_stops_hit"] == visit
+        assert rig.counters()["travel_stops_hit"] == visit
         rig.apply_actuator_force(0.0)
         run(rig, 1000 * visit - 500, 1000 * visit)
 
@@ -355,10 +355,10 @@ def test_a_command_beyond_the_peak_is_cut_and_counted(ideal_master: MasterRigPar
     for rig in (most, more):
         run(rig, 0, 20)
     assert more.measure() == most.measure()
-    assert most.status()["actuator_saturated"] == 0
-    assert more.status()["actuator_saturated"] == 1
+    assert most.counters()["actuator_saturated"] == 0
+    assert more.counters()["actuator_saturated"] == 1
     more.apply_actuator_force(-math.inf)
-    assert more.status()["actuator_saturated"] == 2
+    assert more.counters()["actuator_saturated"] == 2
 
 
 @pytest.mark.parametrize(("command", "steps"), [(0.4, 0), (0.6, 1), (-2.4, -2), (-2.6, -3)])
@@ -413,7 +413,7 @@ def test_the_stops_hold_during_a_stall_too(ideal_master: MasterRigParameters) ->
     rig.apply_actuator_force(6.6)
     rig.advance(LONGEST_ADVANCE)
     assert abs(rig.travel) < 3.8e-3 + overrun(6.6 * 3.8e-3, 6.6)
-    assert rig.status()["travel_stops_hit"] >= 1
+    assert rig.counters()["travel_stops_hit"] >= 1
 
 
 @pytest.mark.parametrize("rate", [50.0, 333.0, 1500.0, 20e3])
@@ -437,7 +437,7 @@ def test_the_accelerometer_saturates_and_counts(ideal_master: MasterRigParameter
     rig.apply_actuator_force(1.0)
     rig.advance(PERIOD)
     assert rig.measure().acceleration == 1.0
-    assert rig.status()["accelerometer_saturated"] == 1
+    assert rig.counters()["accelerometer_saturated"] == 1
 
 
 def test_the_seed_decides_about_the_noise() -> None:

@@ -361,7 +361,7 @@ def test_the_accelerometer_saturates_and_counts() -> None:
     rig.apply_arm_force((0.0, 0.0, 3.0))
     rig.advance(PERIOD)
     assert rig.measure().acceleration == 1.0
-    assert rig.status() == {"accelerometer_saturated": 1}
+    assert rig.counters() == {"accelerometer_saturated": 1}
 
 
 @pytest.mark.parametrize(

@@ -54,13 +54,13 @@ def theory(modes: tuple[Mode, ...], rate: float, count: int) -> FloatArray:
 
 
 def played(tap: Tap, count: int) -> FloatArray:
-    return np.array([tap.sample() for _ in range(count)])
+    return np.array([tap.synthesize() for _ in range(count)])
 
 
 @pytest.mark.parametrize("rate", [1000.0, 4000.0, 10000.0])
 def test_a_tap_is_there_with_the_next_sample_and_rings_down_to_nothing(rate: float) -> None:
     tap = Tap(TapModel(modes=(WOOD, METAL)), rate)
-    assert tap.sample() == 0.0
+    assert tap.synthesize() == 0.0
     tap.strike(0.2)
     expected = 0.2 * theory((WOOD, METAL), rate, round(0.2 * rate))
     assert played(tap, len(expected)) == pytest.approx(expected)
@@ -102,7 +102,7 @@ def test_the_texture_comes_in_while_the_tap_fades() -> None:
     shares = []
     for _ in range(round(CROSS_FADE * RATE) + 1):
         shares.append(tap.texture_share)
-        tap.sample()
+        tap.synthesize()
     assert shares[0] == 0.0
     assert shares[-1] == 1.0
     assert np.all(np.diff(shares) > 0)

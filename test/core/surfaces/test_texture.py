@@ -127,15 +127,15 @@ def test_a_seed_gives_the_same_samples_one_by_one_and_in_a_block() -> None:
     speeds, forces = random.uniform(0, 0.3, 300), random.uniform(-1, 6, 300)
     block = Texture(model(), 1000, seed=3).block(speeds, forces)
     again = Texture(model(), 1000, seed=3)
-    assert [again.sample(*at) for at in zip(speeds, forces, strict=True)] == block.tolist()
+    assert [again.synthesize(*at) for at in zip(speeds, forces, strict=True)] == block.tolist()
     assert Texture(model(), 1000, seed=4).block(speeds, forces).tolist() != block.tolist()
 
 
 def test_out_of_contact_a_texture_rings_down_by_its_filter() -> None:
     texture = Texture(model(), 1000, seed=1)
     last = steady(texture, *FASTEST, count=1)[-1]
-    assert texture.sample(FASTEST[0], 0.0) == pytest.approx(0.5 * last)
-    assert texture.sample(FASTEST[0], 0.0) == pytest.approx(0.25 * last)
+    assert texture.synthesize(FASTEST[0], 0.0) == pytest.approx(0.5 * last)
+    assert texture.synthesize(FASTEST[0], 0.0) == pytest.approx(0.25 * last)
 
 
 def test_a_tool_at_rest_feels_nothing() -> None:

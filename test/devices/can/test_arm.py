@@ -76,10 +76,10 @@ class Bench:
             self.now += STEP
             for node in self.arm.nodes:
                 if Command.ENCODER_ESTIMATES not in self.silent:
-                    self.arm.take(Estimates(node, 0.1 * node, 0.0).frame(), self.now)
+                    self.arm.receive(Estimates(node, 0.1 * node, 0.0).frame(), self.now)
                 if Command.HEARTBEAT not in self.silent:
                     beat = Heartbeat(node, self.errors[node], self.states[node]).frame()
-                    self.arm.take(beat, self.now)
+                    self.arm.receive(beat, self.now)
             self.arm.update(self.now)
 
     def armed(self) -> Bench:
@@ -133,7 +133,7 @@ def test_before_it_is_armed_no_force_goes_out() -> None:
     bench = Bench()
     bench.go_on(0.01)
     assert bench.push(1.0, 0.0, 0.0) == []
-    assert bench.arm.status()["withheld_forces"] == 1
+    assert bench.arm.counters()["withheld_forces"] == 1
 
 
 def test_a_heartbeat_of_before_does_not_count() -> None:
@@ -174,14 +174,14 @@ def test_a_watchdog_that_expires_while_an_axis_is_armed_is_cleared() -> None:
     bench.obedient = True
     bench.go_on(0.3)
     assert bench.arm.state is State.ARMED
-    assert bench.arm.status()["disarmed"] == 0
+    assert bench.arm.counters()["disarmed"] == 0
 
 
 def test_which_axes_are_missing_is_said() -> None:
     bench = Bench(joint2__node_id=9)
     bench.silent = {Command.HEARTBEAT}
     bench.go_on(0.01)
-    bench.arm.take(Heartbeat(0, 0, 1).frame(), bench.now)
+    bench.arm.receive(Heartbeat(0, 0, 1).frame(), bench.now)
     assert bench.arm.missing(bench.now) == "joint2 (node 9), joint3 (node 2)"
 
 
@@ -216,7 +216,7 @@ def test_a_force_that_is_too_large_keeps_its_direction() -> None:
 def test_a_force_that_is_no_number_is_none(bad: float) -> None:
     bench = Bench().armed()
     assert bench.push(1.0, bad, 0.0) == [0.0] * 3
-    assert bench.arm.status()["rejected_forces"] == 1
+    assert bench.arm.counters()["rejected_forces"] == 1
 
 
 def test_nor_is_one_that_overflows_on_its_way() -> None:
@@ -233,7 +233,7 @@ def test_gear_direction_and_offset_count() -> None:
         [-torque / 5 for torque in plain.push(0.0, 0.0, 2.0)]
     )
     for bench, turns in ((plain, 1.0), (geared, -5.0)):
-        bench.arm.take(Estimates(0, turns, turns).frame(), bench.now)
+        bench.arm.receive(Estimates(0, turns, turns).frame(), bench.now)
         sample = bench.arm.read(bench.now)
         assert sample.position == pytest.approx((0.0, 0.0, 0.04))
         assert sample.velocity == pytest.approx((0.0, 0.0, 0.04))
@@ -315,7 +315,7 @@ def test_when_one_axis_is_not_well_all_let_go(what: str) -> None:
     assert bench.released()
     assert bench.arm.torques == (0.0, 0.0, 0.0)
     assert bench.push(1.0, 0.0, 0.0) == []
-    assert bench.arm.status()["disarmed"] == 1
+    assert bench.arm.counters()["disarmed"] == 1
 
 
 @each_wrong
@@ -422,7 +422,7 @@ def test_no_frames_lead_to_an_exception_or_an_unlawful_torque(
     for frame, seconds, newtons in came:
         bench.now += seconds
         bench.sent.clear()
-        bench.arm.take(frame, bench.now)
+        bench.arm.receive(frame, bench.now)
         bench.arm.update(bench.now)
         bench.arm.apply((newtons, newtons, -newtons), bench.now)
         sample = bench.arm.read(bench.now)
@@ -444,7 +444,7 @@ def test_without_estimates_there_is_no_sample_which_is_counted() -> None:
     bench.silent = {Command.ENCODER_ESTIMATES}
     bench.go_on(0.2)
     assert bench.arm.read(bench.now) is None
-    assert bench.arm.status()["samples_missing"] == 1
+    assert bench.arm.counters()["samples_missing"] == 1
 
 
 def test_an_axis_that_did_not_hear_is_told_again() -> None:

@@ -144,7 +144,7 @@ def test_a_force_moves_the_tip_and_closing_takes_it_off(
 ) -> None:
     plugged = plug(interface, estimates=estimates)
     device = plugged.device
-    assert device.status()["armed"]
+    assert device.counters()["armed"]
     assert device.problem == ""
     assert "bus load up to" in device.remark
     start = device.read(0.0)
@@ -158,7 +158,7 @@ def test_a_force_moves_the_tip_and_closing_takes_it_off(
     device.close()
     wait_until(lambda: not any(axis.armed for axis in plugged.arm.axes), "idle")
     assert not plugged.exerted
-    status = device.status()
+    status = device.counters()
     assert status["connected"] == status["armed"] == 0
     assert status["frames_received"] > 0
     assert status["bus_losses"] == status["frames_garbled"] == 0
@@ -167,11 +167,11 @@ def test_a_force_moves_the_tip_and_closing_takes_it_off(
 def test_an_axis_error_takes_all_torques_off_until_it_is_armed_again(plug: Plug) -> None:
     plugged = plug("virtual", rearm="auto", faults="error@0.2")
     device = plugged.device
-    plugged.pushed_until(lambda: not device.status()["armed"], "let go")
+    plugged.pushed_until(lambda: not device.counters()["armed"], "let go")
     assert device.problem == "joint1 (node 0): DRV_FAULT"
     plugged.pushed_until(lambda: not any(axis.armed for axis in plugged.arm.axes), "all idle")
     assert not plugged.exerted
-    assert device.status()["disarmed"] == 1
+    assert device.counters()["disarmed"] == 1
     assert device.arm() is None
     plugged.pushed_until(lambda: plugged.exerted, "torques again")
     assert device.problem == ""
@@ -182,7 +182,7 @@ def test_what_is_not_heard_takes_all_torques_off(plug: Plug, fault: str) -> None
     plugged = plug(
         "virtual", faults=fault, seconds=1e6, heartbeat_timeout=0.5, estimates_timeout=0.5
     )
-    plugged.pushed_until(lambda: not plugged.device.status()["armed"], "let go")
+    plugged.pushed_until(lambda: not plugged.device.counters()["armed"], "let go")
     assert "joint1 (node 0): no " in plugged.device.problem
     wait_until(lambda: not plugged.exerted, "no torque, by command or by the drives' watchdogs")
 
@@ -191,17 +191,17 @@ def test_what_is_not_heard_takes_all_torques_off(plug: Plug, fault: str) -> None
 def test_an_adapter_may_be_unplugged_and_plugged_in_again(plug: Plug, rearm: str) -> None:
     plugged = plug("slcan", rearm=rearm, faults="unplug@0.1", seconds=0.5)
     device = plugged.device
-    plugged.pushed_until(lambda: not device.status()["armed"], "gone")
+    plugged.pushed_until(lambda: not device.counters()["armed"], "gone")
     assert device.problem == "the bus has gone"
     wait_until(lambda: device.read(0.0) is None, "no sample")
-    plugged.pushed_until(lambda: bool(device.status()["connected"]), "back")
-    assert device.status()["bus_losses"] == 1
+    plugged.pushed_until(lambda: bool(device.counters()["connected"]), "back")
+    assert device.counters()["bus_losses"] == 1
     if rearm == "manual":
-        received = device.status()["frames_received"]
+        received = device.counters()["frames_received"]
         plugged.pushed_until(
-            lambda: device.status()["frames_received"] > received + 100, "well heard"
+            lambda: device.counters()["frames_received"] > received + 100, "well heard"
         )
-        assert not device.status()["armed"]
+        assert not device.counters()["armed"]
         assert not plugged.exerted
         assert device.arm() is None
     plugged.pushed_until(lambda: plugged.exerted, "torques again")
@@ -210,16 +210,16 @@ def test_an_adapter_may_be_unplugged_and_plugged_in_again(plug: Plug, rearm: str
 def test_garbage_and_lost_frames_are_counted_and_borne(plug: Plug) -> None:
     plugged = plug("slcan", faults="garbage,drop")
     device = plugged.device
-    plugged.pushed_until(lambda: device.status()["frames_garbled"] > 3, "garbage")
+    plugged.pushed_until(lambda: device.counters()["frames_garbled"] > 3, "garbage")
     plugged.pushed_until(lambda: plugged.exerted, "torques")
-    assert device.status()["bus_losses"] == 0
+    assert device.counters()["bus_losses"] == 0
 
 
 def test_a_bus_without_the_drives_is_said(plug: Plug) -> None:
     plugged = plug("virtual", faults="bus_off", opened=False, start_timeout=0.2)
     with pytest.raises(DeviceError, match="no heartbeat of joint1 .node 0., joint2 .* powered"):
         plugged.device.open()
-    assert plugged.device.status()["connected"] == 0
+    assert plugged.device.counters()["connected"] == 0
 
 
 def test_a_wrong_interface_is_a_wrong_argument() -> None:

@@ -110,7 +110,7 @@ def feel(device: SerialDevice) -> float:
 
 def align(device: SerialDevice) -> None:
     """Wait until the board samples on the grid."""
-    wait_until(lambda: device.status()["aligned"] == 1, "alignment")
+    wait_until(lambda: device.counters()["aligned"] == 1, "alignment")
 
 
 def push(device: SerialDevice, board: Any, force: float, current: float) -> None:
@@ -204,7 +204,7 @@ def test_each_tick_gets_the_sample_that_was_taken_at_it(
     assert len(phases) > 700
     for place in phases.keys() & {place - 1 for place in phases}:
         assert apart(phases[place + 1], phases[place] + 1) < 0.1
-    assert device.status()["samples_missing"] == len(samples) - len(phases)
+    assert device.counters()["samples_missing"] == len(samples) - len(phases)
 
 
 def test_a_force_acts_in_the_tick_at_which_it_is_due(bench: Make, connect: Make) -> None:
@@ -226,7 +226,7 @@ def test_a_force_acts_in_the_tick_at_which_it_is_due(bench: Make, connect: Make)
     # Those that were due after the last read have no phase to compare with.
     compared = sum(due in phases for due, _ in acted)
     assert compared >= 10
-    assert compared - right <= device.late == device.status()["set_points_late"]
+    assert compared - right <= device.late == device.counters()["set_points_late"]
 
 
 def test_a_force_that_is_due_now_discards_what_was_scheduled(bench: Make, connect: Make) -> None:
@@ -236,7 +236,7 @@ def test_a_force_that_is_due_now_discards_what_was_scheduled(bench: Make, connec
     for ahead in range(20):
         device.write(tick(0.05 + ahead / RATE), actuator_force=1.2)
     device.write(time.monotonic(), actuator_force=0.6)
-    wait_until(lambda: device.status()["board_timeouts"] >= 1, "the time-out")
+    wait_until(lambda: device.counters()["board_timeouts"] >= 1, "the time-out")
     time.sleep(0.1)
     assert [current for _, current in board.driven] == pytest.approx([0.25, 0.0], abs=1e-3)
     assert device.late == 0
@@ -247,10 +247,10 @@ def test_a_board_of_another_rate_gives_its_newest_sample(bench: Make, connect: M
     device = connect(board, kind=SerialSlave, rate=4000, samples_per_frame=4)
     assert device.read(time.monotonic() - 1.0) is None, "nothing was taken as early"
     wait_until(lambda: not math.isnan(feel(device)), "samples")
-    held = device.status()["samples_held"]
+    held = device.counters()["samples_held"]
     begin = time.monotonic() - 1.0
     device.read(begin)
-    assert device.status()["samples_held"] == held + 1
+    assert device.counters()["samples_held"] == held + 1
     board.hold(1.0)
     wait_until(lambda: feel(device) > 0.5, "the step")
 
@@ -265,7 +265,7 @@ def test_a_force_becomes_a_current_within_full_scale(bench: Make, connect: Make)
     for no_force in (math.nan, math.inf, -math.inf):
         push(device, board, 1.2, 0.5)
         push(device, board, no_force, 0.0)
-    assert device.status()["set_points_limited"] >= 5
+    assert device.counters()["set_points_limited"] >= 5
 
 
 def test_swapped_wires_are_a_negative_constant(bench: Make, connect: Make) -> None:
@@ -279,8 +279,8 @@ def test_silence_takes_the_current_off(bench: Make, connect: Make) -> None:
     device = connect(board)
     push(device, board, 1.2, 0.5)
     wait_until(lambda: board.emulated.current == 0.0, "no current")
-    wait_until(lambda: device.status()["board_state"] == State.TIMED_OUT, "the board saying so")
-    assert device.status()["board_timeouts"] >= 1
+    wait_until(lambda: device.counters()["board_state"] == State.TIMED_OUT, "the board saying so")
+    assert device.counters()["board_timeouts"] >= 1
     push(device, board, 1.2, 0.5)
 
 
@@ -363,7 +363,7 @@ class HostileBoard:
         def arrived() -> bool:
             self._write(Encoder().encode(status_of(state, mark), 0))
             self._ending.wait(2e-4)
-            return device.status().get("board_damaged") == mark
+            return device.counters().get("board_damaged") == mark
 
         assert any(arrived() for _ in range(20_000)), device.problem
 
@@ -457,9 +457,9 @@ def test_whatever_a_board_sends_is_borne(
 ) -> None:
     board, device = hostile
     board.say_last(wire, state, device)
-    refused = device.status()["set_points_refused"]
+    refused = device.counters()["set_points_refused"]
     device.write(time.monotonic() + 0.01, actuator_force=force)
-    assert state in ARMED or device.status()["set_points_refused"] == refused + 1
+    assert state in ARMED or device.counters()["set_points_refused"] == refused + 1
     sample = device.read(tick())
     assert not isinstance(sample, Sample) or math.isfinite(sample.acceleration)
     assert device.problem.isprintable()
@@ -474,12 +474,12 @@ def test_damage_is_counted_and_borne(bench: Make, connect: Make) -> None:
         for fault in (GARBAGE, DROP):
             board.inject(fault, 0.1)
         device.write(time.monotonic(), actuator_force=1.2)
-        status = device.status()
+        status = device.counters()
         assert status["connected"], device.problem
         return min(status["frames_damaged"], status["board_damaged"]) >= 3
 
     wait_until(damaged, "damage on both ways")
-    assert device.status()["frames_lost"] > 0
+    assert device.counters()["frames_lost"] > 0
     wait_until(lambda: feel(device) == pytest.approx(10.0, abs=2e-3), "right samples")
     push(device, board, 1.2, 0.5)
 
@@ -491,14 +491,14 @@ def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
     device = connect(board)
     push(device, board, 1.2, 0.5)
     board.inject(UNPLUG, 0.5)
-    wait_until(lambda: not device.status()["connected"], "being gone")
+    wait_until(lambda: not device.counters()["connected"], "being gone")
     device.write(time.monotonic(), actuator_force=1.2)
     assert device.arm() is False
     assert "unplugged" in device.problem or "no such port" in device.problem
     wait_until(lambda: device.read(tick()) is None, "no sample")
-    wait_until(lambda: device.status()["connected"] == 1, "being back")
+    wait_until(lambda: device.counters()["connected"] == 1, "being back")
     wait_until(lambda: "not armed since the board was gone" in device.problem, "the reason")
-    assert device.status()["reconnects"] == 1
+    assert device.counters()["reconnects"] == 1
     for _ in range(50):
         device.write(time.monotonic(), actuator_force=1.2)
         time.sleep(0.002)
@@ -515,7 +515,7 @@ def test_a_driver_that_may_arms_again_by_itself(bench: Make, connect: Make) -> N
     device = connect(board, rearm="auto")
     push(device, board, 1.2, 0.5)
     board.inject(UNPLUG, 0.1)
-    wait_until(lambda: device.status()["reconnects"] == 1, "being back")
+    wait_until(lambda: device.counters()["reconnects"] == 1, "being back")
     push(device, board, 1.2, 0.5)
 
 
@@ -526,8 +526,8 @@ def test_a_board_that_says_nothing_is_gone(bench: Make, connect: Make) -> None:
     board.inject(STALL, 1.6)
     wait_until(lambda: "silent" in device.problem, "the silence")
     assert board.emulated.current == 0.0
-    wait_until(lambda: device.status()["connected"] == 1, "being back")
-    assert device.status()["armed"] == 0
+    wait_until(lambda: device.counters()["connected"] == 1, "being back")
+    assert device.counters()["armed"] == 0
 
 
 def test_a_short_stall_costs_samples_and_no_more(bench: Make, connect: Make) -> None:
@@ -535,9 +535,9 @@ def test_a_short_stall_costs_samples_and_no_more(bench: Make, connect: Make) -> 
     device = connect(board)
     push(device, board, 1.2, 0.5)
     board.inject(STALL, 0.05)
-    wait_until(lambda: device.status()["board_timeouts"] >= 1, "the time-out")
+    wait_until(lambda: device.counters()["board_timeouts"] >= 1, "the time-out")
     push(device, board, 1.2, 0.5)
-    assert device.status()["reconnects"] == 0
+    assert device.counters()["reconnects"] == 0
 
 
 def test_another_board_in_its_place_is_refused(bench: Make, connect: Make) -> None:
@@ -546,7 +546,7 @@ def test_another_board_in_its_place_is_refused(bench: Make, connect: Make) -> No
     board.end()
     bench(replace(HANDLE, serial_number="other"))
     wait_until(lambda: "board other must be handle-1" in device.problem, "the refusal")
-    assert not device.status()["connected"]
+    assert not device.counters()["connected"]
 
 
 # What is told when it cannot be opened

@@ -65,8 +65,8 @@ class AdaptiveController(InverseController):
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the force for the desired acceleration."""
         # The force applied one sample ago, and the acceleration measured then.
-        self._estimator.sample(self._applied, measured_acceleration)
-        self._learner.sample(desired_acceleration, self._applied, measured_acceleration)
+        self._estimator.observe(self._applied, measured_acceleration)
+        self._learner.observe(desired_acceleration, self._applied, measured_acceleration)
         return super().force(desired_acceleration, measured_acceleration)
 
     def applied(self, actuator_force: float) -> None:
@@ -77,10 +77,10 @@ class AdaptiveController(InverseController):
         """Execute a part of the estimation; after its last part start to change the filter."""
         if self.frozen:
             return
-        looked = self._estimator.step()
+        looked = self._estimator.update()
         if looked and self._learner.deviation < UNDESCRIBED:
             self._grip = self._estimator.grip
-        if looked or self._learner.step(self._grip):
+        if looked or self._learner.update(self._grip):
             self._excursion.replace(self._family.taps(self._grip) + self._learner.correction)
 
     def freeze(self, frozen: bool) -> None:
@@ -108,7 +108,7 @@ class AdaptiveController(InverseController):
         )
         return f"grip outside the range of adaptation: {', '.join(parts)}"
 
-    def status(self) -> dict[str, str]:
+    def diagnostics(self) -> dict[str, str]:
         """Return the estimated grip."""
         grip = zip(GRIP.items(), self._grip.tolist(), strict=True)
         return {

@@ -32,7 +32,7 @@ class DynamicController(Controller):
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the force that makes the model accelerate as desired."""
-        return self._inverse.sample(desired_acceleration)
+        return self._inverse.process(desired_acceleration)
 
     def reset(self) -> None:
         """Clear the filter."""

@@ -147,7 +147,7 @@ class FeedbackController(Controller):
         force = self._feedforward.force(desired_acceleration, measured_acceleration)
         # Without latency, the force of the last tick affects this tick's sample, which is received
         # at the next tick. The model's first values are zero for the latency.
-        expected, self._expected = self._expected, self._model.sample(self._surplus)
+        expected, self._expected = self._expected, self._model.process(self._surplus)
         if not self._foreseen:
             self._wanted.append(desired_acceleration)
             expected += self._wanted.popleft()
@@ -163,7 +163,7 @@ class FeedbackController(Controller):
             self._distrusted |= math.isinf(measured_acceleration)
         self._share = self._faded()
         self._known = 0.0 if self._foreseen else force
-        force += self._share * self._answer.sample(self._high_pass.sample(self._surprise))
+        force += self._share * self._answer.process(self._high_pass.process(self._surprise))
         self.applied(force)
         return force
 
@@ -179,7 +179,7 @@ class FeedbackController(Controller):
         if fitting >= FITTING:
             self._distrusted = False
 
-    def status(self) -> dict[str, str]:
+    def diagnostics(self) -> dict[str, str]:
         """Return gain and margin of the feedback, and the number of times it was switched off."""
         return {
             "feedback gain (N per m/s^2)": f"{self._share * self._gain:.3f}",

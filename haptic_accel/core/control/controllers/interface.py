@@ -113,7 +113,7 @@ class Controller(ABC):
     def freeze(self, frozen: bool) -> None:  # noqa: B027 - most have nothing to
         """Stop or resume adaptation."""
 
-    def status(self) -> dict[str, str]:
+    def diagnostics(self) -> dict[str, str]:
         """Return values for diagnostics, by name with unit."""
         return {}
 

@@ -100,7 +100,7 @@ class InverseController(Controller):
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the force for the desired acceleration."""
-        force = self._excursion.sample(self._extension.sample(desired_acceleration))
+        force = self._excursion.process(self._extension.process(desired_acceleration))
         self.friction_force = self._friction.force(force, desired_acceleration)
         return force + self.friction_force
 

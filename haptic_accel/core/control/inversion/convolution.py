@@ -76,7 +76,7 @@ class SampleConvolution:
         self.taps = np.ascontiguousarray(taps, dtype=np.float64)
         self._window = SampleWindow(len(self.taps))
 
-    def sample(self, value: float) -> float:
+    def process(self, value: float) -> float:
         """Filter one sample."""
         return float(self.taps.dot(self._window.push(value)))
 

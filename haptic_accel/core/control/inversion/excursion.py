@@ -74,7 +74,7 @@ class TravelPredictor:
         step = self._every / rate
         estimator = TravelEstimator(suspension, 1.0 / step)
         pulse = [1.0] + [0.0] * (max(2, round(SETTLING / step)) - 1)
-        self._per_force = np.array([estimator.sample(force, 0.0) for force in pulse])
+        self._per_force = np.array([estimator.observe(force, 0.0) for force in pulse])
         self._horizon = max(1, round(HORIZON / step))
         self._kept = 1.0 / (1.0 + np.arange(self._horizon) * (step / REVERSION))
         self._start = self._count = 0
@@ -100,7 +100,7 @@ class TravelPredictor:
         # Time first, then member: data that move together in time are contiguous.
         self._travels = np.ascontiguousarray(np.fft.irfft(spectrum, size)[:, :total].T)
 
-    def sample(self, value: float) -> bool:
+    def observe(self, value: float) -> bool:
         """Add a sample of the members' input; return whether the prediction has advanced."""
         self._sum += value
         self._count += 1
@@ -208,12 +208,12 @@ class ExcursionControl:
         self._window.reset()
         self.place = self._wanted = 0.0
 
-    def sample(self, value: float) -> float:
+    def process(self, value: float) -> float:
         """Process one sample of the members' input; return the force, N."""
         if self._left:
             self._left -= 1
             self.taps += self._slope
-        if self._predictor.sample(value):
+        if self._predictor.observe(value):
             self._choose()
         latest = self._window.push(value)
         self._move()

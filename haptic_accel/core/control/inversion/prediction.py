@@ -95,13 +95,13 @@ def predict(
     desired = power * np.abs(passed) ** 2
     noise_density = 2.0 * noise**2 / rate
     error = desired * np.abs(tracking - 1.0) ** 2 + noise_density
-    density = error / (float(np.sum(desired)) * grid.step)
+    density = error / (float(np.sum(desired)) * grid.spacing)
     travel = travel_response(plant.handle, frequency)
     landing = np.abs(grid.sequence(force * travel)).max() * LANDING_VELOCITY * rate
     return Prediction(
-        nrmse_percent=100.0 * _rms(density, grid.step),
-        force_rms=_rms(power * np.abs(force) ** 2, grid.step),
-        travel_rms=_rms(power * np.abs(force * travel) ** 2, grid.step),
+        nrmse_percent=100.0 * _rms(density, grid.spacing),
+        force_rms=_rms(power * np.abs(force) ** 2, grid.spacing),
+        travel_rms=_rms(power * np.abs(force * travel) ** 2, grid.spacing),
         landing_travel=float(landing),
         frequency=frequency,
         tracking=tracking,

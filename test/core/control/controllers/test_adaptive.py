@@ -116,13 +116,13 @@ def test_it_can_be_frozen_and_freed_while_running() -> None:
 
     controller.freeze(True)
     feed(2000)
-    assert controller.status()["grip estimates"] == "0"
+    assert controller.diagnostics()["grip estimates"] == "0"
     controller.freeze(False)
     feed(2000)
-    assert controller.status()["grip estimates"] != "0"
+    assert controller.diagnostics()["grip estimates"] != "0"
     controller.reset()
-    assert controller.status()["grip estimates"] == "0"
-    assert float(controller.status()["m_h (kg)"]) == pytest.approx(TABLE_I.m_h)
+    assert controller.diagnostics()["grip estimates"] == "0"
+    assert float(controller.diagnostics()["m_h (kg)"]) == pytest.approx(TABLE_I.m_h)
 
 
 def test_a_new_grip_comes_without_a_jump_in_force() -> None:

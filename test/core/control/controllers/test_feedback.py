@@ -184,8 +184,8 @@ def test_it_fades_out_without_measurement_and_comes_back() -> None:
     assert controller.warning == ""
     without = [answer(tick, NAN) for tick in range(800, 900)]
     assert controller.warning == "feedback off: handle acceleration stale"
-    assert controller.status()["feedback off"] == "1"
-    assert controller.status()["feedback gain (N per m/s^2)"] == "0.000"
+    assert controller.diagnostics()["feedback off"] == "1"
+    assert controller.diagnostics()["feedback gain (N per m/s^2)"] == "0.000"
     fading = round(FADING * RATE)
     assert without[fading:] == pytest.approx(np.zeros(100 - fading), abs=1e-12)
     regained = round(REGAINED * RATE)
@@ -206,12 +206,12 @@ def test_after_saturation_it_stays_off_until_the_response_fits() -> None:
         controller.force(1.0, measured)
     controller.judged(FITTING - 0.1)
     assert controller.warning.startswith("feedback off: handle acceleration was saturated")
-    assert controller.status()["feedback gain (N per m/s^2)"] == "0.000"
+    assert controller.diagnostics()["feedback gain (N per m/s^2)"] == "0.000"
     controller.judged(FITTING)
     assert controller.warning == ""
     for measured in texture(RATE, 0.1):
         controller.force(1.0, measured)
-    assert controller.status()["feedback gain (N per m/s^2)"] != "0.000"
+    assert controller.diagnostics()["feedback gain (N per m/s^2)"] != "0.000"
 
 
 numbers = st.floats(-LARGEST_ACCELERATION, LARGEST_ACCELERATION)
@@ -236,7 +236,7 @@ def test_never_heard_it_is_the_feedforward() -> None:
 
 
 def test_the_status_says_gain_and_margin() -> None:
-    status = fresh().status()
+    status = fresh().diagnostics()
     assert float(status["feedback margin"]) >= 0.5
     assert float(status["feedback gain (N per m/s^2)"]) > 0.0
     assert status["feedback off"] == "0"

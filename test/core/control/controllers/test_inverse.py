@@ -135,7 +135,7 @@ def test_samples_give_what_the_filters_response_says(rate: float) -> None:
     # periods.
     passed = SampleFilter(high_pass(15.0, rate))
     settle = 8 * round(rate / 2)
-    tone = [passed.sample(math.cos(math.pi / 4 * index)) for index in range(settle + 400)]
+    tone = [passed.process(math.cos(math.pi / 4 * index)) for index in range(settle + 400)]
     forces = [controller.force(value, 0.0) for value in tone]
     turns = np.exp(-1j * math.pi / 4 * np.arange(settle, settle + 400))
     gain = 2.0 / 400 * np.dot(np.asarray(forces[settle:]), turns)
@@ -172,8 +172,8 @@ def test_any_acceleration_gives_a_finite_force_that_dies_away(
 ) -> None:
     passed, controller = SampleFilter(high_pass(15.0, rate)), CONTROLLED[rate]
     controller.reset()
-    forces = [controller.force(passed.sample(value), 0.0) for value in desired]
-    later = [controller.force(passed.sample(0.0), 0.0) for _ in range(round(4 * rate))]
+    forces = [controller.force(passed.process(value), 0.0) for value in desired]
+    later = [controller.force(passed.process(0.0), 0.0) for _ in range(round(4 * rate))]
     assert np.isfinite(forces).all()
     total = sum(map(abs, desired))
     assert np.abs(later).max() <= 1.0 * total + 1e-9

@@ -102,7 +102,7 @@ class Follower:
         state, seen = np.zeros(4), 0.0
         signals = []
         for value in tool.tolist():
-            desired, force = self._compensation.sample(value, seen)
+            desired, force = self._compensation.process(value, seen)
             seen = float((c @ state + d[:, 0] * force)[0])
             signals.append((desired, force, state[2] - state[0]))
             state = a @ state + b[:, 0] * force
@@ -134,7 +134,7 @@ def test_a_pulse_of_force_is_predicted_to_swing_as_eq_1_says(rate: float) -> Non
     predictor.reset()
     impulse, samples = 2e-3, round(2e-3 * rate)  # N s, over two milliseconds
     for _ in range(samples):
-        predictor.sample(impulse / 2e-3)
+        predictor.observe(impulse / 2e-3)
     # d = p / (m w) exp(-b t / 2m) sin(w t): the first peak, of which some is not believed.
     m, k, b = SUSPENSION.m_a, SUSPENSION.k_s, SUSPENSION.b_s
     w = math.sqrt(k / m - (b / (2 * m)) ** 2)
@@ -158,8 +158,8 @@ def test_what_travels_now_is_within_what_is_predicted(values: list[float], gain:
     predictor.reset()
     scale = gain * sum(map(abs, values))
     for value in values:
-        travel = estimator.sample(gain * value, 0.0)
-        predictor.sample(value)
+        travel = estimator.observe(gain * value, 0.0)
+        predictor.observe(value)
         # Beyond what the response is kept for, a few thousandths of it are left.
         assert abs(travel) <= predictor.peaks()[0] + 1e-4 * scale + 1e-12
 
@@ -169,13 +169,13 @@ def test_what_travels_now_is_within_what_is_predicted(values: list[float], gain:
 def test_the_place_is_within_the_bank_and_the_same_every_time(values: list[float]) -> None:
     one, other = control([1.0, 0.5, 0.1]), control([1.0, 0.5, 0.1])
     for value in values:
-        force = one.sample(value)
-        assert force == other.sample(value)
+        force = one.process(value)
+        assert force == other.process(value)
         assert 0.0 <= one.place <= 2.0
         assert abs(force) <= abs(value)
     one.restart(one.taps)
     assert one.place == 0.0
-    assert [one.sample(0.0) for _ in range(50)] == [0.0] * 50
+    assert [one.process(0.0) for _ in range(50)] == [0.0] * 50
 
 
 @settings(max_examples=50, deadline=None)
@@ -185,28 +185,28 @@ def test_within_the_limit_the_first_member_is_used(values: list[float]) -> None:
     scale = LIMIT * SUSPENSION.k_s / 2.0 / max(1e-9, *map(abs, values))
     quiet = control([1.0, 0.5, 0.1])
     for value in values:
-        assert quiet.sample(scale * value) == pytest.approx(scale * value, rel=1e-12)
+        assert quiet.process(scale * value) == pytest.approx(scale * value, rel=1e-12)
         assert quiet.place == 0.0
 
 
 def test_as_much_is_given_up_as_the_limit_needs() -> None:
     # On the spring, 1.0 N would travel 3.76 mm and more: 0.5 of it is 1.88 mm.
     found = control([1.0, 0.5, 0.1], limit=2.5e-3)
-    force = [found.sample(1.0) for _ in range(400)]
+    force = [found.process(1.0) for _ in range(400)]
     # The force was as large for the first milliseconds; at last the spring holds what is left.
     assert 0.5 < found.place < 1.0
     assert force[-1] == pytest.approx(1.0 - 0.5 * found.place)
     assert force[-1] <= 2.5e-3 * SUSPENSION.k_s
     # Later, without any input, it comes back.
     for _ in range(20_000):
-        found.sample(0.0)
+        found.process(0.0)
     assert found.place == 0.0
 
 
 def test_what_no_member_keeps_gets_the_last_one() -> None:
     found = control([1.0, 0.5, 0.1])
     for _ in range(200):
-        force = found.sample(1e3)
+        force = found.process(1e3)
     assert found.place == 2.0
     assert force == pytest.approx(100.0)
 
@@ -220,7 +220,7 @@ def test_other_taps_are_faded_in() -> None:
     found.replace(other)
     assert found.changing
     count = round(FADING * RATE)
-    forces = [found.sample(1e-3) for _ in range(count)]
+    forces = [found.process(1e-3) for _ in range(count)]
     assert not found.changing
     assert forces == pytest.approx(1e-3 * (1.0 + 2.0 * np.arange(1, count + 1) / count))
     assert found.taps == pytest.approx(other)
@@ -230,7 +230,7 @@ def test_the_travel_of_other_taps_is_predicted_at_once() -> None:
     found = control([1.0, 0.1])
     found.replace(10.0 * found.taps)
     for _ in range(100):
-        found.sample(0.5)
+        found.process(0.5)
     assert found.place > 0.5
 
 
