@@ -112,7 +112,7 @@ def analyze(
     from haptic_accel.analysis.metrics import Shift
     from haptic_accel.analysis.writing import as_json, write_analysis
     from haptic_accel.bags.reading import read_bag
-    from haptic_accel.cli.report import partings, print_analysis, print_trials
+    from haptic_accel.cli.report import divergences, print_analysis, print_trials
     from haptic_accel.cli.running import stop_on_signal
     from haptic_accel.graph.arguments import GraphArguments
     from haptic_accel.graph.processes import graph_parameters, rig_parameters
@@ -140,7 +140,7 @@ def analyze(
         except ParameterError:
             folder.rmdir()
             raise
-        parted = list(partings(analysis, spread)) if lockstep else []
+        parted = list(divergences(analysis, spread)) if lockstep else []
         interrupted = stop()
     found = compared(analysis, comparison, places) if comparison else None
     page = write_analysis(analysis, folder, found)

@@ -42,7 +42,7 @@ from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.graph.arguments import GraphArguments, check_both_arms, parse_arguments
-from haptic_accel.graph.claims import HIGHEST_FREE_DOMAIN
+from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.processes import arrangement, graph
 from haptic_accel.graph.stop_signal import DOMAIN, own_domain
 from haptic_accel.graph.supervisor import Supervisor

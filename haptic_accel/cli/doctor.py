@@ -41,7 +41,7 @@ from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
 from haptic_accel.core.trial import DEFAULT_RATE
-from haptic_accel.graph.claims import HIGHEST_FREE_DOMAIN
+from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.stop_signal import DOMAIN
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 MASTER, SLAVE = SIDES = "master", "slave"
 
-PATIENCE = {
+TIMEOUTS = {
     "start_timeout": 10.0,
     "heartbeat_timeout": 1.0,
     "estimates_timeout": 0.5,
@@ -269,7 +269,7 @@ def _board(
 
 def _driver_parameters(arguments: EmulateCanArguments, side: str, folder: Path) -> dict[str, Any]:
     """Return the parameters of an arm's driver, by dotted name."""
-    shared = {"kinematics": arguments.kinematics, **PATIENCE}
+    shared = {"kinematics": arguments.kinematics, **TIMEOUTS}
     if not arguments.interface:
         channel = {"channel": str(folder / side), "options": SLCAN_OPTIONS}
         return {"interface": "slcan", **channel, **shared}

@@ -64,7 +64,7 @@ from haptic_accel.graph.arguments import (
     check_lockstep,
     parse_arguments,
 )
-from haptic_accel.graph.claims import sole_graph
+from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import arrangement, graph
 from haptic_accel.graph.supervisor import Supervisor

@@ -56,7 +56,7 @@ from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.core.trial import run_identification
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.arguments import SIMULATED, IdentifyArguments
-from haptic_accel.graph.claims import sole_graph
+from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, identification_graph
 from haptic_accel.graph.supervisor import Supervisor

@@ -24,7 +24,7 @@ import click
 from haptic_accel.cli.options import arguments, one_of, verb
 from haptic_accel.graph.namespaces import NamespaceArguments
 
-PATIENCE = 30.0
+ANSWER_TIMEOUT = 30.0
 """Maximum time for an answer, s: a file that is finished is brought to the disk first."""
 
 ACTIONS = {
@@ -50,5 +50,5 @@ def record(action: str, arguments: NamespaceArguments) -> None:
     from haptic_accel.cli.joining import connected
     from haptic_accel.nodes.graph_requests import trigger
 
-    with connected(arguments.namespace, answering=PATIENCE) as client:
+    with connected(arguments.namespace, answering=ANSWER_TIMEOUT) as client:
         print(asyncio.run(client.send(trigger(f"recorder/{action}"))))

@@ -25,9 +25,9 @@ from rich.console import Console
 
 from haptic_accel.analysis import frames
 from haptic_accel.analysis.comparison import Comparison
+from haptic_accel.analysis.divergence import Divergence, find_divergence
 from haptic_accel.analysis.loading import Analysis, Spread
 from haptic_accel.analysis.metrics import METRICS, AnalysedTrial
-from haptic_accel.analysis.parting import Parting, find_parting
 from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.summary import summary
 from haptic_accel.cli.tables import print_table
@@ -60,18 +60,18 @@ def print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTria
         print(f"{done} of {total}: {condition} {error} % ({against})", flush=True)
 
 
-def partings(analysis: Analysis, spread: Spread) -> Iterator[Parting]:
+def divergences(analysis: Analysis, spread: Spread) -> Iterator[Divergence]:
     """Compare the bags with lockstep; print why one cannot be."""
-    for found in spread(_parting, list(dict.fromkeys(t.segment.bag for t in analysis.trials))):
-        if isinstance(found, Parting):
+    for found in spread(_divergence, list(dict.fromkeys(t.segment.bag for t in analysis.trials))):
+        if isinstance(found, Divergence):
             yield found
         else:
             print(found)
 
 
-def _parting(bag: Path) -> Parting | str:
+def _divergence(bag: Path) -> Divergence | str:
     try:
-        return find_parting(bag)
+        return find_divergence(bag)
     except ParameterError as error:
         return str(error)
 

@@ -36,7 +36,7 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.keyboard import on_key
 from haptic_accel.core.parameters import printable
 from haptic_accel.core.process import ENDING, FAILED, INTERRUPTED, WRONG_ARGUMENTS
-from haptic_accel.graph.claims import sole_graph
+from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.processes import LINK, RECORDER, SCOPE, Process, arrangement
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 

@@ -33,7 +33,7 @@ from haptic_accel.core.process import DONE, WRONG_ARGUMENTS, module_command
 
 MEGABYTE = 10**6
 
-PATIENCE = 10.0
+GRACE_TIME = 10.0
 """Maximum time for the start of a process, and for its waiting, s."""
 
 _ENDED = (-signal.SIGXCPU, -signal.SIGKILL, -signal.SIGALRM)
@@ -84,7 +84,7 @@ def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
                 cwd=folder,
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
-                timeout=2 * (seconds + PATIENCE),
+                timeout=2 * (seconds + GRACE_TIME),
                 check=False,
             )
             status, lines = done.returncode, done.stdout.decode(errors="replace").splitlines()
@@ -121,7 +121,7 @@ def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
         lowest = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
         resource.setrlimit(kind, (lowest, hard))
     # Also ends waiting, for example for the other end of a pipe.
-    signal.setitimer(signal.ITIMER_REAL, seconds + PATIENCE)
+    signal.setitimer(signal.ITIMER_REAL, seconds + GRACE_TIME)
     try:
         work()
     except ParameterError as error:

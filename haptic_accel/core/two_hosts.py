@@ -22,7 +22,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from haptic_accel.core.arm_end import ArmEnd
+from haptic_accel.core.arm_endpoint import ArmEndpoint
 from haptic_accel.core.coupling.engagement import EngagementParameters
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.coupling.passive import PassiveParameters
@@ -107,7 +107,7 @@ class TwoHosts:
         """Start or restart the host of an arm at a time in s."""
         side, conditions = self._sides[arm], EngagementParameters()
         session = next(self._sessions)
-        end = ArmEnd(arm, self._parameters, side.rate, side.latency, session)
+        end = ArmEndpoint(arm, self._parameters, side.rate, side.latency, session)
         half = HalfCouplingPart(end, HalfEngagement(conditions, now, arm), conditions.timeout)
         half.offset = BEGIN * NANOSECONDS
         self.halves[arm] = half

@@ -253,7 +253,7 @@ class CoupledArms:
     def _couple(self, now: float) -> None:
         """Couple the arms, once, when both boards are sampled."""
         if not self.coupled and all(board.rate for board in self._boards):
-            self.coupled = self._part.look(now, listeners=1).engage
+            self.coupled = self._part.poll(now, listeners=1).engage
             for board in self._boards if self.coupled else ():
                 board.faults.begin()
 

@@ -41,8 +41,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 from haptic_accel.core.parameters import suggestion
 from haptic_accel.core.process import EMERGENCY
 from haptic_accel.core.topics import JOINT_STATE_RATE
-from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
+from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.processes import RESPAWN_DELAY, Process, arrangement
 from haptic_accel.graph.words import MOVED, given_keys, unknown_key
@@ -80,11 +80,11 @@ def launched(
         NamespaceArguments(given["namespace"])  # refuses it as it was typed
         given["namespace"] = _pushed(given["namespace"], context)
         found = processes([f"{name}:={value}" for name, value in given.items()])
-        claim = ExitStack()
-        claim.enter_context(sole_graph(found[0].namespace))
+        lock = ExitStack()
+        lock.enter_context(sole_graph(found[0].namespace))
         if line := arrangement(found):
             get_logger("haptic_accel").info(line)
-        leave = OnShutdown(on_shutdown=lambda *_: claim.close())
+        leave = OnShutdown(on_shutdown=lambda *_: lock.close())
         # Later, as nodes that start meanwhile, or come back, read their parameters.
         folder = TemporaryDirectory(prefix="haptic_accel-")
         atexit.register(folder.cleanup)

@@ -46,7 +46,7 @@ WAITING_LINES = 1000
 LAST_WORDS = 1.0
 """Longest time that the end of a graph waits for lines to be taken, s."""
 
-PATIENCE = ((signal.SIGTERM, 10.0), (signal.SIGKILL, 5.0))
+STOP_TIMEOUTS = ((signal.SIGTERM, 10.0), (signal.SIGKILL, 5.0))
 """Signals that ask a process to end, each with the time in s before the next. No SIGINT: a process
 that still imports would answer with a traceback."""
 
@@ -299,11 +299,11 @@ class Supervisor:
             reader.join(timeout=1.0)
 
     def _stop(self, children: Sequence[subprocess.Popen[str]]) -> None:
-        for number, patience in PATIENCE:
+        for number, timeout in STOP_TIMEOUTS:
             for child in children:
                 if child.poll() is None:
                     child.send_signal(number)
-            deadline = time.monotonic() + patience
+            deadline = time.monotonic() + timeout
             for child in children:
                 with suppress(subprocess.TimeoutExpired):
                     child.wait(timeout=max(0.0, deadline - time.monotonic()))

@@ -43,14 +43,14 @@ class Hearing:
 
     Attributes
     ----------
-    heard : int
+    received : int
         Number of datagrams from the peer.
     problem : str
         Reason why datagrams are rejected, one line; empty if none are.
     """
 
     def __init__(self, peer: str, advice: str, keys: str, now: float) -> None:
-        self.heard = 0
+        self.received = 0
         self.problem = ""
         self._peer, self._advice = peer, advice
         self._keys = f"here keys:={keys}" if keys else "this host has none"
@@ -82,8 +82,8 @@ class Hearing:
         return self.problem
 
     def _of_peer(self, now: float) -> str:
-        if self.heard != self._known:
-            self._known, self._last = self.heard, now
+        if self.received != self._known:
+            self._known, self._last = self.received, now
             new, self._hears, self._silent = not self._hears, True, False
             return f"{self._peer} is heard" if new else ""
         if now - self._last < SILENCE or self._silent:

@@ -79,7 +79,7 @@ class Pace:
         self._sent.append((self._numbered, now))
         return self._numbered
 
-    def heard(self, newest: int, now: float) -> None:
+    def acknowledge(self, newest: int, now: float) -> None:
         """Process the number of the newest datagram that the peer received."""
         trip = math.inf
         while self._sent and self._sent[0][0] <= newest:

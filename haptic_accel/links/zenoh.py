@@ -177,9 +177,9 @@ class ZenohCarrier:
                 break
             if len(message) < _HEAD.size:
                 continue
-            self._newest, heard = _HEAD.unpack_from(message)
+            self._newest, acknowledged = _HEAD.unpack_from(message)
             with self._lock:
-                self._pace.heard(heard, time.monotonic())
+                self._pace.acknowledge(acknowledged, time.monotonic())
             deliver(message[_HEAD.size :])
 
     def close(self) -> None:

@@ -78,7 +78,7 @@ class Compensator(GraphNode):
             for stamp, acceleration in self._handles.drain():
                 self.part.put_handle(stamp, acceleration[ACTUATOR_AXIS])
             self.publish(self.part.forces(time.time_ns()), offset=0)
-        return self._arrivals.looked(found=came and not self.part.waiting)
+        return self._arrivals.polled(found=came and not self.part.waiting)
 
     def publish(self, felt: Iterable[Caused], offset: int) -> None:
         """Publish forces, whose stamps are by an offset in ns behind system time."""
@@ -109,7 +109,7 @@ class Compensator(GraphNode):
             "lost": str(self.part.lost),
             "bridged": str(self.part.bridged),
             "without the handle's sample": str(self.part.without),
-            "out of order": str(self._tools.succession.stale),
+            "out of order": str(self._tools.sequence.stale),
             **values,
         }
 

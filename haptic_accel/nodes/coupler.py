@@ -34,7 +34,7 @@ from haptic_accel.core.loop.wiring import Pull, Tool
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.topics import ARMS
 from haptic_accel.graph.node_parameters import PASSIVE
-from haptic_accel.nodes.coupling_node import ARM_TOPICS, CouplingNode, Motions
+from haptic_accel.nodes.coupling_node import ARM_TOPICS, CouplingNode, MotionSynchronizer
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.timing import CATCH_UP
 
@@ -51,7 +51,7 @@ class Coupler(CouplingNode):
         longest = round(CATCH_UP * rate)
         self.part: CouplingPart = CouplingPart(self._coupling, self.engagement, rate, longest)
         self._motions = {
-            arm: Motions(
+            arm: MotionSynchronizer(
                 self.samples(signals.position, rate),
                 self.samples(signals.velocity, rate) if self._damped else None,
                 self.samples(signals.work, rate) if self._passive else None,

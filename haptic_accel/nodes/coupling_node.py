@@ -41,8 +41,8 @@ MASTER, SLAVE = topics.ARMS
 ARM_TOPICS = {MASTER: topics.MASTER, SLAVE: topics.SLAVE}
 
 
-class Joined:
-    """A signal of an arm, joined with the positions of the same samples.
+class SynchronizedSignal:
+    """Signal of an arm, synchronized with the positions of the same samples.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Joined:
         self.value = ZERO
 
     def receive(self) -> None:
-        """Take the samples that came."""
+        """Store the samples received."""
         for sample in self._samples.drain():
             self._waiting.append(sample)
             self.flowing = True
@@ -81,7 +81,7 @@ class Joined:
         self._waiting.clear()
 
 
-class Motions:
+class MotionSynchronizer:
     """Positions of an arm, each joined with other signals of the same sample.
 
     Parameters
@@ -94,7 +94,7 @@ class Motions:
 
     Attributes
     ----------
-    velocity, work : Joined or None
+    velocity, work : SynchronizedSignal or None
     """
 
     def __init__(
@@ -102,12 +102,12 @@ class Motions:
     ) -> None:
         self._arriving = positions
         self._positions: deque[tuple[int, Vector]] = deque()
-        self.velocity = Joined(velocities, flowing=True) if velocities else None
-        self.work = Joined(work, flowing=False) if work else None
+        self.velocity = SynchronizedSignal(velocities, flowing=True) if velocities else None
+        self.work = SynchronizedSignal(work, flowing=False) if work else None
 
     def join(self, velocities: Samples) -> None:
         """Join velocities once they arrive."""
-        self.velocity = Joined(velocities, flowing=False)
+        self.velocity = SynchronizedSignal(velocities, flowing=False)
 
     def drain(self) -> Iterator[Motion]:
         """Yield the complete samples."""
@@ -224,7 +224,7 @@ class CouplingNode(GraphNode):
             self.follow_stop()
         if self.engagement.due(now):
             self.step()
-        return self._arrivals.looked(found=self.couple())
+        return self._arrivals.polled(found=self.couple())
 
     def stop_forces(self) -> None:
         """Stop all, and release the arms."""
@@ -253,7 +253,7 @@ class CouplingNode(GraphNode):
                 self._first_force.leave()
                 self._first_force = None
                 return  # that took a while: engaging waits for the next call
-        decision = self.part.look(time.monotonic(), self.listeners)
+        decision = self.part.poll(time.monotonic(), self.listeners)
         if decision.release:
             self._let_go()
         if decision.warning:

@@ -72,7 +72,7 @@ class Queries:
     Attributes
     ----------
     asked : bool
-        Somebody subscribed when `look` was called last.
+        Somebody subscribed when `poll` was called last.
     """
 
     def __init__(self, node: GraphNode, arm: ArmTopics) -> None:
@@ -88,7 +88,7 @@ class Queries:
         )
         self._joints_asked = self.asked = False
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Check for subscribers."""
         self._joints_asked = self._joints.get_subscription_count() > 0
         others = self._force, self._set_force, self._set_point
@@ -138,7 +138,7 @@ class Queries:
         self._joints.publish(message)
 
 
-class Motions:
+class MotionSynchronizer:
     """Motion commands other than forces: `servo_cp`, `hold` and `free`.
 
     Between two samples, `free` takes precedence over `hold`, and `hold` over a position;
@@ -158,7 +158,7 @@ class Motions:
     positions : Inbox
         Commands of `servo_cp`.
     expected : bool
-        Somebody published when `look` was called last.
+        Somebody published when `poll` was called last.
     refused : int
         Number of positions that were out of date, or not finite.
     """
@@ -178,7 +178,7 @@ class Motions:
         self.expected = False
         self.refused = 0
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Check for publishers."""
         inboxes = self.positions, self._holds, self._frees
         self.expected = any(inbox.senders for inbox in inboxes)

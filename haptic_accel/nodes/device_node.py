@@ -34,7 +34,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ArmTopics, along_actuator
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY
-from haptic_accel.nodes.crtk import Motions, OperatingState, Queries
+from haptic_accel.nodes.crtk import MotionSynchronizer, OperatingState, Queries
 from haptic_accel.nodes.joint_states import JointStates
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from haptic_accel.nodes.stopping import StopWords
@@ -126,7 +126,9 @@ class DeviceNode(ManagedNode):
             self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.description.pointed else None
         )
         self._queries = Queries(self, arm)
-        self._motions = Motions(self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm)
+        self._motions = MotionSynchronizer(
+            self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm
+        )
         self.side = DeviceSide(
             self.device,
             self.safety,
@@ -218,7 +220,7 @@ class DeviceNode(ManagedNode):
         """Leave the device without force."""
         self.device.close()
 
-    def say_farewell(self) -> None:
+    def publish_final_diagnostics(self) -> None:
         """Log the missed deadlines, and publish the final diagnostics."""
         due, missed = self.side.deadlines
         if due:
@@ -226,7 +228,7 @@ class DeviceNode(ManagedNode):
                 f"{missed} of {due} forces missed their deadline;"
                 f" the latest came {1e3 * self.side.longest:.1f} ms after it"
             )
-        super().say_farewell()
+        super().publish_final_diagnostics()
 
     def repeat_states(self) -> None:
         """Publish the states of device and arm."""
@@ -469,7 +471,7 @@ class DeviceNode(ManagedNode):
 
     def _log_news(self) -> None:
         """Log news of the safety layer, each once; look who sends commands and who asks."""
-        for look in (self._motions.look, self._queries.look, self._operating.report):
+        for look in (self._motions.poll, self._queries.poll, self._operating.report):
             look()
         self._work_asked = self._work_sender.listeners > 0
         self._contact_asked = bool(self._contact_sender and self._contact_sender.listeners)

@@ -30,7 +30,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from haptic_accel.core.cdr import pack_diagnostics
 from haptic_accel.core.rivals import Endpoint, rivals
 from haptic_accel.core.topics import BUNDLES, DIAGNOSTICS, SIGNALS, Topic
-from haptic_accel.graph.claims import claim_signal
+from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes.bundling import BUNDLES_KEPT, BundleSender, join, participant
 from haptic_accel.nodes.scheduling import scheduling_class
 from haptic_accel.nodes.signals import (
@@ -70,7 +70,7 @@ class GraphNode(TopicNode):
     task: str
 
     def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
-        self._claims: list[socket.socket] = []
+        self._locks: list[socket.socket] = []
         self._bundles: BundleSender | None = None
         self._followed: list[Samples] = []
         self._sole: dict[str, Inbox | Publishers] = {}
@@ -97,7 +97,7 @@ class GraphNode(TopicNode):
             Another process sends it in the same ROS domain.
         """
         name = self.resolve_topic_name(topic.name)
-        self._claims.append(claim_signal(self.context.get_domain_id(), name))
+        self._locks.append(lock_signal(self.context.get_domain_id(), name))
         if topic not in SIGNALS:
             return Sender(self, topic)
         # Found by others before the signal is, which shows them that the signal is in it.
@@ -166,7 +166,7 @@ class GraphNode(TopicNode):
     def start_anew(self) -> None:
         """Discard the waiting samples: after a change of the clock, stamps begin anew."""
 
-    def say_farewell(self) -> None:
+    def publish_final_diagnostics(self) -> None:
         """Publish the final diagnostics."""
         self.report()
 
@@ -179,9 +179,9 @@ class GraphNode(TopicNode):
         self.leave_signals()
 
     def leave_signals(self) -> None:
-        """Release this node's claims of signals, for other nodes of this machine."""
-        for claimed in self._claims:
-            claimed.close()
+        """Release this node's locks on signals, for other nodes of this machine."""
+        for lock in self._locks:
+            lock.close()
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return a warning, empty if all is well, and values with units for diagnostics."""
@@ -232,7 +232,7 @@ class GraphNode(TopicNode):
             }
         )
         if self._followed:
-            counts["samples out of date"] = sum(s.succession.outdated for s in self._followed)
+            counts["samples out of date"] = sum(s.sequence.outdated for s in self._followed)
             contested = self.contested_in_loop + sum(s.contested for s in self._followed)
             counts["samples of several senders"] = contested
         return counts
@@ -251,11 +251,11 @@ class GraphNode(TopicNode):
 
     def _on_jump(self, topic: Topic, jumped: Samples) -> None:
         """Restart the sequence checks of all signals, so that the change is reported once."""
-        by = jumped.succession.jump
+        by = jumped.sequence.jump
         self.get_logger().warning(f"{topic.name}: a clock was set by {by:+.3g} s; starting anew")
         for samples in self._followed:
             if samples is not jumped:
-                samples.succession.begin()
+                samples.sequence.begin()
         self.start_anew()
 
 

@@ -25,7 +25,7 @@ import time
 from collections.abc import Iterable
 
 from haptic_accel.core import topics
-from haptic_accel.core.arm_end import ArmEnd
+from haptic_accel.core.arm_endpoint import ArmEndpoint
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.loop.half_coupling import HalfCouplingPart
 from haptic_accel.core.loop.wiring import Pull, Tool
@@ -34,7 +34,7 @@ from haptic_accel.core.network.session import random_session
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.links.local import COUPLER, LocalEnd
-from haptic_accel.nodes.coupling_node import ARM_TOPICS, SLAVE, CouplingNode, Motions
+from haptic_accel.nodes.coupling_node import ARM_TOPICS, SLAVE, CouplingNode, MotionSynchronizer
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.signals import Samples
 from haptic_accel.nodes.timing import RateKeeper, system_time, wake_time
@@ -54,13 +54,13 @@ class HalfCoupler(CouplingNode):
         super().__init__()
         p = self.parameters
         topics_here = ARM_TOPICS[p.side]
-        end = ArmEnd(p.side, p, p.rate, p.latency, random_session())
+        end = ArmEndpoint(p.side, p, p.rate, p.latency, random_session())
         self.part: HalfCouplingPart = HalfCouplingPart(end, self._here, p.timeout)
         self._end, self._endpoint = end, end.endpoint
         self._local = LocalEnd(
             COUPLER, self.context.get_domain_id(), self.get_namespace().rstrip("/")
         )
-        self._motions = Motions(
+        self._motions = MotionSynchronizer(
             *(
                 self.samples(topic, p.rate)
                 for topic in (topics_here.position, topics_here.velocity, topics_here.work)
@@ -102,8 +102,8 @@ class HalfCoupler(CouplingNode):
             "packets not taken by the link": str(self._local.dropped),
             "stiffness (N/m)": f"{half.stiffness:.1f}",
             "damping (N s/m)": f"{half.damping:.2f}",
-            "energy account (mJ)": f"{half.energy * 1e3:.3f}",
-            "force limited by the account (%)": f"{100 * half.limited:.1f}",
+            "energy tank (mJ)": f"{half.energy * 1e3:.3f}",
+            "force limited by the energy tank (%)": f"{100 * half.limited:.1f}",
         }
         if self._ticks:
             played = sum(playout.counts[kind] for kind in KINDS if kind != WAITING)

@@ -36,7 +36,7 @@ from haptic_accel.nodes.timing import ArrivalKeeper
 LOOK_PERIOD = 0.1
 """Interval between checks for silence and missing subscribers, s."""
 
-PATIENCE = 30.0
+START_TIMEOUT = 30.0
 """Time allowed for the device and the recorder to start, and for the release of a stop, s."""
 
 FAREWELLS, FAREWELL_PAUSE = 3, 0.01
@@ -87,7 +87,7 @@ class Identifier(GraphNode):
         for moment, acceleration in self._samples.drain():
             came = True
             self._excite(moment, acceleration)
-        return self._arrivals.looked(found=came)
+        return self._arrivals.polled(found=came)
 
     def start_anew(self) -> None:
         """End a sweep whose time is no longer known."""
@@ -183,9 +183,9 @@ class Identifier(GraphNode):
         """End the run without a subscriber or without acceleration of the handle."""
         now = time.monotonic()
         if self._origin is None:
-            if now - self._started > PATIENCE:
+            if now - self._started > START_TIMEOUT:
                 missing = self._missing() or f"waiting for {topics.HANDLE_ACCELERATION.name}"
-                self._fail(f"{missing} after {PATIENCE:g} s")
+                self._fail(f"{missing} after {START_TIMEOUT:g} s")
         elif now - self._received > self.parameters.timeout:
             self._fail(f"handle_acceleration: silent for {now - self._received:.2g} s")
 

@@ -97,7 +97,7 @@ def carry(
     failures: list[Exception] = []
 
     def deliver(datagram: bytes) -> None:
-        hearing.heard += 1
+        hearing.received += 1
         local.send(datagram)
 
     def receive() -> None:

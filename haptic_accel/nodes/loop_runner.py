@@ -126,7 +126,7 @@ class LoopRunner:
             side = self._loop.sides[arm]
             complete = side.complete or not side.sampling
             if not complete or tick is None:
-                look = arrivals.looked(found=complete)
+                look = arrivals.polled(found=complete)
                 if not complete:
                     wake = min(wake, look)
         return wake

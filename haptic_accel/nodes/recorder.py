@@ -163,7 +163,7 @@ class Recorder(GraphNode):
         if self._session.failures:
             raise OSError("; ".join(self._session.failures))
 
-    def say_farewell(self) -> None:
+    def publish_final_diagnostics(self) -> None:
         """Publish nothing, as the other nodes have ended."""
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:

@@ -153,7 +153,7 @@ class SupervisedNode(Node):
     def close(self) -> None:
         """Release all resources; called once, however the node ended."""
 
-    def say_farewell(self) -> None:
+    def publish_final_diagnostics(self) -> None:
         """Publish the final messages, which may be lost; called once after `close`."""
 
 
@@ -337,7 +337,7 @@ def close_nodes(nodes: Sequence[SupervisedNode], well: bool) -> None:
         for number in CUT_SHORT:
             libc.signal(number, libc._exit)
     for node in nodes:
-        node.say_farewell()
+        node.publish_final_diagnostics()
         node.destroy_node()
     rclpy.try_shutdown()
 

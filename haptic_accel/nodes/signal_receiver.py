@@ -110,7 +110,7 @@ class SignalReceiver:
         self._look_due = 0.0
         for signal in self._signals.values():
             signal.subscribe(node)
-        node.create_timer(LOOK_PERIOD, self.look)
+        node.create_timer(LOOK_PERIOD, self.poll)
 
     def drain(self) -> list[tuple[int, str, bytes]]:
         """Return system times in ns, full names of topics and messages that have come."""
@@ -120,7 +120,7 @@ class SignalReceiver:
         taken += self._in_bundles()
         return taken
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Subscribe to signals by themselves, or no longer, as their publishers are now."""
         now = time.monotonic()
         names = self._bundles.name, *self._signals

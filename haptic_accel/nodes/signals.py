@@ -28,7 +28,7 @@ from rclpy.subscription import Subscription
 
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
 from haptic_accel.core.model import Vector
-from haptic_accel.core.succession import Succession
+from haptic_accel.core.sequence_check import SequenceCheck
 from haptic_accel.core.topics import Topic
 from haptic_accel.nodes.bundling import BundleSender, owner
 from haptic_accel.nodes.callbacks import CallbackGuard
@@ -272,7 +272,7 @@ class Requests:
 
 
 class Samples:
-    """Samples of one signal, of which a `Succession` admits those that come in order and in time.
+    """Samples of one signal that a `SequenceCheck` admits: in order and in time.
 
     There are none while the signal has several publishers: a message does not tell which of them
     it is from.
@@ -287,7 +287,7 @@ class Samples:
 
     Attributes
     ----------
-    succession : Succession
+    sequence : SequenceCheck
     contested : int
         Samples refused because the signal had several publishers.
     """
@@ -297,7 +297,7 @@ class Samples:
         self.contested = 0
         self._jumped = jumped
         self._first = True
-        self.succession = Succession(rate)
+        self.sequence = SequenceCheck(rate)
 
     def drain(self) -> Iterator[tuple[int, Vector]]:
         """Yield stamps, system time in ns, and vectors."""
@@ -308,13 +308,13 @@ class Samples:
             self.contested += len(taken)
             taken = []
         for stamp, vector in taken:
-            if self.succession.admits(stamp, now, steady):
-                if self.succession.jump:
+            if self.sequence.admits(stamp, now, steady):
+                if self.sequence.jump:
                     self._jumped(self)
                 yield stamp, vector
         if self._first:  # what came while the node started has waited: no fault of its sender
             self._first = False
-            self.succession.outdated = 0
+            self.sequence.outdated = 0
 
 
 def ignore(*taken: Any) -> None:

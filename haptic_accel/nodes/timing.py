@@ -169,7 +169,7 @@ class ArrivalKeeper:
         self._next = 0.0
         self._first = True
 
-    def looked(self, *, found: bool) -> float:
+    def polled(self, *, found: bool) -> float:
         """Return the steady time of the next look, s, after one that found all, or not."""
         now = self._clock()
         if found:

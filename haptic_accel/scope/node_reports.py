@@ -28,7 +28,7 @@ EXPECTED = ("master_device", "slave_device", "coupler", "compensator", "recorder
 
 NETWORK = (
     "delay {one-way delay (ms)} ms, loss {packet loss (%)} %, clock {clock offset (ms)} ms,"
-    " energy {energy account (mJ)} mJ"
+    " energy {energy tank (mJ)} mJ"
 )
 """Line for a node with a peer host, of the values that it reports."""
 

@@ -34,9 +34,9 @@ from ament_index_python.packages import PackageNotFoundError
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.topics import SIGNALS
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
-from haptic_accel.graph.claims import sole_graph
 from haptic_accel.graph.files import parameter_text, read_parameter_file
 from haptic_accel.graph.frames import description as description_text
+from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.processes import Process, graph, identification_graph
 from haptic_accel.graph.replay import described_replay, replay_arguments
 from haptic_accel.graph.words import described, parse_words
@@ -110,7 +110,7 @@ def start(monkeypatch: pytest.MonkeyPatch, domain: int, installed: set[str]) -> 
     for handler in handlers:
         handler.event_handler.handle(Shutdown(reason="over"), context)
     with sole_graph(""):
-        """Nothing is claimed any more."""
+        """Nothing is locked any more."""
 
 
 def ended(node: SimpleNamespace, status: int, *, shutdown: bool = False) -> Any:

@@ -191,7 +191,7 @@ def test_a_signal_at_any_instant_leaves_it_looking(monkeypatch: pytest.MonkeyPat
 @pytest.mark.usefixtures("scripts")
 def test_who_does_not_listen_is_killed_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
     patience = ((signal.SIGTERM, 0.2), (signal.SIGKILL, 20.0))
-    monkeypatch.setattr(supervisor, "PATIENCE", patience)
+    monkeypatch.setattr(supervisor, "STOP_TIMEOUTS", patience)
     deaf = (
         "import signal\n"
         "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"

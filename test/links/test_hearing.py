@@ -24,9 +24,9 @@ def test_the_peer_is_reported_once_when_it_is_heard_and_once_when_it_is_not() ->
     assert hearing.lines(SILENCE - 0.1) == []
     assert hearing.lines(SILENCE) == ["peer robot: nothing received for 5 s; check it"]
     assert hearing.lines(3 * SILENCE) == []
-    hearing.heard += 1
+    hearing.received += 1
     assert hearing.lines(20.0) == ["peer robot is heard"]
-    hearing.heard += 1
+    hearing.received += 1
     assert hearing.lines(24.0) == []
     assert hearing.lines(28.9) == []
     assert hearing.lines(29.0)[0].startswith("peer robot: nothing received")
@@ -43,7 +43,7 @@ def test_strangers_get_one_line_a_minute_however_many_they_are() -> None:
     hearing = Hearing("peer robot", "check it", "mine", 0.0)
     said = []
     for tick in range(round(2.5 * REPEAT)):
-        hearing.heard += 1
+        hearing.received += 1
         for number in range(100):
             hearing.refuse(f"10.0.0.{number}")
         said += [line for line in hearing.lines(float(tick)) if "heard" not in line]

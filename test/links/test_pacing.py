@@ -46,7 +46,7 @@ def run(seconds: float, capacity: float, jitter: float = 0.0) -> tuple[list[floa
             echoes.append((now + 0.04 + jitter * chance.random(), number))
         for arrival, number in [each for each in echoes if each[0] <= now]:
             echoes.remove((arrival, number))
-            pace.heard(number, now)
+            pace.acknowledge(number, now)
     return waited, sent
 
 

@@ -44,7 +44,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import MASTERS, DeviceDescription, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedMaster
-from haptic_accel.graph.claims import claim_signal
+from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import MasterDevice
@@ -653,6 +653,6 @@ def test_a_latency_too_small_for_the_sound_card_ends_the_node(card: Path, domain
     try:
         with pytest.raises(ParameterError, match="latency = 1: must be at least 5"):
             MasterDevice()
-        claim_signal(domain, f"/{topics.MASTER_POSITION.name}").close()  # left to others
+        lock_signal(domain, f"/{topics.MASTER_POSITION.name}").close()  # left to others
     finally:
         rclpy.shutdown()

@@ -190,7 +190,7 @@ def looks(arrival: Callable[[int], float], ticks: int = 3000) -> list[int]:
         newest = taken
         while newest < ticks and come[newest] <= clock.now:
             newest += 1
-        clock.now = max(keeper.looked(found=newest > taken), clock.now + 1e-6)
+        clock.now = max(keeper.polled(found=newest > taken), clock.now + 1e-6)
         taken = newest
     return counts
 
@@ -209,5 +209,5 @@ def test_without_messages_there_is_one_look_a_period() -> None:
     clock = SlowClock()
     keeper = ArrivalKeeper(1000.0, clock)
     for _ in range(100):
-        clock.now = keeper.looked(found=False)
+        clock.now = keeper.polled(found=False)
     assert clock.now == pytest.approx(10.1, abs=2e-3)

@@ -74,7 +74,7 @@ def test_a_peer_host_is_shown_by_delay_loss_clock_and_energy() -> None:
         "one-way delay (ms)": "20.10",
         "packet loss (%)": "4.90",
         "clock offset (ms)": "-0.120",
-        "energy account (mJ)": "4.800",
+        "energy tank (mJ)": "4.800",
     }
     reports = NodeReports()
     reports.receive("coupler", NodeReport(0, "OK", values, 0.0))

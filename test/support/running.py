@@ -260,10 +260,10 @@ def nodes_of(domain: int) -> dict[str, int]:
 
 @contextmanager
 def sending(domain: int, topic: str, prepare: str = "") -> Iterator[subprocess.Popen[bytes]]:
-    """Let another process claim a signal."""
+    """Let another process lock a signal."""
     text = (
-        f"import signal; {prepare}from haptic_accel.graph.claims import claim_signal;"
-        f" claimed = claim_signal({domain}, {topic!r}); print(flush=True); signal.pause()"
+        f"import signal; {prepare}from haptic_accel.graph.locks import lock_signal;"
+        f" lock = lock_signal({domain}, {topic!r}); print(flush=True); signal.pause()"
     )
     with subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE) as process:
         assert process.stdout

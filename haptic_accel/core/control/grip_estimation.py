@@ -134,7 +134,7 @@ class GripEstimator:
     ----------
     grip : ndarray, shape (3,)
         Estimated m_h, b_u and k_u: kg, N s/m, N/m.
-    looks : int
+    estimates : int
         Number of evaluations of an excited handle.
     """
 
@@ -181,7 +181,7 @@ class GripEstimator:
         self._moments = np.zeros((4, 4))
         self._energy = 0.0
         self._beyond = [0, 0, 0]  # evaluations in a row at the upper bound; negative: lower
-        self.looks = 0
+        self.estimates = 0
         self._work = iter(())
         self._window.reset()
 
@@ -202,7 +202,7 @@ class GripEstimator:
         The terms are those of m_h, b_u and k_u with the assumed values, and the value of their
         sum.
         """
-        self.looks += 1
+        self.estimates += 1
         self._energy = self._kept * self._energy + (1.0 - self._kept) * energy
         error = _error(moments, self._present)
         noise = _error(moments, _solution(moments)) + NEGLIGIBLE * max(energy, self._energy)
@@ -210,7 +210,7 @@ class GripEstimator:
         self._moments = self._kept * trust**2 * self._moments + moments / noise
         found = self._within_bounds(_solution(self._moments))
         changes = map(sub, found, self._present)
-        if self.looks < FEWEST or max(map(abs, map(truediv, changes, found))) < NOTICEABLE:
+        if self.estimates < FEWEST or max(map(abs, map(truediv, changes, found))) < NOTICEABLE:
             return False
         self._present = found
         self.grip = self._assumed * found

@@ -109,7 +109,7 @@ class Learner:
         Corrections to add to the family's taps, N per m/s^2.
     deviation : float
         Relative difference between the handle's response and the model's over the excited lines.
-    looks : int
+    estimates : int
         Number of redesigns.
     """
 
@@ -171,7 +171,7 @@ class Learner:
         self._ratio.model[1:] = self._model(np.array([handle.m_h, handle.b_u, handle.k_u]))
         self._work = iter(())
         self.correction = np.zeros_like(self._family.basis[:, 0])
-        self.deviation, self.looks = 0.0, 0
+        self.deviation, self.estimates = 0.0, 0
 
     def _redesign(self, grip: FloatArray) -> Iterator[bool]:
         """Solve for all members of the bank in parts; yield between them, and finally True."""
@@ -200,7 +200,7 @@ class Learner:
             if steps == STEPS:
                 break
         self.correction = taps - given
-        self.looks += 1
+        self.estimates += 1
         yield True
 
     def _model(self, grip: FloatArray) -> ComplexArray:

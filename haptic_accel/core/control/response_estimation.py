@@ -69,7 +69,7 @@ class ResponseEstimator:
         One-sided power density of the output, its unit squared per Hz.
     cross : ndarray, shape (n,)
         Cross-spectrum, complex: the density of the input times the response.
-    looks : int
+    estimates : int
         Number of evaluations.
     interval : float
         Time between evaluations, s.
@@ -126,7 +126,7 @@ class ResponseEstimator:
         self.excitation, self.output = np.zeros(lines), np.zeros(lines)
         self.cross = np.zeros(lines, dtype=np.complex128)
         self.weight = 0.0  # sum over all windows, each new one with weight 1
-        self.looks = 0
+        self.estimates = 0
         self._work = iter(())
         self._window.reset()
 
@@ -149,5 +149,5 @@ class ResponseEstimator:
         yield False
         # All in one step, so that the values are consistent.
         self.weight, self.excitation, self.output, self.cross = weight, excitation, output, cross
-        self.looks += 1
+        self.estimates += 1
         yield True

@@ -25,8 +25,8 @@ from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from haptic_accel.core.control.bridging import Bridge
 from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.control.loss_concealment import LossConcealment
 from haptic_accel.core.sampling import NANOSECONDS
 
 SENDING_TIME = 0.5
@@ -76,7 +76,7 @@ class CompensationPart:
         self._tool: deque[tuple[int, float]] = deque()
         self._handle: deque[tuple[int, float | None]] = deque(maxlen=longest)
         self._last: int | None = None
-        self._bridge = Bridge()
+        self._concealment = LossConcealment()
         self.samples = self.lost = self.bridged = self.without = 0
 
     def put_tool(self, stamp: int, acceleration: float) -> None:
@@ -118,7 +118,7 @@ class CompensationPart:
             self._fill(stamp)
             self.without += handle is None and self.samples > 0  # no sample precedes the first
             self.samples += 1
-            self._bridge.put(tool)
+            self._concealment.put(tool)
             yield Caused(stamp, *self._compensation.process(tool, handle))
             self._compensation.adapt()
 
@@ -139,5 +139,5 @@ class CompensationPart:
         self.lost += lost
         if 0 < lost <= self._longest_bridge:
             self.bridged += lost
-            for predicted in self._bridge.predict(lost):
+            for predicted in self._concealment.predict(lost):
                 self._compensation.process(predicted, None)

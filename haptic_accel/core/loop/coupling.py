@@ -90,7 +90,7 @@ class CouplingPart:
         while self._tools:
             yield self._tools.popleft()
 
-    def look(self, now: float, listeners: int) -> Decision:
+    def poll(self, now: float, listeners: int) -> Decision:
         """Couple the arms, at the next samples of both, or uncouple them, if this is due.
 
         Arguments as for `Engagement.missing`.

@@ -16,7 +16,7 @@
 """Coupling of one arm with a peer's arm as a part of the loop.
 
 The caller exchanges datagrams with the peer's half. The order in a tick is: `receive`, `begin`,
-`put` for each sample, `look` if the engagement is due, `packet`.
+`put` for each sample, `poll` if the engagement is due, `packet`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import math
 from collections import deque
 from collections.abc import Iterable, Iterator
 
-from haptic_accel.core.arm_end import ArmEnd
+from haptic_accel.core.arm_endpoint import ArmEndpoint
 from haptic_accel.core.coupling.engagement import Decision
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.coupling.pairing import Motion
@@ -42,7 +42,7 @@ class HalfCouplingPart:
 
     Parameters
     ----------
-    end : ArmEnd
+    end : ArmEndpoint
     engagement : HalfEngagement
         Engagement of the same arm.
     timeout : float
@@ -50,7 +50,7 @@ class HalfCouplingPart:
 
     Attributes
     ----------
-    end : ArmEnd
+    end : ArmEndpoint
     engagement : HalfEngagement
     offset : int
         System time minus the clock of the stamps, ns.
@@ -58,7 +58,7 @@ class HalfCouplingPart:
         Last played sample of the peer's tool.
     """
 
-    def __init__(self, end: ArmEnd, engagement: HalfEngagement, timeout: float) -> None:
+    def __init__(self, end: ArmEndpoint, engagement: HalfEngagement, timeout: float) -> None:
         self.end, self.engagement = end, engagement
         self.offset = 0
         self.played = Played(0.0, WAITING)
@@ -110,7 +110,7 @@ class HalfCouplingPart:
         while self._pulls:
             yield self._pulls.popleft()
 
-    def look(self, now: float, listeners: int) -> Decision:
+    def poll(self, now: float, listeners: int) -> Decision:
         """Engage or release the arm if this is due; arguments as for `Engagement.missing`."""
         decision = self.engagement.decide(now, listeners)
         if decision.release:

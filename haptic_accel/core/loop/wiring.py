@@ -72,7 +72,7 @@ class Coupling(Protocol):
     def tools(self) -> Iterable[Tool]:
         """Return the next samples of the tool for the compensation."""
 
-    def look(self, now: float, listeners: int) -> Decision:
+    def poll(self, now: float, listeners: int) -> Decision:
         """Engage or release the arms if due; arguments as for `Engagement.missing`."""
 
     def pulls(self) -> Iterable[Pull]:
@@ -95,7 +95,7 @@ class HostLoop:
     compensation : CompensationPart, optional
         None without a handle.
     decide : callable, optional
-        Called with the time in s when `Coupling.look` is due, to call it. The default assumes that
+        Called with the time in s when `Coupling.poll` is due, to call it. The default assumes that
         all subscribers exist, as in lockstep.
     failures : tuple of type
         Errors of a device that affect its arm only.
@@ -243,7 +243,7 @@ class HostLoop:
 
     def _look(self, now: float) -> None:
         assert self.coupling
-        if self.coupling.look(now, listeners=1).release:
+        if self.coupling.poll(now, listeners=1).release:
             self.pulls += release(self.sides, now)
 
 

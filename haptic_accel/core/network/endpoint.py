@@ -225,7 +225,7 @@ class Endpoint:
 
     def fresh(self, now: float, timeout: float) -> bool:
         """Return whether a packet of the peer was received within a time in s."""
-        return now - self.session.heard <= timeout
+        return now - self.session.last_reception <= timeout
 
     def round_trip_age(self, now: float) -> float:
         """Return the age of the newest local position that the peer acknowledged, s.

@@ -23,7 +23,7 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple
 
-from haptic_accel.core.control.bridging import Bridge
+from haptic_accel.core.control.loss_concealment import LossConcealment
 
 Kind = Literal["waiting", "true", "repaired", "concealed"]
 WAITING: Final = "waiting"
@@ -134,7 +134,7 @@ class Playout:
         self._place: int | None = None  # in samples / STEPS
         self._step = 0
         self._taken = 0.0
-        self._bridge = Bridge()
+        self._concealment = LossConcealment()
         self._gap = 0
 
     @property
@@ -233,14 +233,14 @@ class Playout:
             value = one.value + part / STEPS * (two.value - one.value) if two else 0.0
             one = two and Played(value, max(one.kind, two.kind, key=KINDS.index))
         if one is not None:
-            self._bridge.put(one.value)
+            self._concealment.put(one.value)
             self._gap, self._rest = 0, self._rest + self._resting * (one.value - self._rest)
         return one
 
     def _concealed(self) -> Played:
         self._gap += 1
         weight = max(0.0, 1.0 - self._gap / (DECAY * self._rate))
-        predicted = self._bridge.predict(1)[0] if weight else 0.0
+        predicted = self._concealment.predict(1)[0] if weight else 0.0
         return Played(self._rest + weight * (predicted - self._rest), CONCEALED)
 
     def _arrived(self, age: float) -> None:

@@ -99,7 +99,7 @@ class Session:
         Local session, which packets must echo.
     peer : int
         Session of the peer; 0 before its first packet.
-    heard, unanswered : float
+    last_reception, unanswered : float
         Time of the newest accepted packet, and of the last packet that was not fresh, s.
     received, lost, doubled, out_of_order, restarts, refused, renewals : int
         Numbers of packets: accepted, lost, duplicated or much too late, overtaken; of new sessions
@@ -110,7 +110,7 @@ class Session:
         self._side = side
         self._problem, self._problem_time = "", -math.inf
         self.own = own
-        self.heard = self.unanswered = -math.inf
+        self.last_reception = self.unanswered = -math.inf
         self.received = self.lost = self.doubled = self.out_of_order = 0
         self.restarts = self.refused = self.renewals = 0
         self._forget()
@@ -141,7 +141,7 @@ class Session:
         elif not self._follows(packet.sequence, now):
             return self._late(packet.sequence, now)
         self.received += 1
-        self.heard = now
+        self.last_reception = now
         self._vain = _NEVER
         return Admission.NEWEST
 
@@ -175,7 +175,7 @@ class Session:
         self._vain = _NEVER
 
     def _lives(self, now: float) -> bool:
-        return bool(self.peer) and now - self.heard < LIFETIME
+        return bool(self.peer) and now - self.last_reception < LIFETIME
 
     def _reason(self, packet: Packet, now: float) -> str:
         """Return why a packet is not from the peer; empty if it is."""
@@ -196,7 +196,7 @@ class Session:
     def _follows(self, sequence: int, now: float) -> bool:
         """Count a packet with a number above all before; return whether it is acceptable."""
         ahead = sequence - self._newest
-        if not 0 < ahead <= FASTEST * (now - self.heard + LARGEST_JUMP):
+        if not 0 < ahead <= FASTEST * (now - self.last_reception + LARGEST_JUMP):
             return False
         self.lost += ahead - 1
         # The lowest bit is the newest packet; a long silence clears all others.

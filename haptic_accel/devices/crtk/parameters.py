@@ -32,7 +32,7 @@ def _namespace(default: str) -> Any:
 
 @dataclass(frozen=True)
 class CrtkParameters(Checked):
-    """Names of the arm's topics, and patience with them."""
+    """Names of the arm's topics, and their time-outs."""
 
     namespace: str = _namespace("/arm")
     force: str = parameter(

@@ -52,7 +52,7 @@ STRAGGLER = 0.5e-3
 """Lateness against the line beyond which a block is ignored, s; a block as much too early shows
 that the line is wrong."""
 
-PATIENCE = 32
+LATE_BLOCKS = 32
 """Late blocks in a row after which the line counts as wrong."""
 
 
@@ -132,7 +132,7 @@ class DeviceClock:
         """Fit the line to the quickest frame of a block, too."""
         late = arrival - self.time(clock) if self.known else 0.0
         self._late_blocks = self._late_blocks + 1 if late > STRAGGLER else 0
-        if 0 < self._late_blocks < PATIENCE:
+        if 0 < self._late_blocks < LATE_BLOCKS:
             return
         if abs(late) > STRAGGLER:
             self._points.clear()

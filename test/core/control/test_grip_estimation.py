@@ -87,7 +87,7 @@ def test_the_grip_is_found_from_force_and_acceleration(
 ) -> None:
     found = estimator()
     drive(found, rig(handle, noise), 3.0)
-    assert found.looks > 5
+    assert found.estimates > 5
     assert found.grip[0] == pytest.approx(handle.m_h, rel=0.05)
     assert found.grip[1] == pytest.approx(handle.b_u, rel=0.15)
     # Above 15 Hz stiffness hardly counts.
@@ -177,7 +177,7 @@ def test_at_the_bound_it_does_not_flicker(factor: float) -> None:
 def test_without_excitation_it_stays_put(force: float) -> None:
     found = estimator()
     drive(found, rig(SOFT, noise=0.00245), 3.0, force=force)
-    assert found.looks == 0
+    assert found.estimates == 0
     assert found.grip == pytest.approx(grip_of(TABLE_I))
 
 
@@ -187,10 +187,10 @@ def test_what_was_learnt_stays_while_nothing_is_felt() -> None:
     drive(found, master, 3.0)
     learnt = found.grip.copy()
     drive(found, master, 1.0, force=0.0, start=3.0)  # the last look that saw excitation
-    looks = found.looks
+    looks = found.estimates
     learnt = found.grip.copy()
     drive(found, master, 5.0, force=0.0, start=4.0)
-    assert found.looks == looks
+    assert found.estimates == looks
     assert found.grip == pytest.approx(learnt)
 
 
@@ -223,7 +223,7 @@ def test_some_missing_samples_do_no_harm_many_stop_it() -> None:
             applied = float(random.normal(0.0, 0.5))
             master.apply_actuator_force(applied)
             found.update()
-        assert (found.looks > 0) == looks
+        assert (found.estimates > 0) == looks
         if looks:
             assert found.grip[0] == pytest.approx(SOFT.m_h, rel=0.1)
 

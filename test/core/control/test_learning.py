@@ -92,7 +92,7 @@ def best(plant: Plant, spectrum: TexturePrior) -> float:
 
 def test_what_was_expected_changes_nothing() -> None:
     learner = learn(PLANT, TexturePrior())
-    assert learner.looks
+    assert learner.estimates
     spectrum = TexturePrior()
     taps = family().taps(GRIP)[0]
     learnt = error(taps + learner.correction[0], PLANT, spectrum)
@@ -139,7 +139,7 @@ def test_silence_teaches_nothing(scale: float) -> None:
     for value in (scale * texture(2.0, TexturePrior())).tolist():
         learner.observe(value, value, -value)
         assert not learner.update(GRIP)
-    assert not learner.looks
+    assert not learner.estimates
     assert not learner.correction.any()
 
 
@@ -149,7 +149,7 @@ def test_missing_and_huge_samples_leave_it_finite() -> None:
         measured = np.nan if index % 100 == 0 else 1e4 * value
         learner.observe(value, value, measured)
         learner.update(GRIP)
-    assert learner.looks
+    assert learner.estimates
     assert np.isfinite(learner.correction).all()
 
 
@@ -158,7 +158,7 @@ def test_reset_forgets_all() -> None:
     assert learner.correction.any()
     learner.reset()
     assert not learner.correction.any()
-    assert learner.looks == 0
+    assert learner.estimates == 0
 
 
 @pytest.mark.parametrize("rate", [300.0, 700.0, 4000.0])
@@ -170,5 +170,5 @@ def test_it_fits_every_rate_and_memory(rate: float, memory: float) -> None:
     for value in white.tolist():
         learner.observe(value, 0.1 * value, value)
         learner.update(GRIP)
-    assert learner.looks
+    assert learner.estimates
     assert np.isfinite(learner.correction).all()

@@ -103,9 +103,9 @@ def test_windows_with_many_missing_samples_are_left_out() -> None:
     effect = cause.copy()
     effect[::20] = math.nan
     feed(estimator, cause, effect)
-    assert estimator.looks == 0
+    assert estimator.estimates == 0
     feed(estimator, cause[:512], cause[:512])
-    assert estimator.looks > 0
+    assert estimator.estimates > 0
 
 
 def test_reset_forgets_all() -> None:
@@ -116,7 +116,7 @@ def test_reset_forgets_all() -> None:
     for estimator in (used, fresh):
         feed(estimator, cause, cause)
     assert np.array_equal(used.cross, fresh.cross)
-    assert used.looks == fresh.looks
+    assert used.estimates == fresh.estimates
 
 
 def test_a_model_makes_it_a_ratio() -> None:
@@ -133,7 +133,7 @@ def test_too_small_an_input_teaches_nothing() -> None:
     estimator = ResponseEstimator(1000.0, memory=4.0, least=0.1)
     small = 0.05 * noise(2000)
     feed(estimator, small, small)
-    assert estimator.looks == 0
+    assert estimator.estimates == 0
     assert estimator.weight == 0.0
     feed(estimator, 10 * small, 10 * small)
-    assert estimator.looks > 0
+    assert estimator.estimates > 0

@@ -24,7 +24,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.arm_end import ArmEnd
+from haptic_accel.core.arm_endpoint import ArmEndpoint
 from haptic_accel.core.coupling.engagement import (
     FREE_TIME,
     STEP_PERIOD,
@@ -59,7 +59,7 @@ class Host:
         parameters = EngagementParameters(timeout=TIMEOUT, listeners=0, recovery=recovery)
         self.side = side
         self.engagement = HalfEngagement(parameters, now - SETTLING, side)
-        end = ArmEnd(side, PassiveParameters(), RATE, 1, session)
+        end = ArmEndpoint(side, PassiveParameters(), RATE, 1, session)
         self.part = HalfCouplingPart(end, self.engagement, TIMEOUT)
         self.end = end.endpoint
         self.log: list[str] = []
@@ -70,7 +70,7 @@ class Host:
         self.part.put(self.side, Motion(system, ZERO, ZERO), now)
         if not engagement.due(now):
             return
-        decision = self.part.look(now, 0)
+        decision = self.part.poll(now, 0)
         self.log += ["engaged"] * decision.engage + [decision.warning] * bool(decision.warning)
 
 

@@ -49,7 +49,7 @@ def test_arms_are_free_until_they_engage_where_they_are_then(part: CouplingPart)
     put(part, 1, MASTER, 0.05)
     put(part, 1, SLAVE, 0.2)
     assert list(part.pulls()) == []
-    assert part.look(0.001, listeners=1).engage
+    assert part.poll(0.001, listeners=1).engage
     for tick, height in ((2, 0.05), (3, 0.06)):
         put(part, tick, MASTER, height)
         put(part, tick, SLAVE, 0.2)
@@ -63,7 +63,7 @@ def test_arms_are_free_until_they_engage_where_they_are_then(part: CouplingPart)
 def test_a_sample_waits_for_that_of_the_other_arm(part: CouplingPart) -> None:
     put(part, 1, MASTER, 0.0)
     put(part, 1, SLAVE, 0.0)
-    part.look(0.001, listeners=1)
+    part.poll(0.001, listeners=1)
     list(part.pulls())
     put(part, 2, MASTER, 0.0)
     assert list(part.pulls()) == []
@@ -76,10 +76,10 @@ def test_a_sample_waits_for_that_of_the_other_arm(part: CouplingPart) -> None:
 def test_arms_are_free_again_when_one_falls_silent(part: CouplingPart) -> None:
     put(part, 1, MASTER, 0.0)
     put(part, 1, SLAVE, 0.0)
-    part.look(0.001, listeners=1)
+    part.poll(0.001, listeners=1)
     list(part.pulls())
     assert part.engaged
-    decision = part.look(0.001 + RELEASED + STEP_PERIOD, listeners=1)
+    decision = part.poll(0.001 + RELEASED + STEP_PERIOD, listeners=1)
     assert decision.release
     assert not part.engaged
     put(part, 150, MASTER, 0.0)

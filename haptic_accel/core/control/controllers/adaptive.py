@@ -113,7 +113,7 @@ class AdaptiveController(InverseController):
         grip = zip(GRIP.items(), self._grip.tolist(), strict=True)
         return {
             **{f"{name} ({unit})": f"{value:.4g}" for (name, unit), value in grip},
-            "grip estimates": str(self._estimator.looks),
-            "designs learnt": str(self._learner.looks),
+            "grip estimates": str(self._estimator.estimates),
+            "designs learnt": str(self._learner.estimates),
             "frozen": str(self.frozen).lower(),
         }

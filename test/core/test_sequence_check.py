@@ -22,7 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.actuator.safety import MAX_AGE
-from haptic_accel.core.succession import IN_A_ROW, Succession
+from haptic_accel.core.sequence_check import IN_A_ROW, SequenceCheck
 
 PERIOD = 1_000_000
 """Period, ns."""
@@ -35,16 +35,16 @@ class Source:
     """A signal of 1 kHz whose samples come at once, and the clock that stamps them."""
 
     def __init__(self) -> None:
-        self.succession = Succession(1000.0)
+        self.sequence = SequenceCheck(1000.0)
         self.steady = 0
         self.system = 10**18
         self.jumps: list[float] = []
 
     def admitted(self, stamp: int) -> bool:
         """Return whether a sample with a stamp is admitted now."""
-        admitted = self.succession.admits(stamp, self.system, self.steady)
-        if admitted and self.succession.jump:
-            self.jumps.append(self.succession.jump)
+        admitted = self.sequence.admits(stamp, self.system, self.steady)
+        if admitted and self.sequence.jump:
+            self.jumps.append(self.sequence.jump)
         return admitted
 
     def run(self, count: int) -> list[bool]:
@@ -82,7 +82,7 @@ def test_a_straggler_and_a_repeated_sample_are_refused() -> None:
     source.run(5)
     assert [source.admitted(source.system - n * PERIOD) for n in (0, 2, 1, 0, 0)] == [False] * 5
     assert source.step()
-    assert (source.succession.stale, source.jumps) == (5, [])
+    assert (source.sequence.stale, source.jumps) == (5, [])
 
 
 @pytest.mark.parametrize("off", [LIMIT + 1, -LIMIT - 1, HOUR, -HOUR])
@@ -90,7 +90,7 @@ def test_a_stamp_far_from_now_is_refused_and_shuts_out_no_other(off: int) -> Non
     source = Source()
     source.run(5)
     assert not source.admitted(source.system + off)
-    assert source.succession.outdated == 1
+    assert source.sequence.outdated == 1
     assert all(source.run(5))
     assert source.jumps == []
 
@@ -142,13 +142,13 @@ def test_samples_admitted_are_newer_than_the_last_unless_a_clock_was_set(offs: l
             last = stamp
 
 
-def refused(succession: Succession, stamps: Iterable[int]) -> int:
-    return sum(not succession.admits(stamp, stamp, 0) for stamp in stamps)
+def refused(sequence: SequenceCheck, stamps: Iterable[int]) -> int:
+    return sum(not sequence.admits(stamp, stamp, 0) for stamp in stamps)
 
 
-def test_a_succession_that_begins_anew_knows_no_sample_before() -> None:
-    succession = Succession(1000.0)
-    assert refused(succession, [7 * PERIOD, 2 * PERIOD]) == 1
-    succession.begin()
-    assert refused(succession, [2 * PERIOD]) == 0
-    assert succession.jump == 0.0
+def test_a_sequence_that_begins_anew_knows_no_sample_before() -> None:
+    sequence = SequenceCheck(1000.0)
+    assert refused(sequence, [7 * PERIOD, 2 * PERIOD]) == 1
+    sequence.begin()
+    assert refused(sequence, [2 * PERIOD]) == 0
+    assert sequence.jump == 0.0

@@ -69,7 +69,7 @@ UNKNOWN = "no node reported a reason"
 
 
 @dataclass(frozen=True)
-class Parting:
+class Divergence:
     """Comparison of a live trial with the same trial in lockstep.
 
     Attributes
@@ -108,7 +108,7 @@ class Parting:
         )
 
 
-def find_parting(path: Path) -> Parting:
+def find_divergence(path: Path) -> Divergence:
     """Repeat the trial of a bag in lockstep, and compare all signals bit by bit.
 
     Parameters
@@ -136,10 +136,10 @@ def find_parting(path: Path) -> Parting:
         elif place == first < length:
             signals.append(topic.name)
     if first == length:
-        return Parting(path, length, None, arguments.rate)
+        return Divergence(path, length, None, arguments.rate)
     moment = start + round(first * NANOSECONDS / arguments.rate)
     reasons = _reasons(bag, start, moment)
-    return Parting(path, length, first, arguments.rate, tuple(signals), reasons)
+    return Divergence(path, length, first, arguments.rate, tuple(signals), reasons)
 
 
 def _arguments(bag: Bag) -> GraphArguments:

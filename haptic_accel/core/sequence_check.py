@@ -31,7 +31,7 @@ indicate a clock set back. Single delayed samples arrive between newer ones."""
 _MAX_AGE = round(MAX_AGE * NANOSECONDS)
 
 
-class Succession:
+class SequenceCheck:
     """Accept the samples of one signal that are newer than all before.
 
     Parameters
@@ -50,8 +50,8 @@ class Succession:
 
     Examples
     --------
-    >>> succession = Succession(1000.0)
-    >>> [succession.admits(at, at, at) for at in (1_000_000, 2_000_000, 2_000_000, 5_000_000)]
+    >>> sequence = SequenceCheck(1000.0)
+    >>> [sequence.admits(at, at, at) for at in (1_000_000, 2_000_000, 2_000_000, 5_000_000)]
     [True, True, False, True]
     """
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import pytest
 
-from haptic_accel.core.arm_end import ArmEnd
+from haptic_accel.core.arm_endpoint import ArmEndpoint
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.endpoint import Motion, State
@@ -30,10 +30,12 @@ MASTER, SLAVE = (0.3, 0.0, 0.1), (-0.2, 0.05, 0.0)
 """Places where the arms engage, m."""
 
 
-def coupled(*moved: Vector, free: bool = False) -> tuple[list[ArmEnd], list[Vector]]:
+def coupled(*moved: Vector, free: bool = False) -> tuple[list[ArmEndpoint], list[Vector]]:
     """Return both ends and their forces after half a second at places from where they engaged."""
     law = PassiveParameters(law="spring", stiffness=STIFFNESS, scale=SCALE, max_force=50.0)
-    ends = [ArmEnd(side, law, RATE, 1, number) for number, side in ((1, "master"), (2, "slave"))]
+    ends = [
+        ArmEndpoint(side, law, RATE, 1, number) for number, side in ((1, "master"), (2, "slave"))
+    ]
     starts = MASTER, SLAVE
     for end, start in zip(ends, starts, strict=True):
         if not free:
@@ -79,7 +81,7 @@ def test_a_free_arm_is_said_to_be_at_rest_and_is_not_pulled() -> None:
 
 
 def test_an_account_of_energy_that_is_wrong_once_lets_energy_cross_again() -> None:
-    ends = [ArmEnd(side, PassiveParameters(), RATE, 1, 7) for side in ("master", "slave")]
+    ends = [ArmEndpoint(side, PassiveParameters(), RATE, 1, 7) for side in ("master", "slave")]
     master, slave = ends
     tick = 0
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.analysis.parting import find_parting
+from haptic_accel.analysis.divergence import find_divergence
 from haptic_accel.core.due_forces import PAST_TICK
 from running import Command, MachineStoodStillError
 
@@ -85,7 +85,7 @@ def test_a_recorded_slave_gives_the_signals_of_lockstep_too(
 
 def check_equal(bag: Path) -> None:
     """Check that a bag's signals are those of lockstep for `LEAST` samples."""
-    found = find_parting(bag)
+    found = find_divergence(bag)
     if found.first is not None and found.first < LEAST and PAST_TICK in found.sentence:
         raise MachineStoodStillError(found.sentence)
     assert found.samples > LEAST

@@ -35,7 +35,7 @@ RIDGE = 1e-3
 keeps the prediction stable and makes it fade out."""
 
 
-class Bridge:
+class LossConcealment:
     """Store the last samples of a signal, and predict missing ones.
 
     An autoregressive model is fitted to the last samples (autocorrelation method). Its prediction
@@ -54,7 +54,7 @@ class Bridge:
 
         Examples
         --------
-        >>> bridge = Bridge()
+        >>> bridge = LossConcealment()
         >>> for sample in np.sin(0.5 * np.arange(64)):
         ...     bridge.put(float(sample))
         >>> bool(abs(bridge.predict(1)[0] - np.sin(0.5 * 64)) < 0.05)

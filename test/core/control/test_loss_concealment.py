@@ -20,11 +20,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.control.bridging import HISTORY, Bridge
+from haptic_accel.core.control.loss_concealment import HISTORY, LossConcealment
 
 
-def bridge_over(samples: list[float]) -> Bridge:
-    bridge = Bridge()
+def bridge_over(samples: list[float]) -> LossConcealment:
+    bridge = LossConcealment()
     for sample in samples:
         bridge.put(sample)
     return bridge
@@ -42,7 +42,7 @@ def test_a_lost_sample_of_a_vibration_is_predicted_better_than_by_holding(
 
 
 def test_without_samples_zero_is_predicted_and_rest_stays_rest() -> None:
-    assert Bridge().predict(2) == [0.0, 0.0]
+    assert LossConcealment().predict(2) == [0.0, 0.0]
     assert bridge_over([9.81] * 10).predict(3) == pytest.approx([9.81] * 3)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from bagging import of_trial, write_bag
-from haptic_accel.analysis.parting import find_parting
+from haptic_accel.analysis.divergence import find_divergence
 from haptic_accel.core import topics
 from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.parameters import ParameterError
@@ -43,7 +43,7 @@ def trial() -> Trial:
 
 def test_the_same_trial_does_not_part(trial: Trial, tmp_path: Path) -> None:
     record_trial(tmp_path / "bag", trial, ARGUMENTS, START)
-    found = find_parting(tmp_path / "bag")
+    found = find_divergence(tmp_path / "bag")
     assert found.first is None
     assert found.samples == pytest.approx(len(trial.time), abs=1)
     assert "equal those in lockstep" in found.sentence
@@ -54,7 +54,7 @@ def test_the_first_sample_that_differs_by_a_bit_is_named(trial: Trial, tmp_path:
     handle[700] = np.nextafter(handle[700], np.inf)
     handle[800] += 1.0
     record_trial(tmp_path / "bag", replace(trial, handle_acceleration=handle), ARGUMENTS, START)
-    found = find_parting(tmp_path / "bag")
+    found = find_divergence(tmp_path / "bag")
     assert (found.first, found.signals) == (700, (topics.HANDLE_ACCELERATION.name,))
     assert found.reasons == ("no node reported a reason",)
     assert "at sample 700" in found.sentence
@@ -76,7 +76,7 @@ def test_a_force_that_was_late_by_the_clock_alone_is_no_reason(
     reported = {f"arm force {name}": value for name, value in values.items()}
     diagnostics = [(0.5, "master_device", "OK", reported)]
     write_bag(tmp_path / "bag", replace(content, diagnostics=diagnostics))
-    (found,) = find_parting(tmp_path / "bag").reasons
+    (found,) = find_divergence(tmp_path / "bag").reasons
     assert found.endswith(reason)
 
 
@@ -93,4 +93,4 @@ def test_what_has_no_counterpart_in_lockstep_is_refused(
         return
     record_trial(tmp_path / "bag", trial, arguments, START)
     with pytest.raises(ParameterError, match=named):
-        find_parting(tmp_path / "bag")
+        find_divergence(tmp_path / "bag")

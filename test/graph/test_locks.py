@@ -25,7 +25,7 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import MASTER_ARM_FORCE
-from haptic_accel.graph.claims import claim_signal, sole_graph
+from haptic_accel.graph.locks import lock_signal, sole_graph
 from running import Command, sending
 
 Start = Callable[..., Command]
@@ -38,29 +38,29 @@ pytestmark = pytest.mark.quiet
 def test_a_signal_has_one_sender_until_that_ends_in_whatever_way(domain: int) -> None:
     with sending(domain, TOPIC) as process:
         with pytest.raises(ParameterError) as refused:
-            claim_signal(domain, TOPIC)
+            lock_signal(domain, TOPIC)
         line = str(refused.value)
         assert f"ROS domain {domain}: has a sender of {TOPIC} already" in line
         assert f", process {process.pid} (" in line
         assert line.endswith("; stop it, or set another namespace or ROS_DOMAIN_ID")
         for _ in range(200):  # more often than it tells whose it is
             with pytest.raises(ParameterError, match="already"):
-                claim_signal(domain, TOPIC)
+                lock_signal(domain, TOPIC)
         process.send_signal(signal.SIGKILL)
         process.wait()
-        claim_signal(domain, TOPIC).close()
+        lock_signal(domain, TOPIC).close()
 
 
 def test_other_domains_signals_and_namespaces_are_free(domain: int) -> None:
     long = f"/{'n' * 200}{TOPIC}"
     with (
-        closing(claim_signal(domain, TOPIC)),
-        closing(claim_signal(domain, f"/left{TOPIC}")),
-        closing(claim_signal(domain, long)),
-        closing(claim_signal(domain + 1, TOPIC)),
+        closing(lock_signal(domain, TOPIC)),
+        closing(lock_signal(domain, f"/left{TOPIC}")),
+        closing(lock_signal(domain, long)),
+        closing(lock_signal(domain + 1, TOPIC)),
         pytest.raises(ParameterError),
     ):
-        claim_signal(domain, long)
+        lock_signal(domain, long)
 
 
 def test_a_graph_is_alone_in_its_namespace(domain: int) -> None:

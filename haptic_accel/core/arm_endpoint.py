@@ -24,7 +24,7 @@ from haptic_accel.core.network.packet import Packet
 from haptic_accel.core.topics import ARMS
 
 
-class ArmEnd:
+class ArmEndpoint:
     """Half of the coupling at an arm, and the packets that it exchanges with its peer's half.
 
     All lengths in packets and in the half are relative to the position at engagement, in the

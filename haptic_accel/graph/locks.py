@@ -13,9 +13,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Claims on a ROS domain of this machine: one graph in a namespace, one sender of each signal.
+"""Locks on a ROS domain of this machine: one graph in a namespace, one sender of each signal.
 
-A claim is a socket with an abstract name. The kernel releases it however its process ends, it
+A lock is a socket with an abstract name. The kernel releases it however its process ends, it
 leaves no file behind, and it is seen where the graph's messages are: by every user of the machine,
 and not beyond its network namespace.
 """
@@ -43,11 +43,11 @@ HIGHEST_FREE_DOMAIN = 101
 """Highest ROS domain whose ports Linux does not assign to other programs (ROS 2 documentation)."""
 
 ASKERS = 4096
-"""Number of times that a claim says whose it is; it holds beyond, too."""
+"""Number of answers that a lock gives about its owner; it holds after them, too."""
 
 
-def claim_signal(domain: int, topic: str) -> socket.socket:
-    """Claim to be the sender of a signal in a ROS domain until the socket returned is closed.
+def lock_signal(domain: int, topic: str) -> socket.socket:
+    """Lock a signal in a ROS domain for one sender until the socket returned is closed.
 
     Parameters
     ----------
@@ -60,12 +60,12 @@ def claim_signal(domain: int, topic: str) -> socket.socket:
     ParameterError
         The signal has a sender.
     """
-    return _claim(domain, sender(topic))
+    return _lock(domain, sender(topic))
 
 
 @contextmanager
 def sole_graph(namespace: str) -> Iterator[None]:
-    """Claim a namespace in the environment's ROS domain for a graph while the context is entered.
+    """Lock a namespace in the environment's ROS domain for a graph while the context is entered.
 
     Parameters
     ----------
@@ -78,28 +78,28 @@ def sole_graph(namespace: str) -> Iterator[None]:
         A graph, or a single node that sends one of its signals, runs in it already.
     """
     domain = own_domain()
-    with _claim(domain, f"graph in {namespace}" if namespace else "graph"):
+    with _lock(domain, f"graph in {namespace}" if namespace else "graph"):
         for name in signals(namespace):
-            _claim(domain, sender(name)).close()
+            _lock(domain, sender(name)).close()
         yield
 
 
-def _claim(domain: int, role: str) -> socket.socket:
-    """Claim a role, or raise the error that names the process which has it."""
-    claimed = socket.socket(socket.AF_UNIX)
+def _lock(domain: int, role: str) -> socket.socket:
+    """Lock a role, or raise the error that names the process which has it."""
+    lock = socket.socket(socket.AF_UNIX)
     place = address(domain, role)
     try:
-        claimed.bind(place)
+        lock.bind(place)
     except OSError as error:
-        claimed.close()
+        lock.close()
         if error.errno != errno.EADDRINUSE:
             raise
         raise ParameterError(
             f"ROS domain {domain}: has a {role} already, {_described(holder(place))};"
             f" stop it, or set another namespace or {DOMAIN}"
         ) from None
-    claimed.listen(ASKERS)
-    return claimed
+    lock.listen(ASKERS)
+    return lock
 
 
 def _described(process: int) -> str:
