@@ -413,7 +413,7 @@ def test_an_identification_without_its_latency_is_one_of_the_papers_loop() -> No
 
 def test_the_papers_sweep_keeps_clear_of_the_stops() -> None:
     (trial,) = run_identification()
-    assert not any(trial.status.values())
+    assert not any(trial.counters.values())
     assert np.abs(trial.handle_acceleration).max() < 20.0
 
 
