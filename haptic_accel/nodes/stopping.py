@@ -36,6 +36,9 @@ LOOK_PERIOD = 2e-3
 ANSWER_TIME = 1.0
 """Time in which a device must answer to a release, s."""
 
+AGAIN = "stopped again meanwhile"
+"""Reason against a release that came before the effect of a stop."""
+
 
 class StopWords:
     """Words on the topics of the emergency stop, and the nodes that may say more.
@@ -99,10 +102,15 @@ class GraphStop:
         told, now = self._told, time.monotonic()
         for word in self._words.drain():
             self._stop.heard(word, now)
-        for request, answer in self._requests.drain():
+        requests = list(self._requests.take())
+        if any(request.data for request, _ in requests):
+            self._stop.stop()
+        untold = self._stop.stopped and not self._told
+        for request, answer in requests:
             if request.data:
-                self._stop.stop()
                 answer(SetBool.Response(success=True, message="stopped"))
+            elif untold:  # the release was requested before the stop took effect
+                answer(SetBool.Response(success=False, message=AGAIN))
             else:
                 self._release(answer, now)
         self._releases = [each for each in self._releases if not self._is_answered(each, now)]
@@ -136,7 +144,7 @@ class GraphStop:
         if now >= release.deadline:
             refused += [f"{name}: no answer within {ANSWER_TIME:g} s" for name in sorted(silent)]
         if self._stop.stopped:
-            refused = refused or ["stopped again meanwhile"]
+            refused = refused or [AGAIN]
         if silent and not refused:
             return False
         if refused:
