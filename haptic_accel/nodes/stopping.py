@@ -95,28 +95,29 @@ class GraphStop:
         self._requests = node.requests(SetBool, EMERGENCY_STOP.name)
         self._devices = {name: node.create_client(SetBool, f"{name}/estop") for name in DEVICES}
         self._releases: list[_Release] = []
-        self._told = False
+        self._told = self._followed = False
 
     def follow(self) -> bool:
         """Process reports and requests; return whether the stop has changed."""
-        told, now = self._told, time.monotonic()
-        for word in self._words.drain():
+        now = time.monotonic()
+        for word in self._words.take():
             self._stop.heard(word, now)
         requests = list(self._requests.take())
         if any(request.data for request, _ in requests):
             self._stop.stop()
-        untold = self._stop.stopped and not self._told
+        new = self._stop.stopped and not self._followed
         for request, answer in requests:
             if request.data:
                 answer(SetBool.Response(success=True, message="stopped"))
-            elif untold:  # the release was requested before the stop took effect
+            elif new:  # the release was requested before the stop took effect
                 answer(SetBool.Response(success=False, message=AGAIN))
             else:
                 self._release(answer, now)
         self._releases = [each for each in self._releases if not self._is_answered(each, now)]
         if self._stop.stopped != self._told:
             self.tell()
-        return self._told != told
+        before, self._followed = self._followed, self._stop.stopped
+        return self._followed != before
 
     def tell(self) -> None:
         """Publish whether all is stopped; to be called once a second at least."""

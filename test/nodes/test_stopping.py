@@ -104,3 +104,12 @@ def test_a_release_that_waits_when_a_signal_stops_does_not_undo_it() -> None:
     assert coupler.graph.follow()
     assert coupler.answers == [False]
     assert (coupler.told, coupler.asked_of_devices) == ([True], [])
+
+
+def test_a_stop_that_is_repeated_before_it_is_followed_is_followed_all_the_same() -> None:
+    coupler = Coupler()
+    coupler.stop.follow()  # as the peer's packets say
+    coupler.graph.tell()  # once a second
+    assert coupler.graph.follow()
+    assert not coupler.graph.follow()
+    assert coupler.told == [True]
