@@ -34,7 +34,7 @@ from haptic_accel.core.loop.wiring import Pull, Tool, release
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Inbox, Samples
-from haptic_accel.nodes.stopping import LOOK_PERIOD, GraphStop
+from haptic_accel.nodes.stopping import GraphStop
 from haptic_accel.nodes.timing import ArrivalKeeper
 
 MASTER, SLAVE = topics.ARMS
@@ -164,7 +164,7 @@ class CouplingNode(GraphNode):
 
     task = "coupling"
 
-    polls = True
+    polls = follows_stop = True
 
     def __init__(self, changeable: Collection[str] = ()) -> None:
         super().__init__("coupler", changeable)
@@ -178,7 +178,6 @@ class CouplingNode(GraphNode):
         if self.parameters.compensated:
             self._first_force = self.inbox(topics.ACTUATOR_FORCE)
         self._stop = GraphStop(self, self.engagement.stop)
-        self._stop_due = 0.0
         self._arm_stops = {arm: self.inbox(ARM_TOPICS[arm].stopped) for arm in self.forces}
         self.create_service(SetBool, "~/engage", self._serve_engage)
 
@@ -218,11 +217,8 @@ class CouplingNode(GraphNode):
         self._stop.tell()
 
     def work(self) -> float:
-        """Follow the emergency stop, engage or release, and process the samples that arrived."""
-        if (now := time.monotonic()) >= self._stop_due:
-            self._stop_due = now + LOOK_PERIOD
-            self.follow_stop()
-        if self.engagement.due(now):
+        """Engage or release, and process the samples that arrived."""
+        if self.engagement.due(time.monotonic()):
             self.step()
         return self._arrivals.polled(found=self.couple())
 

@@ -54,7 +54,7 @@ class Identifier(GraphNode):
 
     task = "identification"
 
-    polls = True
+    polls = follows_stop = True
 
     def __init__(self) -> None:
         super().__init__("identifier")
@@ -81,8 +81,6 @@ class Identifier(GraphNode):
 
     def work(self) -> float:
         """Answer the samples that came."""
-        for stopped in self.states(self._stops):
-            self._follow(stopped)
         came = False
         for moment, acceleration in self._samples.drain():
             came = True
@@ -173,11 +171,12 @@ class Identifier(GraphNode):
         subscribers = f"subscribers of the actuator's force: {there} of {expected}"
         return f"waiting for {subscribers}" if there < expected else ""
 
-    def _follow(self, stopped: bool) -> None:
+    def follow_stop(self) -> None:
         """Wait for a device that is not stopped; end at an emergency stop."""
-        self._allowed = not stopped
-        if stopped and self._origin is not None:
-            self._fail(f"{STOPPED}: force taken off")
+        for stopped in self.states(self._stops):
+            self._allowed = not stopped
+            if stopped and self._origin is not None:
+                self._fail(f"{STOPPED}: force taken off")
 
     def _look(self) -> None:
         """End the run without a subscriber or without acceleration of the handle."""

@@ -17,13 +17,12 @@
 
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.loop.wiring import HostLoop
 from haptic_accel.devices import DeviceError
-from haptic_accel.nodes.stopping import LOOK_PERIOD
 from haptic_accel.nodes.timing import (
     FORCES_TIME,
     RECEIVING_TIME,
@@ -63,6 +62,8 @@ class LoopRunner:
     compensator : Compensator, optional
     """
 
+    follows_stop = True
+
     def __init__(
         self,
         devices: Sequence[DeviceNode],
@@ -82,7 +83,7 @@ class LoopRunner:
         )
         if coupler:
             coupler.sides = self._loop.sides
-        self._look_due, self._offset = 0.0, 0
+        self._offset = 0
 
     def begin(self) -> None:
         """Start at the next tick; earlier ones do not count as missed."""
@@ -97,15 +98,10 @@ class LoopRunner:
         """Serve a tick whose time has come; return the steady time of the next call, s."""
         if self._rests():
             self._idle = True
-            self._look(time.monotonic())
-            return self._look_due
+            return math.inf
         if self._idle:
             self.begin()
-        following = self._serve_due()
-        # Not before the tick is served, which it would delay; with it where it is due soon.
-        if (now := time.monotonic()) >= self._look_due - self._keeper.period / 2:
-            self._look(now)
-        return min(following, self._look_due)
+        return self._serve_due()
 
     def _rests(self) -> bool:
         """Return whether nothing happens at a tick."""
@@ -159,9 +155,8 @@ class LoopRunner:
         for device in self._devices.values():
             device.end_with_device()
 
-    def _look(self, now: float) -> None:
+    def follow_stop(self) -> None:
         """Follow the emergency stop; mute signals that other nodes publish as well."""
-        self._look_due = now + LOOK_PERIOD
         for device in self._devices.values():
             device.follow_stop()
         if self._coupler:

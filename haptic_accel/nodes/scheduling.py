@@ -83,6 +83,9 @@ USUAL, FOLLOWING = 0.9, 0.1
 """Fraction of the usual time to the next work that also suffices: at high rates `SERVING_TIME`
 is never available. Weight of the newest value in the running mean that is the usual one."""
 
+STOP_PERIOD = 2e-3
+"""Interval between polls for an emergency stop, s: each takes a hundredth of a millisecond."""
+
 LONGEST_RUN = 1_000_000
 """Time that a real-time thread may run without a pause, us, before the kernel ends its process
 (with SIGXCPU): a fault in a node must not block the machine."""
@@ -116,9 +119,12 @@ class SupervisedNode(Node):
     polls : bool
         True if `work` takes all messages that must not wait from their inboxes, so that the
         executor need only serve requests and timers.
+    follows_stop : bool
+        True if `follow_stop` is to be called once in `STOP_PERIOD`.
     """
 
     polls = False
+    follows_stop = False
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -146,6 +152,9 @@ class SupervisedNode(Node):
     def callback_failed(self, error: Exception) -> None:
         """Record an exception of the executor, which serves this node and others."""
         raise error
+
+    def follow_stop(self) -> None:
+        """Take what others say of the emergency stop, and act upon it."""
 
     def stop_forces(self) -> None:
         """Execute the emergency stop; do nothing in a node without forces."""
@@ -200,13 +209,52 @@ Build = Callable[[], SupervisedNode]
 
 
 class Worker(Protocol):
-    """A node, or a loop of several."""
+    """A node, or a loop of several; attributes as for `SupervisedNode`."""
+
+    follows_stop: bool
 
     def begin(self) -> None:
         """Get ready for the first `work`."""
 
     def work(self) -> float:
         """Do the work that is due; return the steady time of the next call, s."""
+
+    def follow_stop(self) -> None:
+        """Take what others say of the emergency stop, and act upon it."""
+
+
+class StopPoll:
+    """Polls for the emergency stop on behalf of the workers of a process that follow it.
+
+    Parameters
+    ----------
+    workers : sequence of Worker
+    clock : callable
+        Steady time, s.
+    """
+
+    def __init__(
+        self, workers: Sequence[Worker], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._followers = [worker for worker in workers if worker.follows_stop]
+        self._clock = clock
+        self._due = 0.0 if self._followers else math.inf
+
+    def after_work(self, wake: float) -> float:
+        """Poll if it is due before the next work; return the time of the next work or poll, s.
+
+        A tick that has come is served first, since the poll would delay it.
+
+        Parameters
+        ----------
+        wake : float
+            Time of the next work, s.
+        """
+        if self._followers and self._due <= max(wake, now := self._clock()):
+            self._due = now + STOP_PERIOD
+            for follower in self._followers:
+                follower.follow_stop()
+        return min(wake, self._due)
 
 
 Join = Callable[[Sequence[Any]], Worker]
@@ -349,6 +397,7 @@ def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: S
     polls, served, slept = all(node.polls for node in nodes), 0.0, time.monotonic()
     usual = SERVING_TIME
     serving_period = SERVING_PERIOD / len(nodes)
+    stop_poll = StopPoll(workers)
 
     def serve(seconds: float) -> None:
         try:
@@ -370,7 +419,7 @@ def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: S
             if signals.take_stop():
                 for node in nodes:
                     node.stop_forces()
-            wake = min([worker.work() for worker in workers])
+            wake = stop_poll.after_work(min([worker.work() for worker in workers]))
             now = time.monotonic()
             pause = min(max(0.0, wake - now), LOOK_ROUND)
             enough = pause > min(SERVING_TIME, USUAL * usual)

@@ -30,9 +30,6 @@ from haptic_accel.core.topics import COUPLER_STOPPED, EMERGENCY_STOP, STOPS
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.graph_requests import DEVICES, refusals
 
-LOOK_PERIOD = 2e-3
-"""Interval between looks for an emergency stop, s: each takes a hundredth of a millisecond."""
-
 ANSWER_TIME = 1.0
 """Time in which a device must answer to a release, s."""
 

@@ -30,6 +30,7 @@ from std_msgs.msg import Bool, Empty
 
 from haptic_accel.core import emergency_stop
 from haptic_accel.nodes.loop_runner import join
+from haptic_accel.nodes.scheduling import StopPoll
 from haptic_accel.nodes.slave_device import SlaveDevice
 from running import PATIENCE
 
@@ -48,6 +49,7 @@ class Client:
         self.arm = SlaveDevice()
         self.loop = join([self.arm])
         self.loop.begin()
+        self.stop_poll = StopPoll([self.loop])
         self.node = rclpy.create_node("client")
         self.executor = SingleThreadedExecutor()
         for node in (self.arm, self.node):
@@ -61,7 +63,7 @@ class Client:
         while not condition():
             assert time.monotonic() < deadline, self._newest
             meanwhile()
-            while self.loop.work() <= time.monotonic():
+            while self.stop_poll.after_work(self.loop.work()) <= time.monotonic():
                 pass
             self.executor.spin_once(timeout_sec=0.001)
 

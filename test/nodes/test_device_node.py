@@ -48,6 +48,7 @@ from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import MasterDevice
+from haptic_accel.nodes.scheduling import StopPoll
 from haptic_accel.nodes.timing import system_time
 from haptic_accel.nodes.topic_node import message_type, quality
 from running import PATIENCE
@@ -96,6 +97,7 @@ class Bench:
         self.node = MasterDevice()
         self.loop = join([self.node])
         self.loop.begin()
+        self.stop_poll = StopPoll([self.loop])
         self.other = GraphNode("coupler")
         self.other.task = "commands"
         self.executor = SingleThreadedExecutor()
@@ -126,7 +128,7 @@ class Bench:
 
     def turn(self, seconds: float = 0.0) -> None:
         """Let both nodes do what is due."""
-        while self.loop.work() <= time.monotonic():
+        while self.stop_poll.after_work(self.loop.work()) <= time.monotonic():
             pass
         self.executor.spin_once(timeout_sec=seconds)
 

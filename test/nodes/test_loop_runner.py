@@ -34,6 +34,7 @@ from haptic_accel.nodes.coupler import Coupler
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import MasterDevice
+from haptic_accel.nodes.scheduling import StopPoll
 from haptic_accel.nodes.slave_device import SlaveDevice
 from haptic_accel.nodes.wires import WIRES
 from running import PATIENCE
@@ -60,6 +61,7 @@ class Process:
         self.nodes: list[GraphNode] = [self.master, self.slave, self.coupler, self.compensator]
         self.loop = join(self.nodes)
         self.loop.begin()
+        self.stop_poll = StopPoll([self.loop])
         self.executor = SingleThreadedExecutor()
         for node in self.nodes:
             self.executor.add_node(node)
@@ -69,7 +71,7 @@ class Process:
         deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline
-            while self.loop.work() <= time.monotonic():
+            while self.stop_poll.after_work(self.loop.work()) <= time.monotonic():
                 pass
             self.executor.spin_once(timeout_sec=0.0005)
 
